@@ -40,7 +40,7 @@ Plant: TypeAlias = "AnyPath | Compiled"
 """Folder with a plant.yaml, that file, a ruleset file, or what `rulec.compile` returned."""
 
 Recorded: TypeAlias = "AnyPath | IntoFrame | Mapping[str, ArrayLike]"
-"""A CSV file or a folder of them; or readings in memory, by titles that a file would have:
+"""A file of any format, or a folder of them; or readings in memory, by titles as of a file:
 ``time [s]`` and ``A.dp [bar]``, or foreign names that the plant's column map knows."""
 
 

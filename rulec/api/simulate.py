@@ -17,7 +17,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import written
-from rulec_runtime.recordings.formats import BINARY
+from rulec_runtime.recordings.formats import csv_name
 from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
@@ -32,9 +32,6 @@ from rulec.simulation.prediction import Injected
 from rulec.simulation.rewrite import column_of, rewrite, write_columns
 
 SHOWN = 6
-
-OTHERS = frozenset(suffix for kind in BINARY for suffix in kind.suffixes)
-"""Endings of recordings that are read, and not written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +193,7 @@ def simulate(
         files=tuple(files),
         prediction=prediction,
         notes=tuple(dict.fromkeys([*notes, *prediction.notes])),
-        folder=is_path(inputs) and place_of(name)[0].is_dir(),
+        folder=place_of(name)[0].is_dir() and is_path(inputs),
         in_memory=not is_path(inputs),
     )
 
@@ -222,16 +219,6 @@ def parse_fault(text: str) -> Injected:
     return found
 
 
-def csv_name(path: Path) -> str:
-    """Name of the CSV file that is made of a recording of any format.
-
-    >>> csv_name(Path("run.parquet")), csv_name(Path("run.csv.gz")), csv_name(Path("a.h5#slow"))
-    ('run.csv', 'run.csv.gz', 'a.csv')
-    """
-    file = path.with_name(path.name.partition("#")[0])
-    return f"{file.stem}.csv" if file.suffix.lower() in OTHERS else path.name
-
-
 def _starts(
     ruleset: Ruleset, source: Path, recording: Recorded | None, notes: list[str]
 ) -> list[Starts]:
@@ -241,12 +228,13 @@ def _starts(
     (told,) = names_given([recording])
     if not is_path(recording):
         return [starts_of(ruleset, f) for f in files_given(recording, told, ruleset, notes)]
-    wanted = [told / path.name for path in files_of(source)] if source.is_dir() else [told]
+    is_folder = place_of(source)[0].is_dir()
+    wanted = [told / path.name for path in files_of(source)] if is_folder else [told]
     absent = [path for path in wanted if not is_there(path)]
     if absent:
         what = "the inputs are a folder, so give a folder with a file of each name"
         raise SimulationRefused(
-            f"--start {told}: no file {absent[0]}" + (f"; {what}" if source.is_dir() else "")
+            f"--start {told}: no file {absent[0]}" + (f"; {what}" if is_folder else "")
         )
     return [starts_of(ruleset, read_file(path, ruleset, notes)) for path in wanted]
 

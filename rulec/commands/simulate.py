@@ -13,9 +13,10 @@ from rulec_runtime.commands.destinations import (
     write_to,
 )
 from rulec_runtime.output.refusal import Misused
+from rulec_runtime.recordings.formats import OTHERS
 from rulec_runtime.recordings.given import place_of
 
-from rulec.api.simulate import OTHERS, parse_fault, simulate
+from rulec.api.simulate import parse_fault, simulate
 
 
 def run(options: argparse.Namespace) -> int:
@@ -36,15 +37,14 @@ def run(options: argparse.Namespace) -> int:
         found.write(options.output)
     for note in found.notes:
         note_aside(options, f"note: {note}")
-    name = "standard output" if options.output == STANDARD_OUTPUT else options.output
-    console(options).print(found.headline(name), soft_wrap=True)
+    console(options).print(found.headline(options.output), soft_wrap=True)
     return 0
 
 
 def _check_target(inputs: str, output: str) -> None:
     """What was measured is not overwritten; a folder goes to a folder, a file to a file."""
     source, target = place_of(Path(inputs))[0], Path(output)
-    if place_of(target)[0].suffix.lower() in OTHERS:
+    if target.suffix.lower() in OTHERS:
         raise Misused(f"-o {target}: recordings are written as CSV; name it .csv or .csv.gz")
     if output == STANDARD_OUTPUT:
         if source.is_dir():

@@ -61,13 +61,6 @@ def _rewrite(
         writer.writerow(defused(cell) for cell in row)
 
 
-def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
-    """Write columns by title, each of shape (n,), as a file of their own; NaN is an empty cell."""
-    target.write(f"{row_of(columns)}\n")
-    for row in zip(*(cells(values) for values in columns.values()), strict=True):
-        target.write(",".join(row) + "\n")
-
-
 def with_unit(title: str, unit: str) -> str:
     """A title with the unit that the file holds beside it.
 
@@ -75,6 +68,13 @@ def with_unit(title: str, unit: str) -> str:
     ('A.dp [bar]', 'A.dp [bar]')
     """
     return f"{title} [{unit}]" if unit and not parts_of(title.strip())[1] else title
+
+
+def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
+    """Write columns by title, each of shape (n,), as a file of their own; NaN is an empty cell."""
+    target.write(f"{row_of(columns)}\n")
+    for row in zip(*(cells(values) for values in columns.values()), strict=True):
+        target.write(",".join(row) + "\n")
 
 
 def added(file: RecordingFile, values: Iterable[str]) -> list[str]:

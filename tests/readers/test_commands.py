@@ -48,7 +48,7 @@ def test_simulated_recording_goes_to_standard_output(
     assert 0 == main(["simulate", PLANT, "-", "-o", "-"])
     out, told = capsys.readouterr()
     assert (tmp_path / "out.csv").read_text(encoding="utf-8") == out
-    assert "standard output: 80 rows" in told
+    assert "✓ -: 80 rows" in told
 
 
 def test_trace_goes_to_standard_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -63,6 +63,9 @@ BINARY = (
 
 FORMATS = (CSV, *BINARY)
 
+OTHERS = frozenset(suffix for kind in BINARY for suffix in kind.suffixes)
+"""Endings of recordings that are read, and not written."""
+
 _NO_RECORDING = (
     (b"\xd0\xcf\x11\xe0", "a workbook of an old Excel; save it as .xlsx"),
     (b"\x80\x04", "a pickle of Python, which may run anything when read; save it as Parquet"),
@@ -113,6 +116,16 @@ def format_of(file: BinaryIO, path: Path) -> Format:
 def is_called_recording(path: Path) -> bool:
     """Whether a file is called as a recording is."""
     return any(path.name.lower().endswith(s) for kind in FORMATS for s in kind.suffixes)
+
+
+def csv_name(path: Path) -> str:
+    """Name of the CSV file that is made of a recording of any format.
+
+    >>> csv_name(Path("run.parquet")), csv_name(Path("run.csv.gz")), csv_name(Path("a.h5#slow"))
+    ('run.csv', 'run.csv.gz', 'a.csv')
+    """
+    file = Path(path.name.partition("#")[0])
+    return f"{file.stem}.csv" if file.suffix.lower() in OTHERS else path.name
 
 
 def _reader(kind: Format, path: Path) -> Reader:

@@ -12,6 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_cells
 from rulec_runtime.recordings.header import Header, assign
 from rulec_runtime.recordings.recording_file import RecordingFile, readings_of
+from rulec_runtime.recordings.table import Dates
 from rulec_runtime.recordings.time_column import factor_of_time, read_times
 
 Cells = np.ndarray | list[str]
@@ -46,7 +47,7 @@ def file_of(
     assign(path, titles, ruleset, header, notes)
     if not any(lengths.values()):
         raise RecordingRefused(f"{name}: there are no rows")
-    time, zones = _times(path, columns[titles[header.time]], header, ruleset, zoned)
+    time, zones = _times(path, columns[titles[header.time]], header, ruleset, zoned, notes)
     read = [_column(name, titles[t.index], columns[titles[t.index]]) for t in header.targets]
     return RecordingFile(
         path=path,
@@ -59,14 +60,16 @@ def file_of(
 
 
 def _times(
-    path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool
+    path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool, notes: list[str]
 ) -> tuple[Array, Array | None]:
     """Seconds and zones, as `read_times` gives them."""
+    title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
     if isinstance(cells, list):
-        return read_times(path, cells, header.time_title, header.time_unit, ruleset.units)
+        return read_times(path, cells, title, unit, ruleset.units, zone, notes)
     if cells.dtype.kind == "M":
-        zone = 0.0 if zoned else np.nan
-        return _seconds(cells - np.datetime64(0, "s")), np.full(len(cells), zone)
+        since = _seconds(cells - np.datetime64(0, "s"))
+        dates = Dates(since, np.full(len(cells), 0.0 if zoned else np.nan))
+        return read_times(path, dates, title, unit, ruleset.units, zone, notes)
     if cells.dtype.kind == "m":
         return _seconds(cells), None
     factor = factor_of_time(path, header.time_title, header.time_unit, ruleset.units)

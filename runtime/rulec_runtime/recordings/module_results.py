@@ -21,9 +21,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
-from rulec_runtime.recordings.given import place_of
+from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.header import parts_of, result_of
 from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording_file import times_of
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
 
@@ -66,15 +67,15 @@ class ModuleResults:
 
 def holds_results(path: Path, ruleset: Ruleset) -> bool:
     """Whether a file holds estimates of observers, and so no recording."""
-    if not place_of(path)[0].is_file():
+    if not is_there(path) or place_of(path)[0].is_dir():
         return False
-    with opened_sheet(path, frozenset({TIME})) as sheet:
+    with opened_sheet(path, times_of(ruleset)) as sheet:
         titles = {parts_of(as_meant(t.strip()))[0] for t in sheet.titles}
     return any(result_of(title, ruleset) for title in titles)
 
 
 def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
-    """Read a file of any format; raises `RecordingRefused` with a message for the operator."""
+    """Read a CSV file (also .gz); raises `RecordingRefused` with a message for the operator."""
     names: list[str] = []
     scales: list[tuple[float, float]] = []
     time_title = ["", ""]
@@ -96,9 +97,9 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
             raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
         return time, wanted
 
-    with opened_sheet(path, frozenset({TIME})) as sheet:
-        at, wanted = choose(sheet.titles)
-        table = sheet.read([at], wanted)
+    with opened_sheet(path, times_of(ruleset)) as sheet:
+        index, wanted = choose(sheet.titles)
+        table = sheet.read([index], wanted)
     _check(path, names, ruleset)
     time, zones = read_times(path, table.kept[0], time_title[0], time_title[1], ruleset.units)
     values = {
