@@ -26,9 +26,11 @@ from tests.bench.conftest import Results
 from tests.bench.rigs import side_by_side
 from tests.bench.test_plan import BLOCK, block, by_lambdify, in_blocks, nanoseconds
 from tests.conftest import compiled
+from tests.rig.follower.plants import Planted, recorded
 
 MILLION = 1_000_000
 LONG = 100_000
+MANY = 10_000
 CHUNKED = 65_536
 POLE = 1e3
 EVERYTHING = ("R:", "u:", "x:", "ux:")
@@ -128,8 +130,31 @@ def test_a_long_recording(
     plan, inputs = rules.plan.select(names), inputs_of(recording, rules)
     alone = seconds(lambda: in_blocks(plan, inputs, LONG))
     found = seconds(lambda: call(recording, rules))
-    results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s")
+    goal = 5.0 if call is diagnose else None
+    results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal)
     results.add("    times the plan that it rests on", found / alone, "")
+
+
+def test_hundreds_of_findings(results: Results) -> None:
+    """A fault that comes and goes with every second stretch, each time another one."""
+    rules, random = compiled("abc"), np.random.default_rng(1)
+    faults = [f.id for f in rules.faults if not f.in_sensor and f.lowest <= 0.3]
+    firsts = range(100, MANY - 26, 26)
+    planted = [Planted(faults[k % len(faults)], 0.3, a, a + 13) for k, a in enumerate(firsts)]
+    recording = recorded(rules, MANY, planted, 1.0, random)
+    found = diagnose(recording, rules).findings
+    assert len(found) > 0.9 * len(planted)
+    taken = seconds(lambda: diagnose(recording, rules), 3)
+    results.add(f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5)
+
+
+def test_a_healthy_million(results: Results) -> None:
+    """Plant abc at rest."""
+    rules, random = compiled("abc"), np.random.default_rng(2)
+    recording = tiled(recorded(rules, MANY, [], 1.0, random), MILLION)
+    assert diagnose(recording, rules).findings == ()
+    taken = seconds(lambda: diagnose(recording, rules))
+    results.add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0)
 
 
 @pytest.mark.parametrize(
