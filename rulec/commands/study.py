@@ -25,6 +25,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.made import made_now
 
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
@@ -82,7 +83,8 @@ def run(options: argparse.Namespace) -> int:
     out = console(options)
     show(out, ruleset, types, points, counts)
     if options.report:
-        write_to(options.report, study_page(ruleset, types, points, settings, counts))
+        page = study_page(ruleset, types, points, settings, counts, made_now("rulec"))
+        write_to(options.report, page)
         out.print(styled("[dim]report: {}[/]", options.report))
     write_json(options, study_form(ruleset, points, settings, counts))
     return 0

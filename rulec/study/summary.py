@@ -37,6 +37,17 @@ def reliable_from(cells: Sequence[Cell]) -> float | None:
     return smallest
 
 
+def verdict(tally: Tally) -> str:
+    """How many kinds of fault are found and named, and how often there is a false alarm."""
+    rows = [cells for cells in rows_of(tally).values() if cells[-1].recordings]
+    reliable = sum(reliable_from(cells) is not None for cells in rows)
+    healthy = tally.healthy
+    return (
+        f"{reliable} of {len(rows)} kinds of fault are found and named; "
+        f"{healthy.alarms} false alarms in {healthy.recordings} healthy recordings"
+    )
+
+
 def sentences(tally: Tally) -> Iterator[str]:
     """Findings first: what can be relied on, what not, what is confused, false alarms."""
     rows = rows_of(tally)

@@ -10,7 +10,6 @@ import pytest
 from rulec_runtime.report.text import number
 
 from rulec.mismatch.answer.drawn import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
-from rulec.mismatch.answer.page import report
 from rulec.mismatch.result import Curves, Mismatch, Region
 from tests.runtime.mismatches import (
     ALL,
@@ -25,6 +24,7 @@ from tests.runtime.mismatches import (
     broken,
     curves,
 )
+from tests.runtime.pages import mismatch_page as report
 from tests.runtime.reports import caption, figures, tree
 
 UNKNOWN = re.compile(r"[ \"(]-?(?:nan|inf)\b")
