@@ -26,7 +26,7 @@ h3.after { margin: 1.4rem 0 .3rem; }
 .heat td { text-align: center; min-width: 1.9rem; }
 .heat td.right { --of: var(--c0); } .heat td.wrong { --of: var(--c1); }
 .heat td.other { --of: var(--c5); } .heat .rate { color: var(--soft); text-align: right; }
-.heat td[style] { background: color-mix(in srgb, var(--of) calc(var(--tint) * .6), transparent); }
+.heat td[style] { background: color-mix(in srgb, var(--of) calc(var(--tint) * .42), transparent); }
 .heat td.right { font-weight: 700; }
 .heat .turned { height: 9.5rem; vertical-align: bottom; padding: .2rem 0; }
 .heat .turned span { writing-mode: vertical-rl; transform: rotate(180deg); white-space: nowrap; }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from rulec_runtime.report.text import counted
+
 from rulec.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.judge import Kind
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
@@ -43,8 +45,8 @@ def verdict(tally: Tally) -> str:
     reliable = sum(reliable_from(cells) is not None for cells in rows)
     healthy = tally.healthy
     return (
-        f"{reliable} of {len(rows)} kinds of fault are found and named; "
-        f"{healthy.alarms} false alarms in {healthy.recordings} healthy recordings"
+        f"Found and named: {reliable} of {counted(len(rows), 'kind')} of fault; "
+        f"{counted(healthy.alarms, 'false alarm')} in {healthy.recordings} healthy recordings"
     )
 
 

@@ -29,6 +29,9 @@ SYMBOLS = {
 """Shapes of marks, about the origin."""
 
 
+FEW = 4
+"""Ticks that all have a label, also where the page is narrow."""
+
 DECIMALS = 4
 """Of a label; smaller numbers are written with a power of ten, as there is no room."""
 
@@ -210,12 +213,12 @@ class Panel:
             zero = " zero" if value == 0 else ""
             yield f'<line class="grid{zero}" x2="100%" y1="{y:.1f}" y2="{y:.1f}"/>'
             yield f'<text class="tick y" x="-8" y="{y:.1f}">{label}</text>'
-        below = self.x.second_lines()
+        below, many = self.x.second_lines(), len(self.x.ticks) > FEW
         for i, (value, label) in enumerate(zip(self.x.ticks, self.x.labels(), strict=True)):
             x = 100 * float(self.x.share(value))
             yield f'<line class="grid" x1="{x:.2f}%" x2="{x:.2f}%" y2="{self.height}"/>'
             if foot:
-                style = "tick x odd" if i % 2 else "tick x"
+                style = "tick x odd" if i % 2 and many else "tick x"
                 yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 16}">{label}</text>'
             if foot and below and below[i][0]:
                 words, first = below[i]
