@@ -37,10 +37,10 @@ def sketch(ruleset: Ruleset, marks: Mapping[str, str]) -> str:
     words = _words(ruleset, drawn, known)
     body = "".join([*_lines(drawn, at, height), *_boxes(ruleset, drawn, known, at)])
     return (
-        '<figure class="sketch"><div class="scroll" tabindex="0" role="region" '
+        '<div class="sketch"><div class="scroll" tabindex="0" role="region" '
         f'aria-label="sketch of the plant"><svg width="{width}" height="{height}" '
         f'viewBox="0 0 {width} {height}" role="img" aria-label="{safe(_spoken(drawn, words))}">'
-        f"{body}</svg></div><figcaption>{safe(words)}</figcaption></figure>"
+        f'{body}</svg></div><p class="key">{safe(words)}</p></div>'
     )
 
 

@@ -128,7 +128,7 @@ def _unit(low: float, high: float) -> tuple[float, str]:
 
 def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
     """Ticks at round times of the plant's clock; None where none is between the ends."""
-    step = min(STEPS, key=lambda s: abs((high - low) / s - WANTED_DATES))
+    step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
     if (high - low) / STEPS[-1] > 2 * WANTED_DATES:
         ticks, form = tuple(_months(low, high, calendar)), "%Y-%m"
     else:
