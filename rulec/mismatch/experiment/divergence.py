@@ -1,0 +1,130 @@
+"""By how much each further place would raise the expected log Bayes factor of two explanations.
+
+Both foretell all that is read as normal distributions, of which the divergence is that factor.
+Written by conditional parts it grows place by place: so of each place only its own small part is
+looked at, for all places at once.
+
+Source: Kullback and Leibler 1951; the chain rule of divergences, Cover and Thomas 2006, 2.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from scipy.linalg import solve_triangular
+
+from rulec.mismatch.experiment.foretell import Foretold
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """Readings at n places of r rows each, by one explanation, after k readings at some of them.
+
+    `whole`, shape (n, r, n, r), is the covariance before any reading, `by`, shape (k, n, r), that
+    with the readings in units of their own: what is left is `whole` without `by` squared.
+    """
+
+    whole: Array
+    by: Array
+
+    def factors(self, left: NDArray[np.intp]) -> Array:
+        """Lower factors of the covariance that is left at some places, shape (places, r, r)."""
+        own, by = self.whole[left, :, left, :], self.by[:, left]
+        found: Array = np.linalg.cholesky(own - np.einsum("kni,knj->nij", by, by))
+        return found
+
+    def with_place(self, place: int, factor: Array) -> Conditional:
+        """After readings at one more place, of which `factor` is what was left."""
+        n, r = self.whole.shape[:2]
+        known = np.tensordot(self.by[:, place], self.by, axes=(0, 0))
+        more = solve_triangular(factor, (self.whole[place] - known).reshape(r, n * r), lower=True)
+        return Conditional(self.whole, np.concatenate([self.by, more.reshape(r, n, r)]))
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """Divergence of what one explanation foretells from what another does, after k readings.
+
+    `left` are the places that may be read. `apart`, shape (n, r), are differences of the means,
+    `away`, shape (k,), those of the readings so far and `between`, shape (k, k), the factor of
+    their covariance, by the other explanation in units of its own.
+    """
+
+    true: Conditional
+    other: Conditional
+    left: NDArray[np.intp]
+    apart: Array
+    away: Array
+    between: Array
+
+    def gains(self) -> Array:
+        """What readings at each place that is left would add, nats, shape (left,)."""
+        true, other = self.true.factors(self.left), self.other.factors(self.left)
+        off, before, own = self._parts(self.left, true, other)
+        grown = np.log(_diagonals(other)).sum(axis=1) - np.log(_diagonals(true)).sum(axis=1)
+        squares = (off**2).sum(axis=1) + (before**2).sum(axis=(1, 2)) + (own**2).sum(axis=(1, 2))
+        gained: Array = grown + 0.5 * (squares - off.shape[1])
+        return np.maximum(gained, 0.0)
+
+    def with_place(self, place: int) -> Divergence:
+        """After readings at one more place."""
+        at = np.array([place])
+        true, other = self.true.factors(at), self.other.factors(at)
+        off, before, own = (part[0] for part in self._parts(at, true, other))
+        upper = np.concatenate([self.between, np.zeros((len(self.between), len(own)))], axis=1)
+        return Divergence(
+            self.true.with_place(place, true[0]),
+            self.other.with_place(place, other[0]),
+            self.left[self.left != place],
+            self.apart,
+            np.concatenate([self.away, off]),
+            np.concatenate([upper, np.concatenate([before, own], axis=1)]),
+        )
+
+    def _parts(self, at: NDArray[np.intp], true: Array, other: Array) -> tuple[Array, Array, Array]:
+        """Of some places: the difference of means that the readings before leave, shape (places,
+        r), and the rows of the factor by those readings and by its own, in units of the other."""
+        by = np.moveaxis(self.other.by[:, at], 0, 2)
+        off = self.apart[at] - by @ self.away
+        before = np.moveaxis(self.true.by[:, at], 0, 2) - by @ self.between
+        return (
+            np.linalg.solve(other, off[:, :, None])[:, :, 0],
+            np.linalg.solve(other, before),
+            np.linalg.solve(other, true),
+        )
+
+
+def divergences(told: Foretold, true: int, places: Sequence[int]) -> list[Divergence]:
+    """Of what the true explanation foretells from what each does, before any reading.
+
+    `places` are numbered as they come. Where one has fewer rows than others, it gets rows that say
+    nothing.
+    """
+    rows = [np.flatnonzero(told.point == place) for place in places]
+    number = np.full((len(places), max((len(own) for own in rows), default=0)), -1)
+    for line, own in zip(number, rows, strict=True):
+        line[: len(own)] = own
+    flat, none = number.ravel(), number.ravel() < 0
+
+    def laid(covariance: Array) -> Conditional:
+        table = covariance[np.ix_(flat, flat)]
+        table[none, :] = 0.0
+        table[:, none] = 0.0
+        table[none, none] = 1.0
+        return Conditional(table.reshape(*number.shape, *number.shape), np.zeros((0, *number.shape)))
+
+    every = [laid(covariance) for covariance in told.covariance]
+    left, nothing = np.arange(len(places)), np.zeros((0, 0))
+    apart = [np.where(none, 0.0, (told.off[true] - off)[flat]) for off in told.off]
+    return [
+        Divergence(every[true], other, left, off.reshape(number.shape), np.zeros(0), nothing)
+        for other, off in zip(every, apart, strict=True)
+    ]
+
+
+def _diagonals(factors: Array) -> Array:
+    return np.diagonal(factors, axis1=1, axis2=2)
