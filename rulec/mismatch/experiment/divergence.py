@@ -10,7 +10,7 @@ Source: Kullback and Leibler 1951; the chain rule of divergences, Cover and Thom
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,25 +24,39 @@ from rulec.mismatch.experiment.foretell import Foretold
 class Conditional:
     """Readings at n places of r rows each, by one explanation, after k readings at some of them.
 
-    `whole`, shape (n, r, n, r), is the covariance before any reading, `by`, shape (k, n, r), that
-    with the readings in units of their own: what is left is `whole` without `by` squared.
+    `rows`, shape (n, r), are numbers in what is foretold, -1 for a row that says nothing. `by`,
+    shape (k, n, r), is the covariance with the readings in units of their own: what is left is the
+    covariance before without `by` squared.
     """
 
-    whole: Array
+    told: Foretold
+    explanation: int
+    rows: NDArray[np.intp]
     by: Array
 
     def factors(self, left: NDArray[np.intp]) -> Array:
         """Lower factors of the covariance that is left at some places, shape (places, r, r)."""
-        own, by = self.whole[left, :, left, :], self.by[:, left]
+        by, rows = self.by[:, left], self.rows[left]
+        own = self._between(rows[:, :, None], rows[:, None, :])
+        r = np.arange(rows.shape[1])
+        own[:, r, r] += rows < 0
         found: Array = np.linalg.cholesky(own - np.einsum("kni,knj->nij", by, by))
         return found
 
     def with_place(self, place: int, factor: Array) -> Conditional:
         """After readings at one more place, of which `factor` is what was left."""
-        n, r = self.whole.shape[:2]
-        known = np.tensordot(self.by[:, place], self.by, axes=(0, 0))
-        more = solve_triangular(factor, (self.whole[place] - known).reshape(r, n * r), lower=True)
-        return Conditional(self.whole, np.concatenate([self.by, more.reshape(r, n, r)]))
+        n, r = self.rows.shape
+        flat = self.rows.ravel()
+        known = np.tensordot(self.by[:, place], self.by, axes=(0, 0)).reshape(r, n * r)
+        left = self._between(self.rows[place][:, None], flat[None, :]) - known
+        more = solve_triangular(factor, left, lower=True).reshape(r, n, r)
+        return replace(self, by=np.concatenate([self.by, more]))
+
+    def _between(self, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Array:
+        """Covariance before any reading, none of rows that say nothing, broadcast."""
+        found = self.told.between(self.explanation, rows, others)
+        found *= (rows >= 0) & (others >= 0)
+        return found
 
 
 @dataclass(frozen=True)
@@ -108,21 +122,19 @@ def divergences(told: Foretold, true: int, places: Sequence[int]) -> list[Diverg
     number = np.full((len(places), max((len(own) for own in rows), default=0)), -1)
     for line, own in zip(number, rows, strict=True):
         line[: len(own)] = own
-    flat, none = number.ravel(), number.ravel() < 0
-
-    def laid(covariance: Array) -> Conditional:
-        table = covariance[np.ix_(flat, flat)]
-        table[none, :] = 0.0
-        table[:, none] = 0.0
-        table[none, none] = 1.0
-        return Conditional(table.reshape(*number.shape, *number.shape), np.zeros((0, *number.shape)))
-
-    every = [laid(covariance) for covariance in told.covariance]
+    none, by = number < 0, np.zeros((0, *number.shape))
+    every = [Conditional(told, i, number, by) for i in range(len(told.off))]
     left, nothing = np.arange(len(places)), np.zeros((0, 0))
-    apart = [np.where(none, 0.0, (told.off[true] - off)[flat]) for off in told.off]
     return [
-        Divergence(every[true], other, left, off.reshape(number.shape), np.zeros(0), nothing)
-        for other, off in zip(every, apart, strict=True)
+        Divergence(
+            every[true],
+            other,
+            left,
+            np.where(none, 0.0, (told.off[true] - off)[number]),
+            np.zeros(0),
+            nothing,
+        )
+        for other, off in zip(every, told.off, strict=True)
     ]
 
 

@@ -54,8 +54,9 @@ class Foretold:
     the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
     `spread` per output, shape (n,), SI, is the standard deviation of a reading if the explanation
     is true, NaN where nothing is foretold, `noise` the part of it that is less in a longer mean, and
-    `shares` the variance of that part in `covariance`, of each explanation; `flows` per module,
-    shape (n,), m3/s.
+    `shares` the variance of that part in `covariance`, of each explanation. `less` is the share of
+    it that is gone, as means are longer; `spread` is without it, `covariance` still with. `flows`
+    per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]
@@ -65,25 +66,27 @@ class Foretold:
     spread: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, Array] = field(default_factory=dict)
     shares: tuple[float, ...] = ()
+    less: float = 0.0
     flows: Mapping[str, Array] = field(default_factory=dict)
 
+    def between(self, explanation: int, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Array:
+        """Covariance of some rows with others by an explanation, broadcast."""
+        gone = self.less * self.shares[explanation] if self.less else 0.0
+        found: Array = self.covariance[explanation][rows, others] - gone * (rows == others)
+        return found
+
     def held(self, times: float) -> Foretold:
-        """The same with means over so many times as many settled samples.
+        """Of means over so many times as many settled samples as one has at least.
 
         Noise averages, as far as the samples themselves show it; what an explanation is off by
         besides does not.
         """
         less = 1.0 - 1.0 / times
-        covariance = []
-        for own, share in zip(self.covariance, self.shares, strict=True):
-            own = own.copy()
-            own[np.diag_indices(len(own))] -= less * share
-            covariance.append(own)
         spread = {
             name: np.sqrt(whole**2 - less * self.noise[name] ** 2)
             for name, whole in self.spread.items()
         }
-        return replace(self, covariance=tuple(covariance), spread=spread)
+        return replace(self, less=less, spread=spread)
 
 
 def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
