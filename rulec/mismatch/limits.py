@@ -905,8 +905,8 @@ WORTH_A_STEP = 0.002
 """By how much a step must raise the probability of the truth. Origin: numerical."""
 
 WORTH_DOUBLED = 0.01
-"""By how much the probability of the truth must rise where all steps are held twice as long. Origin:
-assumed."""
+"""By how much the probability of the truth must rise where all steps are held twice as long.
+Origin: assumed."""
 
 MOST_QUADRUPLED = 8
 """Times that a step is held four times as long as before, where that is tried: to four hours if it

@@ -5,9 +5,9 @@ A step is worth the probability that the true explanation has after it. Its odds
 one grow by a log Bayes factor, of which the mean is known: under two normal distributions of what
 is read, that is their divergence. It scatters. What is read does, so that a factor of mean `f` has
 a variance of `2 f`, as between normal distributions of one covariance; and `rulec mismatch` weighs
-parts of the recording at random, so that a step with a mean of `f` adds a variance of `f**2`. With
-the mean alone some few steps would always seem to be enough. How sure the true one can be expected
-to be is told with readings drawn, in `certainty.py`, which takes longer.
+parts of the recording at random. With the mean alone some few steps would always seem to be enough.
+How sure the true one can be expected to be is told with readings drawn, in `certainty.py`, which
+takes longer.
 
 Steps that are held longer have less noise, and cost time: each doubling has to be worth it.
 
@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from scipy.special import gammaincinv
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.divergence import divergences
@@ -89,17 +90,23 @@ def chosen(
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
 """Where a normal deviate is taken, and for which share of its draws each stands."""
 
+WEIGHTS = (np.arange(limits.SCATTER_NODES) + 0.5) / limits.SCATTER_NODES
+"""Shares of draws below which a weight is taken; each stands for as many."""
+
 
 def certain(odds: Array, factors: Array, weighed: Array) -> float:
     """Probability that the true explanation can be expected to have.
 
-    `factors` are expected log Bayes factors, nats, `weighed` what the weights of steps add to their
-    variance, shape (explanations, explanations) each.
+    `factors` are expected log Bayes factors, nats, `weighed` the sum of the squares of what each
+    step adds to them, shape (explanations, explanations) each. The mean weight of steps has a gamma
+    distribution if each has an exponential one and all add as much.
     """
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(odds)
-    drawn = factors + NODES[:, None, None] * np.sqrt(2.0 * factors + weighed)
-    after = logs[:, None] - logs[None, :] + drawn
+        alike = np.where(weighed > 0.0, factors**2 / weighed, 1.0)
+    weights = gammaincinv(alike, WEIGHTS[:, None, None]) / alike
+    read = factors + NODES[:, None, None] * np.sqrt(2.0 * factors)
+    after = logs[:, None] - logs[None, :] + weights[:, None] * read[None]
     with np.errstate(over="ignore"):
-        sure = 1.0 / np.exp(-after).sum(axis=2)
+        sure = (1.0 / np.exp(-after).sum(axis=3)).mean(axis=0)
     return float(SHARES @ sure @ odds / SHARES.sum())

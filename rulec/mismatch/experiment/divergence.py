@@ -105,11 +105,9 @@ class Divergence:
         by = np.moveaxis(self.other.by[:, at], 0, 2)
         off = self.apart[at] - by @ self.away
         before = np.moveaxis(self.true.by[:, at], 0, 2) - by @ self.between
-        return (
-            np.linalg.solve(other, off[:, :, None])[:, :, 0],
-            np.linalg.solve(other, before),
-            np.linalg.solve(other, true),
-        )
+        parts = (off[:, :, None], before, true)
+        off, before, own = (np.asarray(np.linalg.solve(other, p), dtype=float) for p in parts)
+        return off[:, :, 0], before, own
 
 
 def divergences(told: Foretold, true: int, places: Sequence[int]) -> list[Divergence]:

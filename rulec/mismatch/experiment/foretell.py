@@ -53,10 +53,10 @@ class Foretold:
     For each explanation in turn `off`, shape (rows,), is what its best values leave, in units of
     the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
     `spread` per output, shape (n,), SI, is the standard deviation of a reading if the explanation
-    is true, NaN where nothing is foretold, `noise` the part of it that is less in a longer mean, and
-    `shares` the variance of that part in `covariance`, of each explanation. `less` is the share of
-    it that is gone, as means are longer; `spread` is without it, `covariance` still with. `flows`
-    per module, shape (n,), m3/s.
+    is true, NaN where nothing is foretold, `noise` the part of it that is less in a longer mean,
+    and `shares` the variance of that part in `covariance`, of each explanation. `less` is the share
+    of it that is gone, as means are longer; `spread` is without it, `covariance` still with.
+    `flows` per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]

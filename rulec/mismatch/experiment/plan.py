@@ -19,7 +19,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.foretell import foretold
 from rulec.mismatch.experiment.reach import (
     Reach,
     limited_reach,
