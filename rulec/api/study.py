@@ -139,14 +139,14 @@ def study(
     >>> found.counts.healthy.alarms  # doctest: +SKIP
     0
     """
-    settings = _checked(tuple(sorted(set(degrees))), points, seeds, lead_in, mode, bounded, jobs)
+    settings = _checked(degrees, points, seeds, lead_in, mode, bounded, jobs)
     lacking = "a ruleset alone cannot say how the true plant may differ"
     models = run_passes(Compilation(path=folder_of(plant, lacking)))
     ruleset = models.ruleset
     faults = [f.id for f in ruleset.faults]
     if not any(degrees_of(ruleset, fault, settings) for fault in faults):
         what = f"no fault of {ruleset.plant} has such a degree"
-        raise Misused(f"--degrees {_listed(settings.degrees)}: {what}")
+        raise Misused(f"--degrees {_listed(degrees)}: {what}")
     found = operating_points(equations_of(ruleset), settings.points)
 
     def draw(random: np.random.Generator) -> Plan:
@@ -175,7 +175,7 @@ def study(
 
 
 def _checked(
-    degrees: tuple[float, ...],
+    degrees: Sequence[float],
     points: int,
     seeds: int,
     lead_in: int,
@@ -196,7 +196,7 @@ def _checked(
         if value < least:
             raise Misused(f"--{name} {value}: give {least} or more")
     return Settings(
-        degrees=degrees,
+        degrees=tuple(sorted(set(degrees))),
         points=points,
         seeds=seeds,
         mode=mode,

@@ -166,10 +166,8 @@ def test_a_plant_that_stores_weighs_them_too(abc: Ruleset) -> None:
             "A.leakage": judge.Tested(0.1, 0.01, 10.0, True),
             "A.dp.low": judge.Tested(0.2, 0.01, left, True),
         }
-        window = cast(Any, SimpleNamespace())
-        one = Judged(
-            window, cast(Any, None), cast(Any, SimpleNamespace(chi=99.0)), 9, True, {}, tests
-        )
+        nothing, plain = cast(Any, None), cast(Any, SimpleNamespace(chi=99.0))
+        one = judge.Judged(nothing, nothing, plain, 9, True, {}, tests)
         assert "A.leakage" == _cause([one], [0], faults).fault
         cause = _cause([one], [0], common)
         assert first == cause.fault
