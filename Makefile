@@ -57,7 +57,7 @@ $(VENV)/docs: $(BIN)/rulec
 
 docs: $(VENV)/docs ## the pages as a site, in build/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --config-file docs/site/mkdocs.yml
-	@echo "open build/docs/index.html"
+	@echo "open build/docs/index.html; the search needs a server: python3 -m http.server -d build/docs"
 
 clean: ## remove everything that was made
 	rm -rf $(VENV) build/docs .mypy_cache .ruff_cache .pytest_cache
