@@ -37,11 +37,12 @@ MADE: dict[str, Callable[[], str]] = {
     "reference/yaml.md": yaml_page,
     "reference/json.md": json_page,
     "reference/python.md": python_page,
+    "site.css": lambda: ".md-typeset td:first-child code { white-space: nowrap; }\n",
 }
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that are made."""
+    """Add what is made."""
     for name, make in MADE.items():
         files.append(File.generated(config, name, content=make()))
     return files

@@ -9,7 +9,7 @@ from typing import Any
 
 SCHEMAS = Path(__file__).parents[2] / "kb" / "schema"
 ORDER = ("plant", "module", "fault", "effect", "sensor", "fluid", "units", "columns", "calibration")
-ANY = "*NAME*"
+ANY = "NAME"
 """Stands for a name that the author of the file chooses."""
 
 Schema = Mapping[str, Any]
@@ -22,7 +22,7 @@ def yaml_page() -> str:
     parts = [
         "# YAML files",
         "Keys of each kind of file, as `rulec check` wants them and an editor completes them."
-        f" {ANY} is a name that you choose; a key in bold must be there.",
+        f" `{ANY}` is a name that you choose; a key in bold must be there.",
     ]
     for kind in kinds:
         schema = json.loads(files[kind].read_text(encoding="utf-8"))
@@ -67,7 +67,7 @@ def _keys(schema: Schema, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ..
 
 
 def _row(path: tuple[str, ...], schema: Schema, required: bool) -> str:
-    key = ".".join(part if part == ANY else f"`{part}`" for part in path)
+    key = f"`{'.'.join(path)}`"
     meaning = [schema.get("title", ""), schema.get("description", "")]
     text = ": ".join(part.rstrip(".") for part in meaning if part)
     default = f"; default {_code(schema['default'])}" if "default" in schema else ""
