@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-live test prove bench figures golden clean
+.PHONY: help demo demo-live test prove bench figures golden docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -51,5 +51,13 @@ figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema is
 golden: $(VENV)/dev ## re-make golden files; review them as a diff
 	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py
 
+$(VENV)/docs: $(BIN)/rulec
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[docs]'
+	@touch $@
+
+docs: $(VENV)/docs ## the pages as a site, in build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --config-file docs/site/mkdocs.yml
+	@echo "open build/docs/index.html; the search needs a server: python3 -m http.server -d build/docs"
+
 clean: ## remove everything that was made
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) build/docs .mypy_cache .ruff_cache .pytest_cache

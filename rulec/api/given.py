@@ -61,14 +61,14 @@ def ruleset_of(plant: Plant) -> Ruleset:
     return compile_plant(path)
 
 
-def folder_of(plant: Plant) -> Path:
-    """Where the files of a plant are; `Misused` for a ruleset, which does not hold equations."""
+def folder_of(
+    plant: Plant,
+    lacking: str = "a ruleset does not hold the equations into which physics could be built",
+) -> Path:
+    """Where the files of a plant are; `Misused` for a ruleset, which is `lacking` something."""
     path = Path(plant) if isinstance(plant, str | os.PathLike) else plant.path
     if path.suffix == ".json":
-        raise Misused(
-            f"{path}: give the plant's folder; a ruleset does not hold the equations into which "
-            "physics could be built"
-        )
+        raise Misused(f"{path}: give the plant's folder; {lacking}")
     return path
 
 

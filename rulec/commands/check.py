@@ -9,7 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, write_json
-from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 
@@ -40,8 +41,7 @@ def run(options: argparse.Namespace) -> int:
     recordings = [path for path in map(Path, options.paths) if is_recording(path)]
     paths = [path for path in map(Path, options.paths) if path not in recordings]
     if recordings and len(paths) != 1:
-        say_aside("rulec check: a recording is checked with its plant, as PLANT RECORDING")
-        return 2
+        raise Misused("a recording is checked with its plant, as PLANT RECORDING")
     found = collect(paths)
     wrong = any(not one.doubt for one in found)
     facts: dict[str, Facts] = {}

@@ -13,7 +13,8 @@ from rich.text import Text
 from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
-from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.made import made_now
 
 from rulec.commands.matrix_page import matrix_page
@@ -34,8 +35,7 @@ NARROW = 7
 def run(options: argparse.Namespace) -> int:
     """Show the matrix of a plant."""
     if options.limits is not None and not options.separate:
-        say_aside("rulec matrix: --limits are limits of --separate; give both")
-        return 2
+        raise Misused("--limits are limits of --separate; give both")
     check_outputs(options)
     ruleset = compile_plant(Path(options.plant))
     pairs = separated(ruleset, options.limits) if options.separate else None

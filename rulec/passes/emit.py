@@ -191,6 +191,7 @@ def _fault(
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
     slots = {"module": where.module, "where": where.target, "variant": variant.title}
+    often = fault.frequency
     return contract.FaultSpec(
         id=where.id,
         module=where.module,
@@ -208,6 +209,8 @@ def _fault(
         in_sensor=fault.acts_on == "signal",
         origin=_origin(fault.origin),
         unit=variant.unit,
+        frequency=often.word if often else contract.USUAL,
+        frequency_origin=_origin(often.origin) if often else "",
     )
 
 

@@ -486,6 +486,10 @@ assumed."""
 MENTION = 0.02
 """Causes less probable than this are not mentioned. Origin: assumed."""
 
+FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
+"""Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
+assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 

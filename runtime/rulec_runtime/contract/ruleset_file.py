@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
@@ -76,6 +77,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
+        "frequency": list(limits.FREQUENCY_ODDS),
     }
     for kind, names in tables.items():
         if len(set(names)) < len(names):
@@ -123,6 +125,7 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield from (("observer", t.observer) for t in residual.terms)
     for fault in ruleset.faults:
         yield "module", fault.module
+        yield "frequency", fault.frequency
         yield from (("observer", o) for o in fault.affects)
         yield from (("signal", s) for s in fault.scales)
     for cell in ruleset.cells:

@@ -35,6 +35,7 @@ from rulec_runtime.report.wording import (
     rows_of,
     titled,
     told_residual,
+    why_first,
     worst_first,
 )
 
@@ -106,6 +107,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             for name, p in finding.alternatives
         ]
         rows.append(("Could also be", safe(listed(others))))
+        rows += [("Named first", safe(text)) for text in why_first(ruleset, finding)]
         apart = "; ".join(advice(ruleset, finding))
         if finding.step is not None:
             rows.append(("Next step", safe(finding.step.text)))
