@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 from rulec_runtime.contract.ruleset import Junction, Ruleset
@@ -13,7 +14,8 @@ from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.time_axis import Dated, named, time_axis
 from rulec_runtime.report.topology import MOST, topology_of
 
-from tests.conftest import compiled
+from rulec.cli import main
+from tests.conftest import ROOT, compiled
 
 DAY = 86400.0
 NOON = 1790078400.0
@@ -111,3 +113,14 @@ def test_the_time_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(EPOCH, "1790078400")
     assert "2026-09-22 12:00 UTC" == made_now("rulec-runtime").when
     assert "nothing-of-that-name" == made_now("nothing-of-that-name").tool
+
+
+def test_a_matrix_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All residuals and faults, and each group of faults that are alike."""
+    file = tmp_path / "matrix.html"
+    assert 0 == main(["matrix", str(ROOT / "plants" / "abc"), "--report", str(file)])
+    assert "matrix.html" in capsys.readouterr().out.replace("\n", "")
+    page, abc = ET.fromstring(file.read_text(encoding="utf-8")), compiled("abc")
+    rows = page.findall(".//table[@class='matrix']/tbody/tr")
+    assert [f.id for f in abc.faults] == [row.findtext("th") for row in rows]
+    assert len(abc.ambiguous) == len(page.findall(".//dt/b[@class='alike']"))
