@@ -45,7 +45,8 @@ def run(options: argparse.Namespace) -> int:
         else:
             show_separated(console(options), ruleset, pairs)
     if options.report:
-        write_to(options.report, matrix_page(ruleset, made_now("rulec")))
+        page = matrix_page(ruleset, made_now("rulec"), _of_stores(ruleset))
+        write_to(options.report, page)
         console(options).print(styled("[dim]report: {}[/]", options.report))
     more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}
     write_json(options, {**json_form(ruleset), **more})

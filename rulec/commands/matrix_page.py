@@ -2,27 +2,45 @@
 
 from __future__ import annotations
 
+from string import ascii_lowercase
+from typing import TYPE_CHECKING
+
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.made import Made
 from rulec_runtime.report.matrix import Named, marked, matrix_of
 from rulec_runtime.report.sketch import sketch
 from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import counted, listed, safe
+
+if TYPE_CHECKING:
+    from rulec.simulation.signature import Signature
+
+SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
 
 SAME = "coincide"
 """Kind of a group whose members do the same at any degree."""
 
 
-def matrix_page(ruleset: Ruleset, made: Made | None = None) -> str:
-    """The page as HTML; the same ruleset gives the same text."""
-    sections = [section("What each fault does", matrix_of(ruleset, Named(), whole=True))]
+def matrix_page(ruleset: Ruleset, made: Made | None = None, stores: Signature | None = None) -> str:
+    """The page as HTML; the same ruleset gives the same text.
+
+    Parameters
+    ----------
+    stores : of a plant that stores, how faults change readings that balances predict.
+    """
+    sections = []
+    if stores is not None:
+        sections.append(section("What each fault does to readings", _of_stores(stores)))
+    if ruleset.residuals:
+        sections.append(section("What each fault does", matrix_of(ruleset, Named(), whole=True)))
     if ruleset.unobserved:
         names = safe(listed(ruleset.unobserved))
         sections.append(section("What no residual sees", f"<p>{names}</p>"))
     head = Head(
         kind="Fault-symptom matrix",
-        verdict=verdict(ruleset),
+        verdict=verdict(ruleset, stores),
         meaning=_meaning(ruleset),
         facts=tuple(Subject(ruleset=ruleset).facts()),
         made=made,
@@ -31,9 +49,28 @@ def matrix_page(ruleset: Ruleset, made: Made | None = None) -> str:
     return document(head, "".join(sections))
 
 
-def verdict(ruleset: Ruleset) -> str:
+def _of_stores(stores: Signature) -> str:
+    """Signs by which faults change readings; what acts alike has the same mark."""
+    marks = dict(zip(ascii_lowercase, stores.alike, strict=False))
+    head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores.readings)
+    rows = []
+    for fault, signs in zip(stores.faults, stores.signs, strict=True):
+        own = " ".join(f'<b class="alike">={m}</b>' for m, names in marks.items() if fault in names)
+        cells = "".join(f"<td>{SIGNS[sign]}</td>" for sign in signs)
+        rows.append(f'<tr><th scope="row">{safe(fault)}</th><td>{own}</td>{cells}</tr>')
+    shown = framed(
+        "faults and the readings that they change",
+        '<table class="matrix"><thead><tr><th scope="col">fault</th><th scope="col">alike</th>'
+        f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>",
+    )
+    key = "+ the reading stands higher than the balances predict, − lower, · as they do"
+    return f'<p class="key">{key}; faults with one mark act alike on all readings</p>{shown}'
+
+
+def verdict(ruleset: Ruleset, stores: Signature | None = None) -> str:
     """Whether all faults can be told apart."""
     same = {name for g in ruleset.ambiguous if g.kind == SAME for name in g.faults}
+    same |= {name for names in (stores.alike if stores else ()) for name in names}
     count = len(ruleset.faults)
     if same:
         return f"{len(same)} of {counted(count, 'fault')} cannot be told from another one"

@@ -41,11 +41,12 @@ def report(
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     figures = figures_of(diagnosis, curves, trace, truth, cases)
     because = "".join(evidence(diagnosis)) or _nothing(diagnosis)
+    compared = diagnosis.ruleset.residuals
     sections = [
         told(diagnosis),
         section("Why", because),
         section("Pictures", "".join(numbered(figures))),
-        section("What each fault would do", matrix(diagnosis)),
+        *([section("What each fault would do", matrix(diagnosis))] if compared else []),
         section("Where this comes from", _facts(diagnosis, truth)),
     ]
     head = Head(
