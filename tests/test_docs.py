@@ -36,6 +36,7 @@ def run_commands(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
                 assert _squeezed(line) in printed, f"{page.name}: {command}: {line!r}"
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("page", [p for p in PAGES if p.stem != REPAIR], ids=lambda p: p.stem)
 def test_commands_of_a_page_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
