@@ -18,12 +18,18 @@ from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 REPAIR = "repair-a-model"
+LATER = ("first.csv", "second.csv", "together.json", "swapped.csv")
+"""Commands of that page about these files run in `make prove`, as each searches anew. In every run
+several recordings are asked about by plan-an-experiment, swapped columns in test_structure.py."""
 COMMANDS = {"rulec": main, "rulec-runtime": station}
 BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-def run_commands(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each `$` line exits 0; each line below it stands in what was printed."""
+def run_commands(
+    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, without: tuple[str, ...] = ()
+) -> None:
+    """Each `$` line exits 0, but for those with a word in `without`, which are not run; each line
+    below it stands in what was printed."""
     for name in ("kb", "plants"):
         shutil.copytree(ROOT / name, folder / name)
     monkeypatch.chdir(folder)
@@ -31,6 +37,8 @@ def run_commands(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     for block in BLOCK.findall(page.read_text(encoding="utf-8")):
         for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             command, *shown = part.rstrip("\n").split("\n")
+            if any(word.endswith(without) for word in command.split()):
+                continue
             printed = _run(command)
             for line in filter(str.strip, shown):
                 assert _squeezed(line) in printed, f"{page.name}: {command}: {line!r}"
@@ -44,12 +52,15 @@ def test_commands_of_a_page_run(
     run_commands(page, tmp_path, monkeypatch)
 
 
+@pytest.mark.parametrize(
+    "without", [LATER, pytest.param((), marks=pytest.mark.prove)], ids=["in part", "whole"]
+)
 def test_a_model_is_repaired_as_its_page_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    without: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of the warm recording: slip of A that follows its temperature, 3 % per kelvin by the
     independent truth. Its search is long, so what is told is looked at here."""
-    run_commands(ROOT / "docs" / f"{REPAIR}.md", tmp_path, monkeypatch)
+    run_commands(ROOT / "docs" / f"{REPAIR}.md", tmp_path, monkeypatch, without)
     found = json.loads((tmp_path / "warm_A.json").read_text(encoding="utf-8"))
     assert "named" == found["verdict"]
     (effect,) = found["effects"]
