@@ -24,6 +24,7 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
 
@@ -181,7 +182,8 @@ def _fits_alike(
         earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
         tried.append(_explaining(earlier))
         test = test.at_other_times(np.hstack([later, earlier.present]))
-    fits = fit(test, [(f,) for f in ruleset.faults], np.hstack(tried))
+    limit = accepted(test.freedom, 1, isolation.chance)
+    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried)))
     found = [
         [
             one
