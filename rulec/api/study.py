@@ -15,6 +15,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.write_file import write_text
+from rulec_runtime.report.made import made_now
 
 from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath, Plant, folder_of
@@ -66,7 +67,8 @@ class StudyResult(Result):
 
     def page(self) -> str:
         """The study, one page of HTML."""
-        return study_page(self.ruleset, self.types, self.points, self.settings, self.counts)
+        about = (self.ruleset, self.types, self.points, self.settings, self.counts)
+        return study_page(*about, made_now("rulec"))
 
     def write_page(self, file: AnyPath) -> None:
         """Write the page."""

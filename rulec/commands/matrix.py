@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.made import made_now
 
+from rulec.commands.matrix_page import matrix_page
 from rulec.passes.pipeline import compile_plant
 from rulec.separation.allowed import allowed_of
 from rulec.separation.limits_file import read_limits
@@ -34,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     """Show the matrix of a plant."""
     if options.limits is not None and not options.separate:
         raise Misused("--limits are limits of --separate; give both")
+    check_outputs(options)
     ruleset = compile_plant(Path(options.plant))
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
@@ -41,6 +44,9 @@ def run(options: argparse.Namespace) -> int:
             show(console(options), ruleset)
         else:
             show_separated(console(options), ruleset, pairs)
+    if options.report:
+        write_to(options.report, matrix_page(ruleset, made_now("rulec")))
+        console(options).print(styled("[dim]report: {}[/]", options.report))
     more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}
     write_json(options, {**json_form(ruleset), **more})
     return 0

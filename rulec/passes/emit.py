@@ -16,7 +16,7 @@ from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signatures
-from rulec.passes.link import Network
+from rulec.passes.link import Network, junctions
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
 
@@ -95,6 +95,11 @@ def emit(
         undo=assembly.undo.plan(),
         dynamics=balanced.dynamics,
         knowledge=_knowledge(plant),
+        unbalanced=tuple(
+            contract.Junction(b.outlets, b.inlets)
+            for b in junctions(plant)
+            if b not in network.balances
+        ),
     )
 
 

@@ -312,7 +312,8 @@ class KnowledgeSpec:
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant.
 
-    `knowledge` is empty where it comes from one folder alone.
+    `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
+    that store: what meets there is connected, and no flows balance.
     """
 
     format_version: int
@@ -338,6 +339,7 @@ class Ruleset:
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
     time_zone: str = field(default="", metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
+    unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:

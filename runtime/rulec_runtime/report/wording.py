@@ -105,8 +105,8 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
 
 @dataclass(frozen=True)
 class Row:
-    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, and mean
-    probability."""
+    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, mean
+    probability, and ids of what it could be as well."""
 
     fault: FaultSpec
     times: int
@@ -114,6 +114,7 @@ class Row:
     bounds: tuple[float, float]
     when: str
     probability: float
+    others: tuple[str, ...] = ()
 
     @property
     def alike(self) -> bool:
@@ -140,6 +141,7 @@ def _row(members: Sequence[Finding], calendar: Calendar | None) -> Row:
         bounds=(min(f.lower for f in members), max(f.upper for f in members)),
         when=f"{len(members)} times, {when}" if len(members) > 1 else when,
         probability=sum(f.probability for f in members) / len(members),
+        others=tuple(dict.fromkeys(name for f in members for name, _ in f.alternatives)),
     )
 
 

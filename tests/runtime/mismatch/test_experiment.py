@@ -25,13 +25,12 @@ from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
 from rulec.mismatch.experiment.growing import known_with_onsets
 from rulec.mismatch.experiment.page import experiment_page
 from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
-from rulec.mismatch.experiment.result import Experiment, Reading, Step
 from rulec.mismatch.experiment.surroundings import surroundings
-from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import compiled
+from tests.runtime.mismatch.experiments import made_by_hand
 from tests.runtime.mismatch.made import rows_at
 
 HALVES = np.array([0.5, 0.5])
@@ -346,45 +345,7 @@ def test_what_nobody_sets_stays_or_follows_the_load() -> None:
 
 def test_a_page_where_a_reading_is_foretold_in_some_steps_only() -> None:
     """Its picture has those steps; a way that takes no time has no column."""
-    ruleset = compiled("abc")
-    one = Standing(
-        names=(),
-        titles=("One",),
-        probability=0.5,
-        joined=(),
-        values={},
-        fixed={},
-        periods=(),
-        released=(),
-        trusted=(),
-        terms=(),
-    )
-    seen = (
-        Reading("A.dp", (1e5, 2e5), 9.0, (1e3, 1e3)),
-        Reading("C.dp", (1e5, 1e5), 0.0, (1.0, 1.0)),
-    )
-    steps = tuple(
-        Step(15.0 * place, 15.0 * (place + 1), {"A.n": 10.0}, {}, readings)
-        for place, readings in enumerate((seen, seen[1:]))
-    )
-    found = Experiment(
-        standing=(one, replace(one, titles=("Two",))),
-        left_out=(),
-        steps=steps,
-        certainty=(0.5, 0.9, 0.9),
-        unlisted=0.0,
-        factors=np.zeros((2, 2)),
-        set_by={"A.n": (5.0, 10.0)},
-        present={"A.n": 5.0},
-        limited=False,
-        hindering=(),
-        unwatched=(),
-        time_is_short=False,
-        sensors=(),
-        sample=1.0,
-        read=frozenset(),
-    )
-    page = experiment_page(found, ruleset)
+    page = experiment_page(made_by_hand(), compiled("abc"))
     pictures = page.split("<figure")[1:]
     assert [picture.count('href="#up"') for picture in pictures] == [1, 2]
     assert '<th class="num">way</th>' not in page
