@@ -470,3 +470,5 @@ are exact there to 1e-15, and the formula with exponentials is beyond."""
 SAME_CONSTANT = 1e-12
 """Share by which a constant of a plan may differ from a parameter that it is. Origin: numerical; a
 value goes to its unit and back."""
+
+MOST_SUMMED = 24
