@@ -170,6 +170,16 @@ numerical."""
 IMMOVABLE = 1e-9
 """Share of a flow below which a reading moves nothing any more. Origin: numerical."""
 
+MOST_SUMMED = 24
+"""Modules whose flows one residual adds up at most; beyond it, what flows in is compared at each
+junction on the way, by those nearest to it, which tells the same: far sums follow from near ones.
+Shipped plants add up five at most. Origin: measured by `pytest tests/bench/test_compile.py`: the rules of a
+chain grow with its length, and no longer with its square."""
+
+MOST_RULES = 24
+"""Rules of a fault: of the residuals that it moves, those that show it at the smallest degree.
+Shipped plants have 14 at most. Origin: measured by `pytest tests/bench/test_compile.py`."""
+
 LONG_SUM = 3
 """Sums of more gradients than this are gathered first; it decides the size of the plan only.
 Origin: assumed."""
@@ -470,5 +480,3 @@ are exact there to 1e-15, and the formula with exponentials is beyond."""
 SAME_CONSTANT = 1e-12
 """Share by which a constant of a plan may differ from a parameter that it is. Origin: numerical; a
 value goes to its unit and back."""
-
-MOST_SUMMED = 24
