@@ -63,15 +63,15 @@ def most_telling(cells: Sequence[Signature]) -> Iterator[Signature]:
     A reading that a whole chain depends on moves residuals all along it, most of them by far less
     than their noise; rules for all would grow with the square of the plant.
     """
-    degrees: dict[str, list[float]] = {}
-    for cell in cells:
-        degrees.setdefault(cell.fault, []).append(cell.detectable)
-    largest = {fault: sorted(found)[:MOST_RULES][-1] for fault, found in degrees.items()}
-    left = dict.fromkeys(degrees, MOST_RULES)
-    for cell in cells:
-        if cell.detectable <= largest[cell.fault] and left[cell.fault]:
-            left[cell.fault] -= 1
-            yield cell
+    of_fault: dict[str, list[int]] = {}
+    for i, cell in enumerate(cells):
+        of_fault.setdefault(cell.fault, []).append(i)
+    chosen = {
+        i
+        for found in of_fault.values()
+        for i in sorted(found, key=lambda i: cells[i].detectable)[:MOST_RULES]
+    }
+    return (cell for i, cell in enumerate(cells) if i in chosen)
 
 
 def _basic_outputs(assembly: Assembly) -> None:
