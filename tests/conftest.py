@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import os
+import shutil
+import tempfile
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,6 +23,12 @@ from rulec.language.document import Document
 from rulec.passes.pipeline import compile_plant
 
 os.environ["RULEC_CHECKS"] = "1"
+
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    # Compiled plants are kept for this run alone, and for all its processes: never in the folder of
+    # the user, nor from a run of other code.
+    os.environ["RULEC_CACHE"] = tempfile.mkdtemp(prefix="rulec-tests-")
+    atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])

@@ -621,3 +621,9 @@ Origin: numerical."""
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
 standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""
+
+# What is kept for the next start ----------------------------------------------------------------
+
+MOST_KEPT_BYTES = 400_000_000
+"""Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
+0.1 MB. Origin: assumed."""
