@@ -621,3 +621,10 @@ Origin: numerical."""
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
 standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""
+
+# Integrator ------------------------------------------------------------------------------------
+
+KERNEL_WORTH = 30_000
+"""Steps that a tape is interpreted for before machine code is made of it: those take as long as
+making the code does, so that at most twice the least time is spent. Origin: measured by
+`python -m pytest tests/bench/test_integrator.py -s`."""

@@ -42,6 +42,16 @@ class Tape(NamedTuple):
     outputs: Slots
 
 
+class Kernel(NamedTuple):
+    """Addresses of machine code that does what a tape says, 0 where there is none."""
+
+    evaluate: int
+    advance: int
+
+
+NO_KERNEL = Kernel(0, 0)
+
+
 def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:
