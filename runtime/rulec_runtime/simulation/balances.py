@@ -80,7 +80,7 @@ class Balances:
         Raises `RanAway`.
         """
         # To load the integrator's compiler takes longer than to read a plant.
-        from rulec_runtime.simulation.integrator import integrate
+        from rulec_runtime.simulation.integrator import PIECES, integrate
 
         tape, _ = self._tape
         store, store_slopes = self._filled(values, seeds)
@@ -103,7 +103,8 @@ class Balances:
         )
         if steps < 0:
             raise RanAway
-        self._kernels.count(columns, steps)
+        # The explicit method takes fewer, but where a state grows by itself.
+        self._kernels.count(columns, steps, implicit=steps > PIECES * n)
         return Course(shown, slopes, states, steps)
 
     def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:

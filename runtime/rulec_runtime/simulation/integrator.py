@@ -83,10 +83,6 @@ HUGE = 1e150
 AT_REST = 1e-18
 """Square of a mode's share of what there is, below which it stands still. Origin: numerical."""
 
-PLAIN = {"cache": KEPT, "nogil": True, "fastmath": False, "error_model": "numpy"}
-WOVEN = {**PLAIN, "forceinline": True}
-"""How numba compiles what is called, and what is put in place of its one call."""
-
 STAGES = (4, 2)
 NODES = np.array([[0.0, 0.5, 0.5, 1.0], [0.0, 1.0, 0.0, 0.0]])
 WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
@@ -94,7 +90,7 @@ WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
 each is, and how much each counts in the explicit one; there each starts from the one before."""
 
 
-@compiled(**PLAIN)
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def evaluate(
     first: int,
     codes: np.ndarray,
@@ -178,25 +174,22 @@ def evaluate(
                 slopes[out, k] = da * slopes[a, k]
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
+def _interpret(tape: Tape, values: np.ndarray, slopes: np.ndarray) -> None:
+    first, codes, left, right, begin = tape[:5]
+    evaluate(first, codes, left, right, begin, values, slopes, slopes.shape[1])
+
+
+@compiled(inline="always")
 def _run(tape: Tape, kernel: Kernel, values: np.ndarray, slopes: np.ndarray) -> None:
     """Run the moving operations, by machine code where there is some."""
     if kernel.evaluate != 0:
         kernel_call.evaluate(kernel.evaluate, values, slopes)
     else:
-        evaluate(
-            tape.first,
-            tape.codes,
-            tape.left,
-            tape.right,
-            tape.begin,
-            values,
-            slopes,
-            slopes.shape[1],
-        )
+        _interpret(tape, values, slopes)
 
 
-@compiled(**PLAIN)
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
     """Solve a small system for all columns, both in place (Gauss, with pivots)."""
     n, width = right_side.shape
@@ -248,7 +241,7 @@ def _give(
         values[slots[j]] = u
 
 
-@compiled(**PLAIN)
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _follow(
     values: np.ndarray,
     slopes: np.ndarray,
@@ -286,7 +279,7 @@ def _follow(
             slopes[slot, c] = followed - steep * slopes[delay, c]
 
 
-@compiled(**PLAIN)
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _aim(
     values: np.ndarray,
     slopes: np.ndarray,
@@ -447,10 +440,10 @@ class Past(NamedTuple):
     mean_slopes: np.ndarray
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _room(tape: Tape, size: int, columns: int) -> Room:
     count = tape.states.shape[0]
-    jacobian = np.zeros((size, count))
+    jacobian = np.zeros((size, -(-count // LANES) * LANES))
     for i in range(count):
         jacobian[tape.states[i], i] = 1.0
     return Room(
@@ -469,7 +462,7 @@ def _room(tape: Tape, size: int, columns: int) -> Room:
     )
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
     late = np.flatnonzero(tape.afters >= 0)
     lates, columns = late.shape[0], room.dx.shape[1]
@@ -484,7 +477,7 @@ def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
     return Past(late, nodes, values, slopes, np.zeros((1, lates)), np.zeros((1, lates, columns)))
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _begin(
     tape: Tape,
     kernel: Kernel,
@@ -503,7 +496,7 @@ def _begin(
                 dx[i, c] = slopes[tape.starts[i], c]
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _at_sample(
     tape: Tape,
     kernel: Kernel,
@@ -547,7 +540,7 @@ def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
     return (p == 0 and stage == 0) or (p == pieces - 1 and stage == stages - 1)
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _to_stage(
     tape: Tape,
     values: np.ndarray,
@@ -570,7 +563,7 @@ def _to_stage(
         _follow(values, slopes, tape, past, when[0], when[1])
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _explicit(
     tape: Tape,
     kernel: Kernel,
@@ -621,15 +614,15 @@ def _explicit(
                 room.given[stage, j] = u
             room.given[stage, last] = time[s] + at * length
         kernel_call.advance(kernel.advance, values, slopes, x, dx, k, room.given, step)
-        return
-    for i in range(x.shape[0]):
-        for stage in range(4):
-            x[i] += step * WEIGHTS[stage] * k[stage, i]
-            for c in range(dx.shape[1]):
-                dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
+    else:
+        for i in range(x.shape[0]):
+            for stage in range(STAGES[0]):
+                x[i] += step * WEIGHTS[stage] * k[stage, i]
+                for c in range(dx.shape[1]):
+                    dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _implicit(
     tape: Tape,
     kernel: Kernel,
@@ -657,18 +650,14 @@ def _implicit(
         scale = NODES[1, stage] * step
         _to_stage(tape, values, slopes, room, past, (0, scale), (now, s + 2))
         if stage == 0:
-            evaluate(
-                tape.first,
-                tape.codes,
-                tape.left,
-                tape.right,
-                tape.begin,
-                values,
-                room.jacobian,
-                count,
-            )
+            if kernel.jacobian != 0:
+                kernel_call.evaluate(kernel.jacobian, values, room.jacobian)
+            else:
+                _interpret(tape, values, room.jacobian)
             rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
-        _run(tape, kernel, values, slopes)
+        # With the Jacobian come the values.
+        if stage > 0 or slopes.shape[1] > 0:
+            _run(tape, kernel, values, slopes)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
             _aim(values, slopes, tape, late, 0.5, past.mean, past.mean_slopes, 0)
         for i in range(count):
@@ -692,7 +681,7 @@ def _implicit(
     return rate, error
 
 
-@compiled(**WOVEN)
+@compiled(inline="always")
 def _step(
     tape: Tape,
     kernel: Kernel,
@@ -790,7 +779,7 @@ def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
     return False
 
 
-@compiled(**PLAIN)
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     tape: Tape,
     kernel: Kernel,

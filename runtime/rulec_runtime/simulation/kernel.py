@@ -6,6 +6,7 @@ often. Results are the same, so it does not matter when.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Iterable
 from functools import cache
@@ -15,11 +16,16 @@ from rulec_runtime.limits import KERNEL_WORTH
 from rulec_runtime.simulation.kernel_code import (
     ADVANCE,
     EVALUATE,
-    Numbers,
+    JACOBIAN,
     called,
     code_of,
+    jacobian_code_of,
 )
-from rulec_runtime.simulation.tape import NO_KERNEL, Kernel, Tape
+from rulec_runtime.simulation.kernel_rules import Numbers
+from rulec_runtime.simulation.tape import Kernel, Tape
+
+_Made = Any
+"""An engine of LLVM, which numba's types do not know."""
 
 
 class Kernels:
@@ -30,52 +36,76 @@ class Kernels:
 
     def __init__(self, tape: Tape, flat: Iterable[int]) -> None:
         self._tape, self._flat = tape, tuple(flat)
-        self._steps: dict[int, int] = {}
-        self._made: dict[int, tuple[Kernel, Any]] = {}
+        self._steps: dict[str, int] = {}
+        self.made: dict[str, _Made] = {}
+
+    def __reduce__(self) -> tuple[type[Kernels], tuple[Tape, tuple[int, ...]]]:
+        """A copy makes its own: machine code belongs to one process."""
+        return Kernels, (self._tape, self._flat)
 
     def kernel(self, columns: int) -> Kernel:
-        """The kernel, if it has been made."""
-        if columns not in self._made:
-            if self._steps.get(columns, 0) < KERNEL_WORTH:
-                return NO_KERNEL
-            self._made[columns] = _made(self._tape, self._flat, columns)
-        return self._made[columns][0]
+        """What has been made for so many columns."""
+        late = bool((self._tape.afters >= 0).any())
+        return Kernel(
+            evaluate=self._address(EVALUATE, columns),
+            advance=0 if late else self._address(ADVANCE, columns),
+            jacobian=self._address(JACOBIAN, 0),
+        )
 
-    def count(self, columns: int, steps: int) -> None:
-        """Steps were taken with so many columns."""
-        self._steps[columns] = self._steps.get(columns, 0) + steps
+    def _address(self, name: str, columns: int) -> int:
+        key = JACOBIAN if name == JACOBIAN else f"{columns} columns"
+        if key not in self.made:
+            if self._steps.get(key, 0) < KERNEL_WORTH or not _there_is_llvm():
+                return 0
+            numbers = _numbers(self._tape)
+            self.made[key] = _made(
+                jacobian_code_of(self._tape, numbers)
+                if name == JACOBIAN
+                else code_of(self._tape, self._flat, columns, numbers)
+            )
+        return int(self.made[key].get_function_address(name))
+
+    def count(self, columns: int, steps: int, implicit: bool) -> None:
+        """Steps were taken with so many columns, most of them implicit or not."""
+        for key in (f"{columns} columns", *((JACOBIAN,) if implicit else ())):
+            self._steps[key] = self._steps.get(key, 0) + steps
 
 
-def _made(tape: Tape, flat: tuple[int, ...], columns: int) -> tuple[Kernel, Any]:
-    """A kernel, and what must live as long as it."""
-    try:
-        import llvmlite.binding as llvm
-    except ImportError:  # no numba: the interpreter is all there is
-        return NO_KERNEL, None
+@cache
+def _there_is_llvm() -> bool:
+    return importlib.util.find_spec("numba") is not None
 
+
+def _numbers(tape: Tape) -> Numbers:
     from rulec_runtime.simulation.integrator import NODES, STEEPEST, TINY, WEIGHTS
 
-    numbers = Numbers(
+    return Numbers(
         tiny=TINY,
         steepest=STEEPEST,
         nodes=tuple(NODES[0].tolist()),
         weights=tuple(WEIGHTS.tolist()),
         functions={name: _function(name).address for name in called(tape)},
     )
+
+
+def _made(code: str) -> _Made:
+    """Machine code for this machine; it lives as long as what is returned.
+
+    LLVM is asked for little: what it finds beyond takes longer than it saves.
+    """
+    import llvmlite.binding as llvm
+
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    module = llvm.parse_assembly(code_of(tape, flat, columns, numbers))
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
-        opt=2,
+        opt=0,
         jit=True,
     )
-    engine = llvm.create_mcjit_compiler(module, machine)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(code), machine)
     engine.finalize_object()
-    late = bool((tape.afters >= 0).any())
-    advance = 0 if late else engine.get_function_address(ADVANCE)
-    return Kernel(engine.get_function_address(EVALUATE), advance), engine
+    return engine
 
 
 @cache
@@ -83,10 +113,8 @@ def _function(name: str) -> Any:
     """A function as the interpreter has it: LLVM alone may know another, or none."""
     from numba import cfunc
 
-    from rulec_runtime.simulation.integrator import PLAIN
-
     def power(x: float, y: float) -> float:
-        return x**y
+        return float(x**y)
 
     def exp(x: float) -> float:
         return math.exp(x)
@@ -104,4 +132,4 @@ def _function(name: str) -> Any:
         "log": (one, log),
         "tanh": (one, tanh),
     }[name]
-    return cfunc(kind, error_model=PLAIN["error_model"])(function)
+    return cfunc(kind, error_model="numpy")(function)

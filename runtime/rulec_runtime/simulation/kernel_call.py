@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from rulec_runtime.simulation.kernel_code import LANES
+from rulec_runtime.simulation.kernel_rules import LANES
 
 __all__ = ["LANES", "advance", "evaluate"]
 
@@ -26,8 +26,7 @@ def _call(context: Any, builder: Any, kinds: Any, arguments: Any) -> Any:
     return context.get_dummy_value()
 
 
-@intrinsic
-def evaluate(_: Any, address: Any, values: Any, slopes: Any) -> Any:
+def _evaluate(_: Any, address: Any, values: Any, slopes: Any) -> Any:
     """`kernel_code.EVALUATE` at an address."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -36,8 +35,7 @@ def evaluate(_: Any, address: Any, values: Any, slopes: Any) -> Any:
     return types.void(address, values, slopes), code
 
 
-@intrinsic
-def advance(
+def _advance(
     _: Any, address: Any, values: Any, slopes: Any, x: Any, dx: Any, k: Any, given: Any, step: Any
 ) -> Any:
     """`kernel_code.ADVANCE` at an address."""
@@ -46,3 +44,7 @@ def advance(
         return _call(context, builder, signature.args, arguments)
 
     return types.void(address, values, slopes, x, dx, k, given, step), code
+
+
+evaluate: Any = intrinsic(_evaluate)
+advance: Any = intrinsic(_advance)

@@ -11,15 +11,22 @@ are sums of products, `LANES` columns at a time.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 
 from rulec_runtime.contract.plan import UNARY
+from rulec_runtime.simulation.kernel_rules import (
+    CALLED,
+    DECLARED,
+    LANES,
+    MINUS,
+    ONE,
+    RULES,
+    WIDE,
+    Code,
+    Numbers,
+    number,
+)
 from rulec_runtime.simulation.tape import CODES, Tape
-
-LANES = 4
-"""Columns of slopes at a time: a register of AVX2 holds so many."""
 
 EVALUATE = "evaluate"
 """``(values, slopes)``: run the moving operations, in place."""
@@ -32,27 +39,13 @@ The first stage's rates stand in `values` and `slopes`. `k`, shape (4, states), 
 stage.
 """
 
+JACOBIAN = "jacobian"
+"""``(values, slopes)``: the same as `EVALUATE`, for slopes by the states alone; code of its own."""
+
 NAMES = {code: name for name, code in CODES.items()}
-
-WIDE = f"<{LANES} x double>"
-
-ONE, MINUS = "one", "minus"
-"""Factors that need no multiplication."""
 
 Factor = tuple[str, int] | str | None
 """`ONE`, `MINUS`, where the factor stands (array and place), or None for zero."""
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """Numbers of the integrator that the code needs: edges of functions, nodes and weights of the
-    stages; and the addresses of functions that LLVM has none of."""
-
-    tiny: float
-    steepest: float
-    nodes: tuple[float, ...]
-    weights: tuple[float, ...]
-    functions: Mapping[str, int]
 
 
 def code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> str:
@@ -61,14 +54,29 @@ def code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> 
     `flat` are slots whose slopes are zero whatever the parameters: constants and what is given.
     `columns` is a multiple of `LANES`, or 0 without slopes.
     """
-    zero = _without_slopes(tape, flat)
-    moved = tape.first + tape.begin
-    watched = [*tape.starts, *tape.rates, *tape.lows, *tape.highs, *tape.afters, *tape.outputs]
-    stored = sorted({int(slot) for slot in watched if slot >= moved})
-    parts = [_evaluate(_Lines(tape, zero, columns, numbers, stored), stored)]
+    zero, stored = _without_slopes(tape, flat), _watched(tape)
+    parts = [_evaluate(EVALUATE, _Lines(tape, zero, columns, numbers, stored), stored)]
     if not (tape.afters >= 0).any():
         parts.append(_advance(_Lines(tape, zero, columns, numbers, map(int, tape.rates))))
-    return "\n".join([*parts, *_DECLARED])
+    return "\n".join([*parts, *DECLARED])
+
+
+def jacobian_code_of(tape: Tape, numbers: Numbers) -> str:
+    """The code of a tape for `JACOBIAN`; columns are states, rounded up to `LANES`."""
+    zero, stored = _without_slopes(tape, range(tape.first + tape.begin)), _watched(tape)
+    lines = _Lines(tape, zero, padded(len(tape.states)), numbers, stored)
+    return "\n".join([_evaluate(JACOBIAN, lines, stored), *DECLARED])
+
+
+def padded(width: int) -> int:
+    """A number of columns, rounded up to `LANES`."""
+    return -(-width // LANES) * LANES
+
+
+def _watched(tape: Tape) -> list[int]:
+    """Moving slots that the integrator reads."""
+    read = [*tape.starts, *tape.rates, *tape.lows, *tape.highs, *tape.afters, *tape.outputs]
+    return sorted({int(slot) for slot in read if slot >= tape.first + tape.begin})
 
 
 def called(tape: Tape) -> frozenset[str]:
@@ -87,214 +95,6 @@ def _without_slopes(tape: Tape, flat: Iterable[int]) -> set[int]:
         if NAMES[int(code)] == "sign" or (int(a) in zero and int(b) in zero):
             zero.add(tape.first + i)
     return zero
-
-
-class _Code:
-    """Lines of code; each result has a number."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self._count = 0
-
-    def put(self, what: str) -> str:
-        """A line with a result; its name."""
-        self._count += 1
-        self.lines.append(f"  %r{self._count} = {what}")
-        return f"%r{self._count}"
-
-    def do(self, what: str) -> None:
-        """A line without a result."""
-        self.lines.append(f"  {what}")
-
-    def at(self, base: str, index: int | str) -> str:
-        """The address of a number of an array."""
-        return self.put(f"getelementptr double, ptr {base}, i64 {index}")
-
-    def load(self, base: str, index: int | str, kind: str = "double") -> str:
-        """A number of an array, or `LANES` of them."""
-        return self.put(f"load {kind}, ptr {self.at(base, index)}, align 8")
-
-    def store(self, value: str, base: str, index: int | str, kind: str = "double") -> None:
-        """Write a number, or `LANES` of them."""
-        self.do(f"store {kind} {value}, ptr {self.at(base, index)}, align 8")
-
-    def wide(self, value: str) -> str:
-        """A number in all lanes."""
-        one = self.put(f"insertelement {WIDE} poison, double {value}, i32 0")
-        return self.put(
-            f"shufflevector {WIDE} {one}, {WIDE} poison, <{LANES} x i32> zeroinitializer"
-        )
-
-    def calc(self, operation: str, a: str, b: str, kind: str = "double") -> str:
-        """An operation of two operands."""
-        return self.put(f"{operation} {kind} {a}, {b}")
-
-    def choose(self, if_: str, a: str, b: str) -> str:
-        """`a` where the condition holds, else `b`."""
-        return self.put(f"select i1 {if_}, double {a}, double {b}")
-
-    def call(self, function: int, *operands: str) -> str:
-        """The result of a function at an address."""
-        given = ", ".join(f"double {o}" for o in operands)
-        return self.put(f"call double inttoptr (i64 {function} to ptr)({given})")
-
-    def moved(self, base: str, scale: str, by: str | None, kind: str = "double") -> str:
-        """`base` and a multiple of something, which None has none of."""
-        if by is None:
-            return base
-        return self.calc("fadd", base, self.calc("fmul", scale, by, kind), kind)
-
-    def by_columns(self, columns: int, body: Callable[[], None]) -> None:
-        """A loop over columns, `LANES` at a time; the last one that a function may have."""
-        self.do("br label %columns")
-        self.lines.append("columns:")
-        self.do("%column = phi i64 [ 0, %start ], [ %next_column, %columns ]")
-        body()
-        self.do(f"%next_column = add i64 %column, {LANES}")
-        self.do(f"%more_columns = icmp ult i64 %next_column, {columns}")
-        self.do("br i1 %more_columns, label %columns, label %done")
-        self.lines.append("done:")
-
-    def function(self, name: str, parameters: str, frame: int) -> str:
-        """The whole function; `frame` numbers are kept on the stack."""
-        begin = [f"define void {name}({parameters}) {{", "start:"]
-        frame_ = f"  %frame = alloca double, i64 {max(frame, 1)}, align 8"
-        return "\n".join([*begin, frame_, *self.lines, "  ret void", "}"])
-
-
-def _number(value: float) -> str:
-    """A number as LLVM writes it: its bits."""
-    return f"0x{int.from_bytes(struct.pack('>d', value)):016X}"
-
-
-def _add(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    return code.calc("fadd", x, y), ONE, ONE
-
-
-def _sub(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    return code.calc("fsub", x, y), ONE, MINUS
-
-
-def _mul(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    return code.calc("fmul", x, y), y, x
-
-
-def _div(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    none = code.calc("fcmp oeq", y, _number(0.0))
-    y = code.choose(none, _number(numbers.tiny), y)
-    v = code.calc("fdiv", x, y)
-    by_left = code.calc("fdiv", _number(1.0), y) if by[0] else None
-    by_right = code.calc("fdiv", code.put(f"fneg double {v}"), y) if by[1] else None
-    return v, by_left, by_right
-
-
-def _pow(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    zero, one = _number(0.0), _number(1.0)
-    base = code.choose(code.calc("fcmp olt", x, zero), zero, x)
-    none = code.calc("fcmp oeq", base, zero)
-    raised = code.call(numbers.functions["pow"], base, y)
-    at_zero = code.choose(code.calc("fcmp ogt", y, zero), zero, one)
-    v = code.choose(none, at_zero, raised)
-    by_left = by_right = None
-    if by[0]:
-        steep = code.calc("fdiv", code.calc("fmul", y, v), base)
-        line = code.choose(code.calc("fcmp oeq", y, one), y, zero)
-        by_left = code.choose(none, line, steep)
-    if by[1]:
-        steep = code.calc("fmul", v, code.call(numbers.functions["log"], base))
-        by_right = code.choose(none, zero, steep)
-    return v, by_left, by_right
-
-
-def _either(comparison: str) -> _Rule:
-    def rule(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-        zero, one = _number(0.0), _number(1.0)
-        left = code.calc(comparison, x, y)
-        by_left = code.choose(left, one, zero) if by[0] else None
-        by_right = code.choose(left, zero, one) if by[1] else None
-        return code.choose(left, x, y), by_left, by_right
-
-    return rule
-
-
-def _neg(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    return code.put(f"fneg double {x}"), MINUS, None
-
-
-def _sqrt(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    there = code.calc("fcmp ogt", x, _number(numbers.tiny))
-    root = code.put(f"call double @llvm.sqrt.f64(double {x})")
-    by_left = None
-    if by[0]:
-        by_left = code.choose(there, code.calc("fdiv", _number(0.5), root), _number(0.0))
-    return code.choose(there, root, _number(0.0)), by_left, None
-
-
-def _abs(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    up = code.calc("fcmp oge", x, _number(0.0))
-    by_left = code.choose(up, _number(1.0), _number(-1.0)) if by[0] else None
-    return code.put(f"call double @llvm.fabs.f64(double {x})"), by_left, None
-
-
-def _sign(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    zero = _number(0.0)
-    below = code.choose(code.calc("fcmp olt", x, zero), _number(-1.0), zero)
-    return code.choose(code.calc("fcmp ogt", x, zero), _number(1.0), below), None, None
-
-
-def _exp(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    most = _number(numbers.steepest)
-    x = code.choose(code.calc("fcmp ogt", x, most), most, x)
-    v = code.call(numbers.functions["exp"], x)
-    return v, v, None
-
-
-def _log(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    least = _number(numbers.tiny)
-    x = code.choose(code.calc("fcmp olt", x, least), least, x)
-    by_left = code.calc("fdiv", _number(1.0), x) if by[0] else None
-    return code.call(numbers.functions["log"], x), by_left, None
-
-
-def _tanh(code: _Code, numbers: Numbers, x: str, y: str, by: _By) -> _Ruled:
-    v = code.call(numbers.functions["tanh"], x)
-    by_left = code.calc("fsub", _number(1.0), code.calc("fmul", v, v)) if by[0] else None
-    return v, by_left, None
-
-
-_By = tuple[bool, bool]
-"""Whether the derivatives by both operands are wanted."""
-
-_Ruled = tuple[str, str | None, str | None]
-"""The value, and its derivatives by both operands."""
-
-_Rule = Callable[[_Code, Numbers, str, str, _By], _Ruled]
-
-_RULES: Mapping[str, _Rule] = {
-    "add": _add,
-    "sub": _sub,
-    "mul": _mul,
-    "div": _div,
-    "pow": _pow,
-    "min": _either("fcmp ole"),
-    "max": _either("fcmp oge"),
-    "neg": _neg,
-    "sqrt": _sqrt,
-    "abs": _abs,
-    "sign": _sign,
-    "exp": _exp,
-    "log": _log,
-    "tanh": _tanh,
-}
-"""The operations, as `evaluate` in `integrator.py` has them."""
-
-_DECLARED = (
-    "declare double @llvm.sqrt.f64(double)",
-    "declare double @llvm.fabs.f64(double)",
-)
-
-CALLED = frozenset({"pow", "exp", "log", "tanh"})
-"""Operations that are functions at an address; the derivative of `pow` needs `log` beside it."""
 
 
 class _Lines:
@@ -322,7 +122,7 @@ class _Lines:
         i = slot - self.tape.first
         return int(self.tape.left[i]), int(self.tape.right[i])
 
-    def values(self, code: _Code, known: Mapping[int, str]) -> tuple[_Got, _Factors]:
+    def values(self, code: Code, known: Mapping[int, str]) -> tuple[_Got, _Factors]:
         """Lines for all values; `known` are slots that stand elsewhere than in `values`."""
         there = dict(known)
         factors = _Factors()
@@ -336,7 +136,7 @@ class _Lines:
             name, (a, b) = self._name(slot), self._operands(slot)
             by_left = bool(self.columns) and a not in self.zero
             by_right = bool(self.columns) and b not in self.zero and name not in UNARY
-            found, left, right = _RULES[name](
+            found, left, right = RULES[name](
                 code, self.numbers, value(a), value(b), (by_left, by_right)
             )
             there[slot] = found
@@ -348,7 +148,7 @@ class _Lines:
         return value, factors
 
     def slopes(
-        self, code: _Code, known: Mapping[int, str], factors: _Factors, frame: str
+        self, code: Code, known: Mapping[int, str], factors: _Factors, frame: str
     ) -> _GotWide:
         """Lines for slopes in the columns from `%column` on; what is None is zero."""
         there: dict[int, str | None] = {**dict.fromkeys(self.zero, None), **known}
@@ -366,8 +166,8 @@ class _Lines:
             if isinstance(factor, str):
                 return ("fadd" if factor == ONE else "fsub"), own
             base, place = factor
-            number = code.load("%values" if base == "values" else frame, place)
-            return "fadd", code.calc("fmul", code.wide(number), own, WIDE)
+            by = code.load("%values" if base == "values" else frame, place)
+            return "fadd", code.calc("fmul", code.wide(by), own, WIDE)
 
         for slot in self._order:
             operands = zip(self._operands(slot), factors.by[slot], strict=True)
@@ -381,13 +181,13 @@ class _Lines:
             there[slot] = total
         return slope
 
-    def kept_slope(self, code: _Code, slot: int) -> str | None:
+    def kept_slope(self, code: Code, slot: int) -> str | None:
         """Slopes as they stand in `slopes`."""
         if slot in self.zero:
             return None
         return code.load(self.row(code, "%slopes", slot), "%column", WIDE)
 
-    def row(self, code: _Code, base: str, row: int) -> str:
+    def row(self, code: Code, base: str, row: int) -> str:
         """The address of a row of slopes."""
         return code.at(base, row * self.columns)
 
@@ -411,15 +211,15 @@ class _Factors:
             return "values", stays[factor]
         return "frame", self.frame.setdefault(factor, len(self.frame))
 
-    def keep(self, code: _Code, begin: int) -> None:
+    def keep(self, code: Code, begin: int) -> None:
         """Lines that put factors into the frame, from a place on."""
-        for number, place in self.frame.items():
-            code.store(number, "%frame", begin + place)
+        for factor, place in self.frame.items():
+            code.store(factor, "%frame", begin + place)
 
 
-def _evaluate(lines: _Lines, stored: list[int]) -> str:
-    """The function `EVALUATE`."""
-    code = _Code()
+def _evaluate(name: str, lines: _Lines, stored: list[int]) -> str:
+    """The function `EVALUATE`, or `JACOBIAN`."""
+    code = Code()
     value, factors = lines.values(code, {})
     for slot in stored:
         code.store(value(slot), "%values", slot)
@@ -444,9 +244,9 @@ def _advance(lines: _Lines) -> str:
     states, rates = [[int(slot) for slot in slots] for slots in (tape.states, tape.rates)]
     given = [*(int(slot) for slot in tape.inputs), tape.clock]
     count, stages = len(states), range(1, len(numbers.nodes))
-    code = _Code()
-    scales = [code.calc("fmul", _number(node), "%step") for node in numbers.nodes]
-    weights = [code.calc("fmul", "%step", _number(weight)) for weight in numbers.weights]
+    code = Code()
+    scales = [code.calc("fmul", number(node), "%step") for node in numbers.nodes]
+    weights = [code.calc("fmul", "%step", number(weight)) for weight in numbers.weights]
     begun = [code.load("%x", i) for i in range(count)]
     rate = [code.load("%values", slot) for slot in rates]
     ends = [code.moved(begun[i], weights[0], rate[i]) for i in range(count)]

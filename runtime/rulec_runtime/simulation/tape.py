@@ -47,9 +47,10 @@ class Kernel(NamedTuple):
 
     evaluate: int
     advance: int
+    jacobian: int
 
 
-NO_KERNEL = Kernel(0, 0)
+NO_KERNEL = Kernel(0, 0, 0)
 
 
 def tape_of(
