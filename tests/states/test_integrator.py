@@ -177,7 +177,7 @@ def test_the_same_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip("numba is not installed")
     time, u = random_inputs(25)
     fast = run(time, u, values_of(SHIPPED), "upper.a", "lower.h0")
-    for name in ("evaluate", "integrate"):
+    for name in ("evaluate", "integrate", "_over_samples"):
         monkeypatch.setattr(machine, name, getattr(machine, name).py_func)
     slow = run(time, u, values_of(SHIPPED), "upper.a", "lower.h0")
     assert fast.steps == slow.steps

@@ -83,6 +83,9 @@ HUGE = 1e150
 AT_REST = 1e-18
 """Square of a mode's share of what there is, below which it stands still. Origin: numerical."""
 
+UNCOUNTED: dict[str, Any] = {"_nrt": False}
+"""numba's option for code that allocates nothing: it need not count who holds an array."""
+
 STAGES = (4, 2)
 NODES = np.array([[0.0, 0.5, 0.5, 1.0], [0.0, 1.0, 0.0, 0.0]])
 WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
@@ -349,8 +352,8 @@ def _linearised(
             matrix[i, c] = -GAMMA * step * jacobian[rates[i], c]
         matrix[i, i] += 1.0
         if afters[i] >= 0:
-            matrix[i, :] = 0.0
-            matrix[i, i] = 1.0
+            for c in range(count):
+                matrix[i, c] = 1.0 if c == i else 0.0
             continue
         total = 0.0
         for c in range(count):
@@ -497,6 +500,22 @@ def _begin(
 
 
 @compiled(inline="always")
+def _put(
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+    node: int,
+    known: bool,
+    mean: np.ndarray,
+    mean_slopes: np.ndarray,
+) -> None:
+    """Put the mean of a step at a node of the past, or nothing yet."""
+    for j in range(mean.shape[1]):
+        past[node, j] = mean[0, j] if known else 0.0
+        for c in range(mean_slopes.shape[2]):
+            past_slopes[node, j, c] = mean_slopes[0, j, c] if known else 0.0
+
+
+@compiled(inline="always")
 def _at_sample(
     tape: Tape,
     kernel: Kernel,
@@ -517,8 +536,7 @@ def _at_sample(
         if lates and s < n - 1:
             # Before the step is done, what is followed now stands for its mean.
             past.nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
-            past.values[s + 1] = 0.0
-            past.slopes[s + 1] = 0.0
+            _put(past.values, past.slopes, s + 1, False, past.mean, past.mean_slopes)
             _aim(values, slopes, tape, late, 1.0, past.values, past.slopes, s + 1)
         if lates and s > 0:
             _follow(values, slopes, tape, past, time[s], min(s + 2, n))
@@ -602,7 +620,8 @@ def _explicit(
                 dk[stage, i, c] = slopes[rates[i], c]
         for j in range(late.shape[0]):
             k[stage, late[j]] = 0.0
-            dk[stage, late[j], :] = 0.0
+            for c in range(dx.shape[1]):
+                dk[stage, late[j], c] = 0.0
     if kernel.advance != 0:
         last = tape.inputs.shape[0]
         for stage in range(1, STAGES[0]):
@@ -665,8 +684,11 @@ def _implicit(
             for c in range(dx.shape[1]):
                 right_side[i, 1 + c] = slopes[rates[i], c] - 2.0 * stage * dk[0, i, c]
         for j in range(late.shape[0]):
-            right_side[late[j], :] = 0.0
-        room.work[:, :] = room.matrix
+            for c in range(right_side.shape[1]):
+                right_side[late[j], c] = 0.0
+        for i in range(count):
+            for j in range(count):
+                room.work[i, j] = room.matrix[i, j]
         _solve(room.work, right_side)
         for i in range(count):
             k[stage, i] = right_side[i, 0]
@@ -710,8 +732,7 @@ def _step(
             room.d_old[i, c] = dx[i, c]
     while True:
         if past.late.shape[0]:
-            past.mean[:] = 0.0
-            past.mean_slopes[:] = 0.0
+            _put(past.mean, past.mean_slopes, 0, False, past.mean, past.mean_slopes)
         step = length / pieces
         rate, error, bent, growing = 0.0, 0.0, 0.0, False
         for p in range(pieces):
@@ -762,8 +783,7 @@ def _step(
     elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
         pieces //= 2
     if past.late.shape[0]:
-        past.values[s + 1] = past.mean[0]
-        past.slopes[s + 1] = past.mean_slopes[0]
+        _put(past.values, past.slopes, s + 1, True, past.mean, past.mean_slopes)
     return taken, stiff, pieces
 
 
@@ -779,8 +799,10 @@ def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
     return False
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def integrate(
+@compiled(  # type: ignore[untyped-decorator] # numba tells no type of such an option
+    cache=KEPT, nogil=True, fastmath=False, error_model="numpy", **UNCOUNTED
+)
+def _over_samples(
     tape: Tape,
     kernel: Kernel,
     held: np.ndarray,
@@ -791,27 +813,14 @@ def integrate(
     outputs: np.ndarray,
     output_slopes: np.ndarray,
     states: np.ndarray,
+    room: Room,
+    past: Past,
 ) -> int:
-    """Integrate over all samples; the number of steps taken, or -1 where a number ran away.
+    """From sample to sample; returns what `integrate` does.
 
-    Parameters
-    ----------
-    kernel : machine code of the tape for as many columns as `slopes` has, or none.
-    held : per input, whether it keeps its value up to the next sample; others are interpolated.
-    inputs : shape (n, inputs).
-    values, slopes : one row per value of the plan, parameters, constants and what follows from
-        them alone (operations before `tape.begin`) filled in; (values,) and (values, columns),
-        columns a multiple of `LANES`, those beyond width 0.
-    outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
+    To count who holds which array, at every line that hands one on, takes longer than a step does.
     """
-    n, room = time.shape[0], _room(tape, values.shape[0], slopes.shape[1])
-    taken, pieces, stiff = 0, 1, False
-    for j in range(tape.inputs.shape[0]):
-        values[tape.inputs[j]] = inputs[0, j]
-    if tape.clock >= 0:
-        values[tape.clock] = time[0]
-    _begin(tape, kernel, values, slopes, room.x, room.dx)
-    past = _past(tape, time, room)
+    n, taken, pieces, stiff = time.shape[0], 0, 1, False
     for s in range(n):
         for j in range(tape.inputs.shape[0]):
             values[tape.inputs[j]] = inputs[s, j]
@@ -845,3 +854,53 @@ def integrate(
         if _ran_away(room.x, room.dx):
             return -1
     return taken
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def integrate(
+    tape: Tape,
+    kernel: Kernel,
+    held: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    outputs: np.ndarray,
+    output_slopes: np.ndarray,
+    states: np.ndarray,
+) -> int:
+    """Integrate over all samples; the number of steps taken, or -1 where a number ran away.
+
+    Parameters
+    ----------
+    kernel : machine code of the tape for as many columns as `slopes` has, or none.
+    held : per input, whether it keeps its value up to the next sample; others are interpolated.
+    inputs : shape (n, inputs).
+    values, slopes : one row per value of the plan, parameters, constants and what follows from
+        them alone (operations before `tape.begin`) filled in; (values,) and (values, columns),
+        columns a multiple of `LANES`, those beyond width 0.
+    outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
+    """
+    room = _room(tape, values.shape[0], slopes.shape[1])
+    for j in range(tape.inputs.shape[0]):
+        values[tape.inputs[j]] = inputs[0, j]
+    if tape.clock >= 0:
+        values[tape.clock] = time[0]
+    _begin(tape, kernel, values, slopes, room.x, room.dx)
+    past = _past(tape, time, room)
+    return int(
+        _over_samples(
+            tape,
+            kernel,
+            held,
+            time,
+            inputs,
+            values,
+            slopes,
+            outputs,
+            output_slopes,
+            states,
+            room,
+            past,
+        )
+    )
