@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -101,17 +102,27 @@ def test_a_dead_time(both: Callable[..., Iterator[Course]]) -> None:
     assert np.ptp(fast.slopes) > 0.0
 
 
-def test_what_runs_away_is_told_alike(both: Callable[..., Iterator[Course]]) -> None:
+def test_what_runs_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "KERNEL_WORTH", 0)
     plan = Plan(("A.h", "A.r"), (1.0,), (("mul", 0, 1),), {"der:A.h": 3, "start:A.h": 2})
-    time, none = np.arange(0.0, 1000.0, 10.0), np.empty((100, 0))
-    for course in (0, 1):
-        with pytest.raises(RanAway):
-            list(both(Balances(plan, ("A.h",), (), ()), time, none, HELD[:0], {"A.r": 1.0}))[course]
+    balances, time = Balances(plan, ("A.h",), (), ()), np.arange(0.0, 1000.0, 10.0)
+    with pytest.raises(RanAway):
+        balances.run(time, np.empty((100, 0)), HELD[:0], {"A.r": 1.0})
+    assert balances._kernels.made
+
+
+def test_a_copy_makes_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Machine code belongs to one process: balances that travel leave it behind."""
+    monkeypatch.setattr(kernel, "KERNEL_WORTH", 0)
+    balances, (time, u) = fresh(tanks()[1]), random_inputs(20)
+    first = balances.run(time, u[:, None], HELD, values_of(SHIPPED))
+    copy = pickle.loads(pickle.dumps(balances))
+    assert_same(first, copy.run(time, u[:, None], HELD, values_of(SHIPPED)))
 
 
 def test_code_is_made_when_it_is_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tape that comes once is interpreted; columns are rounded up, so that few codes do."""
-    monkeypatch.setattr(kernel, "KERNEL_WORTH", 250)
+    monkeypatch.setattr(kernel, "KERNEL_WORTH", 400)
     balances, (time, u) = fresh(tanks()[1]), random_inputs()
     made = balances._kernels.made
     for width, codes in ((3, 0), (4, 0), (2, 1), (5, 1)):
