@@ -50,9 +50,6 @@ class Kernel(NamedTuple):
     jacobian: int
 
 
-NO_KERNEL = Kernel(0, 0, 0)
-
-
 def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:
