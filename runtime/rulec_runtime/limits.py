@@ -624,7 +624,7 @@ standard uncertainty. Origin: assumed, the seed paper publishes systematic bound
 
 # Integrator ------------------------------------------------------------------------------------
 
-KERNEL_WORTH = 20_000
+KERNEL_WORTH = 15_000
 """Steps that a tape is interpreted for before machine code is made of it: those take as long as
 making the code does, so that at most twice the least time is spent. Origin: measured by
 `python -m pytest tests/bench/test_integrator.py -s`."""

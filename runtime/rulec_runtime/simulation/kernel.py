@@ -17,8 +17,9 @@ from rulec_runtime.simulation.kernel_code import (
     ADVANCE,
     EVALUATE,
     JACOBIAN,
+    advance_code_of,
     called,
-    code_of,
+    evaluate_code_of,
     jacobian_code_of,
 )
 from rulec_runtime.simulation.kernel_rules import Numbers
@@ -28,16 +29,21 @@ _Made = Any
 """An engine of LLVM, which numba's types do not know."""
 
 
+Key = tuple[str, int]
+"""A function of `kernel_code`, and for how many columns."""
+
+
 class Kernels:
-    """The kernels of one tape, by number of columns; made when they have been worth it.
+    """The kernels of one tape; each function is made when it has been worth it.
 
     `flat` are slots whose slopes are zero whatever the parameters.
     """
 
     def __init__(self, tape: Tape, flat: Iterable[int]) -> None:
         self._tape, self._flat = tape, tuple(flat)
-        self._steps: dict[str, int] = {}
-        self.made: dict[str, _Made] = {}
+        self._late = bool((tape.afters >= 0).any())
+        self._steps: dict[Key, int] = {}
+        self.made: dict[Key, _Made] = {}
 
     def __reduce__(self) -> tuple[type[Kernels], tuple[Tape, tuple[int, ...]]]:
         """A copy makes its own: machine code belongs to one process."""
@@ -45,29 +51,34 @@ class Kernels:
 
     def kernel(self, columns: int) -> Kernel:
         """What has been made for so many columns."""
-        late = bool((self._tape.afters >= 0).any())
         return Kernel(
-            evaluate=self._address(EVALUATE, columns),
-            advance=0 if late else self._address(ADVANCE, columns),
-            jacobian=self._address(JACOBIAN, 0),
+            evaluate=self._address((EVALUATE, columns)),
+            advance=0 if self._late else self._address((ADVANCE, columns)),
+            jacobian=self._address((JACOBIAN, 0)),
         )
 
-    def _address(self, name: str, columns: int) -> int:
-        key = JACOBIAN if name == JACOBIAN else f"{columns} columns"
+    def _address(self, key: Key) -> int:
         if key not in self.made:
             if self._steps.get(key, 0) < KERNEL_WORTH or not _there_is_llvm():
                 return 0
-            numbers = _numbers(self._tape)
-            self.made[key] = _made(
-                jacobian_code_of(self._tape, numbers)
-                if name == JACOBIAN
-                else code_of(self._tape, self._flat, columns, numbers)
-            )
-        return int(self.made[key].get_function_address(name))
+            self.made[key] = _made(self._code(*key))
+        return int(self.made[key].get_function_address(key[0]))
+
+    def _code(self, name: str, columns: int) -> str:
+        numbers = _numbers(self._tape)
+        if name == JACOBIAN:
+            return jacobian_code_of(self._tape, numbers)
+        code_of = advance_code_of if name == ADVANCE else evaluate_code_of
+        return code_of(self._tape, self._flat, columns, numbers)
 
     def count(self, columns: int, steps: int, implicit: bool) -> None:
         """Steps were taken with so many columns, most of them implicit or not."""
-        for key in (f"{columns} columns", *((JACOBIAN,) if implicit else ())):
+        keys = [(EVALUATE, columns)]
+        if implicit:
+            keys.append((JACOBIAN, 0))
+        elif not self._late:
+            keys.append((ADVANCE, columns))
+        for key in keys:
             self._steps[key] = self._steps.get(key, 0) + steps
 
 
@@ -95,17 +106,22 @@ def _made(code: str) -> _Made:
     """
     import llvmlite.binding as llvm
 
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=0,
-        jit=True,
-    )
+    target, cpu, features = _target()
+    machine = target.create_target_machine(cpu=cpu, features=features, opt=0, jit=True)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(code), machine)
     engine.finalize_object()
     return engine
+
+
+@cache
+def _target() -> tuple[Any, str, str]:
+    """This machine."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features().flatten()
+    return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), features
 
 
 @cache

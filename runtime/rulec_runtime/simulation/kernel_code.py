@@ -48,21 +48,26 @@ Factor = tuple[str, int] | str | None
 """`ONE`, `MINUS`, where the factor stands (array and place), or None for zero."""
 
 
-def code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> str:
-    """The code of a tape, with `EVALUATE`, and `ADVANCE` where no state has a dead time.
+def evaluate_code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> str:
+    """The code of a tape for `EVALUATE`.
 
     `flat` are slots whose slopes are zero whatever the parameters: constants and what is given.
     `columns` is a multiple of `LANES`, or 0 without slopes.
     """
     zero, stored = _without_slopes(tape, flat), _watched(tape)
-    parts = [_evaluate(EVALUATE, _Lines(tape, zero, columns, numbers, stored), stored)]
-    if not (tape.afters >= 0).any():
-        parts.append(_advance(_Lines(tape, zero, columns, numbers, map(int, tape.rates))))
-    return "\n".join([*parts, *DECLARED])
+    lines = _Lines(tape, zero, columns, numbers, stored)
+    return "\n".join([_evaluate(EVALUATE, lines, stored), *DECLARED])
+
+
+def advance_code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> str:
+    """The same for `ADVANCE`; no state may have a dead time."""
+    zero, rates = _without_slopes(tape, flat), [int(slot) for slot in tape.rates]
+    lines = _Lines(tape, zero, columns, numbers, rates)
+    return "\n".join([_advance(lines), *DECLARED])
 
 
 def jacobian_code_of(tape: Tape, numbers: Numbers) -> str:
-    """The code of a tape for `JACOBIAN`; columns are states, rounded up to `LANES`."""
+    """The same for `JACOBIAN`; columns are states, rounded up to `LANES`."""
     zero, stored = _without_slopes(tape, range(tape.first + tape.begin)), _watched(tape)
     lines = _Lines(tape, zero, padded(len(tape.states)), numbers, stored)
     return "\n".join([_evaluate(JACOBIAN, lines, stored), *DECLARED])
