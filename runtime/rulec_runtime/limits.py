@@ -627,3 +627,10 @@ standard uncertainty. Origin: assumed, the seed paper publishes systematic bound
 MOST_KEPT_BYTES = 400_000_000
 """Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
 0.1 MB. Origin: assumed."""
+
+# Integrator ------------------------------------------------------------------------------------
+
+KERNEL_WORTH = 15_000
+"""Steps that a tape is interpreted for before machine code is made of it: those take as long as
+making the code does, so that at most twice the least time is spent. Origin: measured by
+`python -m pytest tests/bench/test_integrator.py -s`."""
