@@ -35,7 +35,10 @@ def run(
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(settings))
         client = _client(distributed, jobs, scheduler, stack)
-        texts = {name: client.scatter(text, hash=False) for name, text in rulesets.items()}
+        # Tasks, and no data that is scattered: what died with a worker is made again.
+        texts = {
+            name: client.submit(str, text, key=f"ruleset-{name}") for name, text in rulesets.items()
+        }
         waiting = list(reversed(tasks))
         work: dict[str, Task] = {}
 
