@@ -37,12 +37,18 @@ class Ranked:
 
 
 def ranked(rows: Iterable[Row]) -> list[Ranked]:
-    """Plants in order: the worst status first, then the least health."""
+    """Plants in order: those with findings, those with days that could not be judged, the others;
+    of each the worst status first, then the least health."""
     plants: dict[str, list[Row]] = {}
     for row in rows:
         plants.setdefault(row["plant"], []).append(row)
     found = [_ranked(plant, own) for plant, own in plants.items()]
-    return sorted(found, key=lambda r: (ORDER.index(r.status), _size(r.health), r.plant))
+    return sorted(found, key=_place)
+
+
+def _place(one: Ranked) -> tuple[int, int, float, str]:
+    group = 0 if one.bad else 1 if one.unread else 2
+    return group, ORDER.index(one.status), _size(one.health), one.plant
 
 
 def _size(health: float | None) -> float:

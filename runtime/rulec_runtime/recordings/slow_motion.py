@@ -19,7 +19,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go
+from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
     find_stretches,
@@ -63,12 +63,12 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
     """
     samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
     free, starts = arrays([((samples,), bool), ((samples,), bool)])
-    for low, high in zip(smooth.first, smooth.last, strict=True):
-        free[low:high] = True
-    starts[smooth.first] = True
-    for low, high in zip(settled.first, settled.last, strict=True):
-        free[low:high] = False
-    first, last = packed("q", settled.first.tolist()), packed("q", settled.last.tolist())
+    mark(free, smooth.first, smooth.last)
+    mark(starts, smooth.first, smooth.first + 1)
+    mark(free, settled.first, settled.last, value=False)
+    first, last = packed("q"), packed("q")
+    first.frombytes(settled.first.astype(np.int64).tobytes())
+    last.frombytes(settled.last.astype(np.int64).tobytes())
     for begin in _begins(free, starts):
         stop = begin + 1
         while free[stop] and not starts[stop]:

@@ -32,7 +32,7 @@ from rulec_runtime.recordings.piecewise import (
 )
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import medians, white_noise_of
-from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, picked
+from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark, picked
 
 
 @dataclass(frozen=True)
@@ -136,9 +136,7 @@ def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
 def _within(stretches: Stretches, samples: int) -> np.ndarray:
     """Which second differences lie within one stretch, shape (samples - 2,)."""
     within = array(max(samples - 2, 0), bool)
-    for low, high in zip(stretches.first.tolist(), stretches.last.tolist(), strict=True):
-        within[low : max(high - 2, low)] = True
-    let_go(within)
+    mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
     return within
 
 
