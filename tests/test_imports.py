@@ -17,6 +17,8 @@ EXTRAS = {"asyncua", "cryptography", "paho", "yaml", "starlette", "uvicorn", "sq
 """Of the runtime: for sources, journal and page, loaded where they are asked for."""
 FORMATS = {"pyarrow", "openpyxl", "scipy", "h5py", "asammdf", "nptdms"}
 """Of its readers, each loaded when a file of its format comes."""
+FETCHED = ("rulec_runtime.fleet", "fsspec")
+"""Loaded where recordings of a fleet are elsewhere."""
 READERS = "rulec_runtime.recordings.readers"
 """All that the runtime needs."""
 
@@ -43,6 +45,7 @@ ROOMS = (
     "rulec_runtime.diagnosis.sensors",
     "rulec_runtime.diagnosis",
     "rulec_runtime.report",
+    "rulec_runtime.fleet",
     "rulec_runtime.live",
     "rulec_runtime.live.sources",
     "rulec_runtime.live.journal",
@@ -60,6 +63,7 @@ ROOMS = (
     "rulec.study",
     "rulec.export",
     "rulec.separation",
+    "rulec.fleet",
     "rulec.mismatch.limits",
     "rulec.mismatch.result",
     "rulec.mismatch.evidence",
@@ -174,6 +178,7 @@ def test_runtime_needs_numpy_and_rich_alone() -> None:
             assert not (here and found == INTEGRATOR), module
             known = top(found) in allowed or (live and top(found) in EXTRAS)
             known |= room_of(module) == READERS and top(found) in FORMATS
+            known |= (room_of(module), top(found), here) == (*FETCHED, False)
             assert known or (module in COMPILED and top(found) in LLVM), module
 
 

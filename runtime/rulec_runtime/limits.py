@@ -9,6 +9,24 @@ from __future__ import annotations
 
 import math
 
+# Memory ----------------------------------------------------------------------------------------
+
+IN_MEMORY = 16 * 2**20
+"""Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
+numerical, what is found is the same."""
+
+BLOCK = 2**18
+"""Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
+same."""
+
+SORTED_AT_ONCE = 2**20
+"""Numbers whose median is found by sorting them; of more it is found by counting. Origin:
+numerical, the median is the same."""
+
+POINTS_AT_ONCE = 1024
+"""Settled stretches that are compared with hypotheses at a time. Origin: numerical, what is found
+is the same."""
+
 # Probabilities and quantiles -------------------------------------------------------------------
 
 COVERAGE = 2.0

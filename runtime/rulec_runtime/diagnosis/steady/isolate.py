@@ -64,6 +64,21 @@ class Isolation:
     chance: float
 
 
+POINTS_ALONG = {
+    "judged": 0,
+    "deviating": 0,
+    "misfit": 0,
+    "freedom": 0,
+    "degree": 1,
+    "u": 1,
+    "floor": 1,
+    "distance": 1,
+    "probability": 1,
+    "pair": 0,
+}
+"""Along which axis of a table of `Isolation` the points lie."""
+
+
 def alarm_chance(looks: int) -> float:
     """Probability of a false alarm that each of a number of stretches may have.
 

@@ -18,9 +18,16 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batches import in_batches, part_of
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, quantile, shares
+from rulec_runtime.diagnosis.steady.isolate import (
+    POINTS_ALONG,
+    Isolation,
+    accepted,
+    quantile,
+    shares,
+)
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
@@ -53,16 +60,26 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
         return None
     if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
         return None
-    probability = isolation.probability.copy()
-    probability[:, judged] = shares(evidence[:, None])
-    degree, u = isolation.degree.copy(), isolation.u.copy()
-    for i in np.flatnonzero(np.isfinite(evidence)):
-        degree[i, judged], u[i, judged] = fits.degree[0, i, 0], fits.u[0, i, 0]
-    deviating, pair = isolation.deviating.copy(), isolation.pair.copy()
-    deviating[judged], pair[judged] = True, -1
-    return replace(
-        isolation, deviating=deviating, degree=degree, u=u, probability=probability, pair=pair
-    )
+    lasting = np.zeros(len(observed), dtype=bool)
+    lasting[judged] = True
+    found = shares(evidence[:, None])
+    fitting = np.flatnonzero(np.isfinite(evidence))
+
+    def told(part: slice) -> Isolation:
+        own, here = part_of(isolation, POINTS_ALONG, part, len(observed)), lasting[part]
+        degree, u = own.degree.copy(), own.u.copy()
+        for i in fitting:
+            degree[i, here], u[i, here] = fits.degree[0, i, 0], fits.u[0, i, 0]
+        return replace(
+            own,
+            deviating=own.deviating | here,
+            degree=degree,
+            u=u,
+            probability=np.where(here, found, own.probability),
+            pair=np.where(here[:, None], -1, own.pair),
+        )
+
+    return in_batches(len(observed), POINTS_ALONG, told)
 
 
 def _scores(test: HypothesisTest) -> Array:
