@@ -36,6 +36,7 @@ _COMMANDS = {
     "diagnose": "judge a recording: which fault, how large, and why",
     "watch": "judge a plant while it runs, and tell what begins, grows and ends",
     "journal": "list, filter and export what a watched plant told",
+    "fleet": "judge many plants on many days, and rank them",
     "simulate": "predict a recording from its inputs, with faults if asked for",
     "mismatch": "tell where simulation and recording differ, and what physics is left out",
     "experiment": "plan the set points that tell apart what a mismatch leaves open",
@@ -121,6 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     _limits(made["diagnose"])
     watch_options(made["watch"], "PLANT_OR_RULESET")
     journal_options(made["journal"])
+    _fleet(made["fleet"])
     _experiment(made["experiment"])
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(
@@ -217,6 +219,26 @@ def _limits(parser: argparse.ArgumentParser) -> None:
         metavar="LIMITS.yaml",
         help="how far, how fast and at what cost set points may be changed to tell things apart",
     )
+
+
+def _fleet(fleet: argparse.ArgumentParser) -> None:
+    fleet.add_argument("fleet", metavar="FLEET.yaml", help="plants, recordings, days, results")
+    fleet.add_argument(
+        "--engine",
+        choices=("local", "dask"),
+        default="local",
+        help="local: processes of this machine; dask: a cluster of dask.distributed",
+    )
+    fleet.add_argument("--jobs", type=int, metavar="N", help="processes; default: one per core")
+    fleet.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a cluster that is there, as tcp://host:8786; default: one of this machine",
+    )
+    fleet.add_argument(
+        "--again", action="store_true", help="judge also what was judged before and is unchanged"
+    )
+    json_option(fleet)
 
 
 def _simulate(simulate: argparse.ArgumentParser) -> None:

@@ -26,8 +26,12 @@ from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 REPAIR, HOUR = "repair-a-model", "first-hour"
-SEARCH = "$ rulec mismatch"
+SEARCH = ("mismatch",)
 """What takes long in the first hour."""
+LATER = ("first.csv", "second.csv", "together.json", "swapped.csv")
+"""Commands of the page about repairs about these files run in `make prove`, as each searches anew.
+In every run several recordings are asked about by plan-an-experiment, swapped columns in
+test_structure.py."""
 BLOCK = re.compile(r'^```(\w+)(?: title="(.*?)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 PIP = ("--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", "site")
 
@@ -53,9 +57,10 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
 
 
 def run_commands(
-    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, without: str = ""
+    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, without: tuple[str, ...] = ()
 ) -> None:
-    """Each `$` line exits 0; each line below it stands in what was printed."""
+    """Each `$` line exits 0, but for those with a word in `without`, which are not run; each line
+    below it stands in what was printed."""
     for name in ("kb", "plants"):
         shutil.copytree(ROOT / name, folder / name)
     monkeypatch.chdir(folder)
@@ -64,15 +69,18 @@ def run_commands(
         if title:
             Path(title).parent.mkdir(parents=True, exist_ok=True)
             Path(title).write_text(block, encoding="utf-8")
-        if kind != "console" or (without and without in block):
+        if kind != "console":
             continue
         for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             command, *shown = part.rstrip("\n").split("\n")
+            if any(word.endswith(without) for word in command.split()):
+                continue
             printed = _run(command)
             for line in filter(str.strip, shown):
                 assert _squeezed(line) in printed, f"{page.name}: {command}: {line!r}"
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(
     "page", [p for p in PAGES if p.stem not in (REPAIR, HOUR)], ids=lambda p: p.stem
 )
@@ -114,12 +122,15 @@ def test_the_first_hour_goes_as_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert effect["probability"] > 0.5
 
 
+@pytest.mark.parametrize(
+    "without", [LATER, pytest.param((), marks=pytest.mark.prove)], ids=["in part", "whole"]
+)
 def test_a_model_is_repaired_as_its_page_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    without: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of the warm recording: slip of A that follows its temperature, 3 % per kelvin by the
     independent truth. Its search is long, so what is told is looked at here."""
-    run_commands(ROOT / "docs" / f"{REPAIR}.md", tmp_path, monkeypatch)
+    run_commands(ROOT / "docs" / f"{REPAIR}.md", tmp_path, monkeypatch, without)
     found = json.loads((tmp_path / "warm_A.json").read_text(encoding="utf-8"))
     assert "named" == found["verdict"]
     (effect,) = found["effects"]

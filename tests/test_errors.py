@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 import yaml
 
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
+from rulec.fleet.fleet_file import read_fleet
 from rulec.language.diagnostics import Refused, render_all
 from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
@@ -87,8 +88,8 @@ def _input(name: str) -> Iterator[None]:
 
 
 def _text_of(folder: Path) -> str:
-    """What `rulec check` prints, or `rulec compile` or a file of limits where only that finds the
-    mistake."""
+    """What `rulec check` prints, or `rulec compile`, or a file of limits or of a fleet where only
+    that finds the mistake."""
     found = collect([folder])
     if not found:
         with pytest.raises(Refused) as refused:
@@ -98,6 +99,9 @@ def _text_of(folder: Path) -> str:
 
 
 def _compile_or_read_limits(folder: Path) -> None:
+    if (folder / "fleet.yaml").exists():
+        read_fleet(folder / "fleet.yaml", compile_plant)
+        return
     ruleset = compile_plant(folder)
     read_limits(folder / "limits.yaml", ruleset)
 

@@ -56,9 +56,9 @@ def ruleset_of(plant: Plant) -> Ruleset:
     path = Path(plant)
     if path.suffix == ".json":
         return read_ruleset(path)
-    from rulec.passes.pipeline import compile_plant
+    from rulec.passes.kept import ruleset_of_plant
 
-    return compile_plant(path)
+    return ruleset_of_plant(path)
 
 
 def folder_of(

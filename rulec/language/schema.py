@@ -18,7 +18,7 @@ from rulec.limits import MAX_UNKNOWN_KEYS
 
 KINDS = (
     "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "limits",
-    "units",
+    "fleet", "units",
 )  # fmt: skip
 
 _IN_A_PLANT = {"columns": str, "calibration": list}

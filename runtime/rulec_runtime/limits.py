@@ -9,6 +9,24 @@ from __future__ import annotations
 
 import math
 
+# Memory ----------------------------------------------------------------------------------------
+
+IN_MEMORY = 16 * 2**20
+"""Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
+numerical, what is found is the same."""
+
+BLOCK = 2**18
+"""Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
+same."""
+
+SORTED_AT_ONCE = 2**20
+"""Numbers whose median is found by sorting them; of more it is found by counting. Origin:
+numerical, the median is the same."""
+
+POINTS_AT_ONCE = 1024
+"""Settled stretches that are compared with hypotheses at a time. Origin: numerical, what is found
+is the same."""
+
 # Probabilities and quantiles -------------------------------------------------------------------
 
 COVERAGE = 2.0
@@ -621,3 +639,16 @@ Origin: numerical."""
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
 standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""
+
+# What is kept for the next start ----------------------------------------------------------------
+
+MOST_KEPT_BYTES = 400_000_000
+"""Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
+0.1 MB. Origin: assumed."""
+
+# Integrator ------------------------------------------------------------------------------------
+
+KERNEL_WORTH = 15_000
+"""Steps that a tape is interpreted for before machine code is made of it: those take as long as
+making the code does, so that at most twice the least time is spent. Origin: measured by
+`python -m pytest tests/bench/test_integrator.py -s`."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.language.units import unit_table
 from rulec.mtp.tables import tables
 from tests.conftest import ROOT

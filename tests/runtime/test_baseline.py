@@ -44,7 +44,7 @@ def test_learning_in_turn_is_learning_at_once() -> None:
     """The recursion equals conditioning on all stretches together, drift included."""
     rules, observed = ruleset("abc"), stretches_observed(175)
     states = learn(rules, observed).states
-    learned = list(states[-1].learned)
+    learned = list(states[-1].points)
     assert len(learned) > 1
     basis = residual_basis(rules, observed.valid[:, 0])
     gradients = np.vstack([basis @ observed.shared[:, :, k] for k in learned])

@@ -178,7 +178,7 @@ def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     """All samples as read, and residuals with their thresholds against the baseline, l/h."""
     recording, ruleset = judged.recording, judged.diagnosis.ruleset
     stretches, noise = settle(recording, ruleset)
-    known = see_stretches(recording, ruleset, stretches, noise, "default")
+    known = see_stretches(recording, ruleset, stretches, noise, "default", keep=True)
     every = np.arange(len(recording))
     [(_, seen)] = see_samples(recording, ruleset, noise, stretches, known, every)
     values, u = residuals_seen(ruleset, seen)

@@ -36,7 +36,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     half = np.zeros_like(degree)
     if not len(stretches):
         return Trace(recording.time, tuple(words), degree, degree, degree)
-    known = see_stretches(recording, ruleset, stretches, noise, mode)
+    known = see_stretches(recording, ruleset, stretches, noise, mode, keep=True)
     chosen = np.concatenate(
         [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     )

@@ -11,6 +11,8 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column, read_cells
+from rulec_runtime.recordings.growing_cells import GrowingCells
+from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 
 Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]
@@ -23,23 +25,25 @@ class ArrayTable:
 
     titles: tuple[str, ...]
     pieces: Pieces
+    count: int
 
     def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
         wanted = list(dict.fromkeys([*kept, *numbers]))
         place = {index: k for k, index in enumerate(wanted)}
-        columns = tuple(Column(self.titles[i].strip()) for i in numbers)
-        parts: list[list[Cells]] = [[] for _ in kept]
+        beside = len(wanted) + len(kept)
+        columns = tuple(
+            Column(self.titles[i].strip(), Growing(self.count, beside)) for i in numbers
+        )
+        parts = [GrowingCells(self.count, beside) for _ in kept]
         rows = 0
         for piece in self.pieces(wanted):
             cells = [cells_of(part) for part in piece]
             for column, index in zip(columns, numbers, strict=True):
                 _add(column, cells[place[index]], rows)
             for part, index in zip(parts, kept, strict=True):
-                part.append(cells[place[index]])
+                part.add(cells[place[index]])
             rows += len(cells[0]) if cells else 0
-        for column in columns:
-            column.parts = column.parts or [np.zeros(0)]
-        return Table(kept=tuple(_joined(part) for part in parts), columns=columns)
+        return Table(kept=tuple(part.joined() for part in parts), columns=columns)
 
     def lines(self) -> Iterator[list[str]]:
         for piece in self.pieces(range(len(self.titles))):
@@ -56,7 +60,7 @@ def array_sheet(
     remarks: tuple[str, ...] = (),
 ) -> Sheet:
     """A table of `rows` rows whose columns are arrays."""
-    table = ArrayTable(tuple(titles), pieces)
+    table = ArrayTable(tuple(titles), pieces, rows)
     return Sheet(
         name=name,
         titles=table.titles,
@@ -110,14 +114,3 @@ def _add(column: Column, cells: Cells, before: int) -> None:
         column.first = column.first or (before + 1, "a date")
     else:
         read_cells(column, list(cells), before, comma=True)
-
-
-def _joined(parts: Sequence[Cells]) -> Cells:
-    if parts and all(isinstance(part, Dates) for part in parts):
-        dates = [part for part in parts if isinstance(part, Dates)]
-        seconds = np.concatenate([part.seconds for part in dates])
-        return Dates(seconds, np.concatenate([part.zones for part in dates]))
-    if all(isinstance(part, np.ndarray) for part in parts):
-        arrays = [part for part in parts if isinstance(part, np.ndarray)]
-        return np.concatenate(arrays) if arrays else np.zeros(0)
-    return [text for part in parts for text in texts_of(part)]

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.piecewise import runs_of_same
+from rulec_runtime.recordings.scratch import blocks, let_go
 
 
 @dataclass(frozen=True)
@@ -28,10 +30,11 @@ class ClockSet:
 
 @dataclass(frozen=True)
 class Ordered:
-    """`order` are rows in order, `time` their times, s, which increase or stay; `sets` says when
-    the clock was set, `sorted` whether rows were not in order."""
+    """`order` are rows in order, None where that is as they stand; `time` are their times, s,
+    which increase or stay; `sets` says when the clock was set, `sorted` whether rows were not in
+    order."""
 
-    order: NDArray[np.intp]
+    order: NDArray[np.intp] | None
     time: Array
     sets: tuple[ClockSet, ...]
     sorted: bool
@@ -39,10 +42,10 @@ class Ordered:
 
 def in_order(time: Array) -> Ordered:
     """Put rows, all with a time, in order."""
-    back = np.flatnonzero(np.diff(time) < 0) + 1
+    back = _steps_back(time)
     stood = tuple(_standing(time))
     if not len(back):
-        return Ordered(np.arange(len(time)), time, stood, False)
+        return Ordered(None, time, stood, False)
     starts = [0, *back.tolist(), len(time)]
     runs = list(pairwise(starts))
     many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
@@ -56,7 +59,7 @@ def in_order(time: Array) -> Ordered:
         shift = moved[before[1] - 1] + usual - start
         moved[here[0] : here[1]] += shift
         sets.append(ClockSet(float(moved[here[0]]), float(end + usual - start)))
-    return Ordered(np.arange(len(time)), moved, (*stood, *sets), False)
+    return Ordered(None, moved, (*stood, *sets), False)
 
 
 def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
@@ -69,9 +72,15 @@ def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
 
 
 def _standing(time: Array) -> list[ClockSet]:
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(time) != 0) + 1, [len(time)]])
-    return [
-        ClockSet(float(time[a]), 0.0, int(b - a))
-        for a, b in pairwise(edges.tolist())
-        if b - a >= limits.CLOCK_STOOD
-    ]
+    runs, _ = runs_of_same(time, limits.CLOCK_STOOD)
+    return [ClockSet(float(time[a]), 0.0, b - a) for a, b in runs]
+
+
+def _steps_back(time: Array) -> NDArray[np.intp]:
+    """Rows with an earlier time than that before them."""
+    found = [np.zeros(0, dtype=np.intp)]
+    for low, high in blocks(len(time)):
+        first = max(low, 1)
+        found.append(np.flatnonzero(time[first:high] < time[first - 1 : high - 1]) + first)
+        let_go(time)
+    return np.concatenate(found)

@@ -12,6 +12,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings.scratch import Growing
 
 _QUOTED = re.compile(r'"[^"]*"')
 _NODE_ID = re.compile(r"\b(?:nsu?=[^;,\t]*;)?[isgb]=")
@@ -34,7 +35,7 @@ class Column:
     """
 
     title: str
-    parts: list[Array] = field(default_factory=list)
+    parts: Growing = field(default_factory=Growing)
     states: Counter[str] = field(default_factory=Counter)
     first: tuple[int, str] | None = None
     decimals: set[str] = field(default_factory=set)
@@ -46,7 +47,7 @@ class Column:
 
     def numbers(self) -> Array:
         """All numbers, shape (n,)."""
-        return np.concatenate(self.parts)
+        return self.parts.joined()
 
 
 def before_header(line: str) -> tuple[str | None, bool]:

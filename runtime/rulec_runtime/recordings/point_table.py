@@ -11,13 +11,17 @@ standard uncertainties of the sensor, in tables of pump curves 4 to 90.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.piecewise import count_of, differences, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import Stretches, systematic_u
+from rulec_runtime.recordings.stationary import Stretches, systematic_u, working
 
 NOTE = (
     "readings change at every row by far more than their sensors' uncertainty: each row is taken "
@@ -58,14 +62,15 @@ def _leap(values: Array) -> float:
 
 def _moves(signal: SignalSpec, recording: Recording) -> bool:
     """Whether a reading usually changes from one row to the next, where its module works."""
-    values = recording.values[signal.id]
-    with np.errstate(invalid="ignore"):
-        low = -np.inf if signal.minimum is None else signal.minimum
-        working = values[np.isfinite(values) & (values >= low)]
-    if len(working) < limits.FEWEST_POINTS:
+
+    def at_work() -> Iterator[Array]:
+        return parts_of(recording.values[signal.id], partial(working, signal))
+
+    if count_of(at_work()) < limits.FEWEST_POINTS:
         return False
-    limit = limits.MOVING_ROWS * float(systematic_u(signal, float(np.median(np.abs(working)))))
-    return float(np.median(np.abs(np.diff(working)))) > limit
+    usual = median_of(lambda: map(np.abs, at_work()))
+    change = median_of(lambda: map(np.abs, differences(at_work(), 1)))
+    return change > limits.MOVING_ROWS * float(systematic_u(signal, usual))
 
 
 def each_row(recording: Recording) -> Stretches:

@@ -18,12 +18,25 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.clock import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.piecewise import interval_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.scratch import (
+    array,
+    blocks,
+    chosen,
+    let_go,
+    mapped,
+    one_behind_the_other,
+    picked,
+)
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 
 SHOWN = 5
+
+_ZONES = "zones"
+"""Stands among the columns of a file; no signal is called so."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +81,11 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @cached_property
+    def interval(self) -> float:
+        """The usual time between samples, s; 0 of a single one."""
+        return interval_of(self.time, 0.0)
 
     @cached_property
     def kept(self) -> dict[object, Any]:
@@ -127,14 +145,11 @@ def recording_of(
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
     notes += _strangers(strangers, missing, ruleset)
     return Recording(
-        time=np.concatenate([part.time for part in parts]),
+        time=one_behind_the_other([part.time for part in parts]),
         values={
-            name: np.concatenate(
-                [part.values.get(name, np.full(len(part.time), np.nan)) for part in parts]
-            )
-            for name in signals
+            name: one_behind_the_other([_column(part, name) for part in parts]) for name in signals
         },
-        segment=np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
+        segment=_segments([len(part.time) for part in parts]),
         missing=missing,
         notes=tuple(dict.fromkeys(notes)),
         left_out=tuple(lost),
@@ -143,6 +158,24 @@ def recording_of(
         scales=scales,
         calendar=calendar,
     )
+
+
+def _column(part: _Part, name: str) -> Array:
+    """A reading of a file; without numbers where the file has none."""
+    nothing = np.broadcast_to(np.full(1, np.nan), len(part.time))
+    return part.values.get(name, nothing)
+
+
+def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
+    """The number of the file of each row; of one file it takes no memory."""
+    if len(lengths) == 1:
+        return np.broadcast_to(np.zeros(1, dtype=int), lengths[0])
+    found, done = array(sum(lengths), int), 0
+    for number, length in enumerate(lengths):
+        found[done : done + length] = number
+        done += length
+    let_go(found)
+    return found
 
 
 def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
@@ -176,30 +209,52 @@ def _example(ruleset: Ruleset) -> str:
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file with its rows in order of time."""
-    kept = _with_time(file.path, file.time, notes, lost)
-    ordered = in_order(file.time[kept])
+    has_time, count = _with_time(file.path, file.time, notes, lost)
+    columns = {"": file.time, **file.values}
+    if file.zones is not None:
+        columns[_ZONES] = file.zones
+    if count < len(file.time):
+        columns = {name: chosen(v, has_time, count) for name, v in columns.items()}
+    ordered = in_order(columns[""])
     if ordered.sorted:
         notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
-    first = np.concatenate([[True], np.diff(ordered.time) > 0])
-    repeated = len(first) - int(first.sum())
+    if ordered.order is not None:
+        columns = {name: picked(v, ordered.order) for name, v in columns.items()}
+    columns[""] = ordered.time
+    first, repeated = _first_of_a_time(ordered.time)
     _tell_left_out(
         file.path, repeated, ("repeats", "repeat"), "the time of another row", notes, lost
     )
-    rows = kept[ordered.order[first]]
-    values = {name: v[rows] for name, v in file.values.items()}
-    zones = None if file.zones is None else file.zones[rows]
-    return _Part(file.path.name, ordered.time[first], values, zones, ordered.sets)
+    if repeated:
+        left = len(first) - repeated
+        columns = {name: chosen(v, first, left) for name, v in columns.items()}
+    time, zones = columns.pop(""), columns.pop(_ZONES, None)
+    return _Part(file.path.name, time, columns, zones, ordered.sets)
+
+
+def _first_of_a_time(time: Array) -> tuple[NDArray[np.bool_], int]:
+    """Rows with a later time than that before them, and how many others there are."""
+    first, repeated = array(len(time), bool), 0
+    for low, high in blocks(len(time)):
+        behind = max(low, 1)
+        first[behind:high] = time[behind:high] > time[behind - 1 : high - 1]
+        first[:1] = True
+        repeated += int((~first[low:high]).sum())
+        let_go(time, first)
+    return first, repeated
 
 
 def _with_time(
     path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
-) -> NDArray[np.intp]:
-    """Indexes of the rows that have a time."""
-    has_time = np.isfinite(time) & (np.abs(time) < limits.ABSURD)
-    if not has_time.any():
+) -> tuple[NDArray[np.bool_], int]:
+    """Rows that have a time, and how many they are."""
+    has_time = mapped(time, lambda t: np.isfinite(t) & (np.abs(t) < limits.ABSURD), bool)
+    count = int(has_time.sum())
+    if not count:
         raise RecordingRefused(f"{path}: no row has a usable time")
-    _tell_left_out(path, int((~has_time).sum()), ("has", "have"), "no usable time", notes, lost)
-    return np.flatnonzero(has_time)
+    without = len(has_time) - count
+    _tell_left_out(path, without, ("has", "have"), "no usable time", notes, lost)
+    return has_time, count
 
 
 def _tell_left_out(
@@ -239,7 +294,7 @@ def _one_behind_the_other(
     result: list[_Part] = []
     names, end = [], 0.0
     for part in parts:
-        step = float(np.median(np.diff(part.time))) if len(part.time) > 1 else 1.0
+        step = interval_of(part.time, 1.0)
         begin = end + step if result else float(part.time[0])
         result.append(_moved(part, begin - float(part.time[0])))
         end = float(result[-1].time[-1])
@@ -252,7 +307,7 @@ def _one_behind_the_other(
 def _moved(part: _Part, seconds: float) -> _Part:
     """The same file at another time."""
     clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
-    return replace(part, time=part.time + seconds, clock=clock)
+    return replace(part, time=mapped(part.time, lambda t: t + seconds), clock=clock)
 
 
 def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
@@ -260,7 +315,8 @@ def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
     if any(part.zones is None for part in parts):
         return None
     zones = [part.zones for part in parts if part.zones is not None]
-    return calendar_of(np.concatenate([p.time for p in parts]), start, np.concatenate(zones))
+    time = one_behind_the_other([p.time for p in parts])
+    return calendar_of(time, start, one_behind_the_other(zones))
 
 
 def _follow(parts: Iterable[_Part]) -> bool:

@@ -18,6 +18,8 @@ from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.piecewise import any_of
+from rulec_runtime.recordings.scratch import blocks, let_go
 from rulec_runtime.recordings.time_column import NAMES, read_times
 
 SHOWN = 5
@@ -140,14 +142,19 @@ def _readings(path: Path, column: Column, target: Target, most: float, notes: li
             f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
             f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
         )
-    values, absurd = in_si(column.numbers(), target, most)
-    if absurd.any():
-        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
+    values, count, row = column.numbers(), 0, 0
+    for low, high in blocks(len(values)):
+        values[low:high], absurd = in_si(values[low:high], target, most)
+        if not count and absurd.any():
+            row = low + int(np.argmax(absurd)) + 1
+        count += int(absurd.sum())
+        let_go(values)
+    if count:
         notes.append(
             f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
             f"first in data row {row}); there it has no reading"
         )
-    if not np.isfinite(values).any():
+    if not any_of(values):
         notes.append(f"{path.name}: {target.signal} has not one reading")
     return values
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.piecewise import Parts, median_of
 
 
 def spread_about(values: Array, centre: float) -> float:
@@ -41,4 +42,10 @@ def white_noise(differences: Array, order: int) -> float:
     """
     if not differences.size:
         return 0.0
-    return spread_about(differences, 0.0) / float(np.sqrt(comb(2 * order, order)))
+    return white_noise_of(lambda: (differences.ravel(),), order)
+
+
+def white_noise_of(differences: Parts, order: int) -> float:
+    """The same of differences that come in parts; none of them: NaN."""
+    median = median_of(lambda: (np.abs(part) for part in differences()))
+    return limits.NORMAL_SPREAD * median / float(np.sqrt(comb(2 * order, order)))

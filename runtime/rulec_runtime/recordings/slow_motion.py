@@ -9,7 +9,8 @@ Source: own derivation, docs/method.md; the first order of a lag in time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from array import array as packed
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
     find_stretches,
@@ -49,7 +51,7 @@ def _with_slow(
     settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> Stretches:
     """Settled stretches with what moves slowly between them."""
-    if _interval(recording) > limits.SEEN_BETWEEN:
+    if recording.interval > limits.SEEN_BETWEEN:
         return settled
     return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True))
 
@@ -59,16 +61,15 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
 
     What moves is cut into short pieces, as laws are not straight.
     """
-    free = np.zeros(max(smooth.last.max(initial=0), settled.last.max(initial=0)) + 1, dtype=bool)
-    for low, high in zip(smooth.first, smooth.last, strict=True):
-        free[low:high] = True
-    starts = np.zeros(len(free), dtype=bool)
-    starts[smooth.first] = True
-    for low, high in zip(settled.first, settled.last, strict=True):
-        free[low:high] = False
-    first, last = list(settled.first), list(settled.last)
-    begins = np.flatnonzero(free & (starts | ~np.concatenate([[False], free[:-1]])))
-    for begin in begins.tolist():
+    samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
+    free, starts = arrays([((samples,), bool), ((samples,), bool)])
+    mark(free, smooth.first, smooth.last)
+    mark(starts, smooth.first, smooth.first + 1)
+    mark(free, settled.first, settled.last, value=False)
+    first, last = packed("q"), packed("q")
+    first.frombytes(settled.first.astype(np.int64).tobytes())
+    last.frombytes(settled.last.astype(np.int64).tobytes())
+    for begin in _begins(free, starts):
         stop = begin + 1
         while free[stop] and not starts[stop]:
             stop += 1
@@ -81,6 +82,17 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
     return Stretches(np.array(first, dtype=int)[order], np.array(last, dtype=int)[order])
 
 
+def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
+    """First samples of runs of what is free, cut where something starts."""
+    before = np.zeros(1, dtype=bool)
+    for low, high in blocks(len(free)):
+        here = free[low:high].copy()
+        new = here & (starts[low:high] | ~np.concatenate([before, here[:-1]]))
+        before = here[-1:]
+        yield from (np.flatnonzero(new) + low).tolist()
+        let_go(free, starts)
+
+
 def lag_errors(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> dict[str, Array]:
@@ -90,7 +102,7 @@ def lag_errors(
     A rate that noise may have made, or that moves a reading by next to nothing, is none.
     """
     found: dict[str, Array] = {}
-    if _interval(recording) > limits.SEEN_BETWEEN:
+    if recording.interval > limits.SEEN_BETWEEN:
         return found
     lag = lag_u(recording)
     between = _between(recording.time, stretches)
@@ -104,20 +116,15 @@ def lag_errors(
         with np.errstate(invalid="ignore"):
             moves = (np.abs(rate) > limits.THRESHOLD * u) & (lag * np.abs(rate) > least)
         if moves.any():
-            found[signal.id] = np.where(moves, lag * rate, 0.0)
+            found[signal.id] = array(len(rate))
+            found[signal.id][moves] = (lag * rate)[moves]
     return found
 
 
 def lag_u(recording: Recording) -> float:
     """Standard uncertainty of the lag of a reading, s: that of its sensor, and that a logger may
     show a value that is up to one sample old."""
-    return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * _interval(recording)))
-
-
-def _interval(recording: Recording) -> float:
-    """Time between samples, s."""
-    steps = np.diff(recording.time)
-    return float(np.median(steps)) if len(steps) else 0.0
+    return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * recording.interval))
 
 
 def _between(time: Array, stretches: Stretches) -> Array:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.piecewise import (
+    Parts,
+    differences,
+    first_reading,
+    parts_of,
+    runs_of_same,
+)
+from rulec_runtime.recordings.robust import white_noise_of
+from rulec_runtime.recordings.scratch import blocks, let_go
 
 
 def standing_still(
@@ -19,18 +30,9 @@ def standing_still(
     that is given, `u`, the standard uncertainty of its class, tells noise from what was set. At the
     `ends` of its range a reading stands still for another reason.
     """
-    edges = _edges_of_equals(values)
-    lengths = np.diff(edges)
-    places = np.flatnonzero(lengths >= limits.STILL_RUN)
-    if not len(places):
+    long, chance = runs_of_same(values, limits.STILL_RUN)
+    if not long or not _restless(partial(_beside, values, long), u):
         return []
-    long = list(zip(edges[places].tolist(), edges[places + 1].tolist(), strict=True))
-    rest = values.copy()
-    for first, behind in long:
-        rest[first:behind] = np.nan
-    if not _restless(rest, u):
-        return []
-    chance = int(np.max(lengths, where=lengths < limits.STILL_RUN, initial=1))
     least = limits.STILL_TIMES * chance
     long = [run for run in long if run[1] - run[0] >= least and _moves_beside(values, *run)]
     return [run for run in long if not _clipped(values, *run, ends)]
@@ -44,10 +46,29 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
     """
     long = behind - first
     for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
-        steps = np.diff(beside[np.isfinite(beside)])
-        if len(steps) >= limits.STILL_RUN and np.mean(steps == 0) > limits.REPEATED:
+        count, same = _steps(parts_of(beside))
+        if count >= limits.STILL_RUN and same / count > limits.REPEATED:
             return False
     return True
+
+
+def _steps(parts: Iterable[Array]) -> tuple[int, int]:
+    """How many steps there are from number to number, and how many of zero."""
+    count = same = 0
+    for steps in differences(parts, 1):
+        count, same = count + len(steps), same + int((steps == 0).sum())
+    return count, same
+
+
+def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Iterator[Array]:
+    """Readings that are in none of some runs."""
+    edges = np.array(long).reshape(-1, 2)
+    for low, high in blocks(len(values)):
+        there = np.isfinite(values[low:high])
+        for first, behind in edges[(edges[:, 0] < high) & (edges[:, 1] > low)].tolist():
+            there[max(first - low, 0) : behind - low] = False
+        yield values[low:high][there]
+        let_go(values)
 
 
 def _clipped(
@@ -57,24 +78,34 @@ def _clipped(
     level, (low, high) = values[first], ends
     if (low is not None and level <= low) or (high is not None and level >= high):
         return True
-    again = int((values[:first] == level).sum() + (values[behind:] == level).sum())
-    return again > 0 and bool(level in (np.nanmin(values), np.nanmax(values)))
+    same, smallest, largest = -(behind - first), np.inf, -np.inf
+    for part in parts_of(values):
+        same += int((part == level).sum())
+        smallest = min(smallest, part.min(initial=np.inf))
+        largest = max(largest, part.max(initial=-np.inf))
+    return same > 0 and bool(level in (smallest, largest))
 
 
-def _restless(rest: Array, u: float) -> bool:
+def _restless(rest: Parts, u: float) -> bool:
     """Has a reading noise, and no more of it than its class, where it does not stand still?"""
-    known = rest[np.isfinite(rest)]
-    if len(known) < 2 * limits.STILL_RUN or np.mean(np.diff(known) == 0) > limits.REPEATED:
+    count, same = _steps(rest())
+    if count + 1 < 2 * limits.STILL_RUN or same / count > limits.REPEATED:
         return False
-    noise, finer = (white_noise(np.diff(known, order), order) for order in (3, 4))
-    white = noise >= limits.RESTLESS * _least_step(known) and finer >= limits.RESTLESS * noise
+    noise, finer = (
+        white_noise_of(partial(_differences_of, rest, order), order) for order in (3, 4)
+    )
+    white = noise >= limits.RESTLESS * _least_step(rest()) and finer >= limits.RESTLESS * noise
     return bool(white and noise <= limits.INSTRUMENT_NOISE * u)
 
 
 def never_moves(values: Array) -> bool:
     """Is a reading the same from the first sample to the last?"""
-    known = values[np.isfinite(values)]
-    return len(known) >= limits.NEVER_MOVED and bool((known == known[0]).all())
+    level, count = first_reading(values), 0
+    for part in parts_of(values):
+        if (part != level).any():
+            return False
+        count += len(part)
+    return count >= limits.NEVER_MOVED
 
 
 def last_digit(value: float) -> float:
@@ -94,19 +125,13 @@ def last_digit(value: float) -> float:
     return 1.0
 
 
-def _least_step(values: Array) -> float:
-    steps = np.diff(np.unique(values))
+def _differences_of(parts: Parts, order: int) -> Iterator[Array]:
+    return differences(parts(), order)
+
+
+def _least_step(parts: Iterable[Array]) -> float:
+    levels = np.zeros(0)
+    for part in parts:
+        levels = np.union1d(levels, part)
+    steps = np.diff(levels)
     return float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else np.inf
-
-
-def runs_of_equals(values: Array) -> list[tuple[int, int]]:
-    """Spans of equal readings, first and behind last."""
-    edges = _edges_of_equals(values)
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
-def _edges_of_equals(values: Array) -> np.ndarray:
-    """Where spans of equal readings begin, and where the last one ends."""
-    with np.errstate(invalid="ignore"):
-        changes = np.flatnonzero(values[1:] != values[:-1]) + 1
-    return np.concatenate([[0], changes, [len(values)]])

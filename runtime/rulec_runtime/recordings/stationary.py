@@ -7,8 +7,10 @@ from second differences, which neither steps nor slopes disturb (robustly: from 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from array import array as packed
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,8 +20,19 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.once import once
+from rulec_runtime.recordings.piecewise import (
+    Parts,
+    differences,
+    filled_blocks,
+    first_reading,
+    interval_of,
+    median_of,
+    parts_of,
+    runs_where,
+)
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust import medians, white_noise
+from rulec_runtime.recordings.robust import medians, white_noise_of
+from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark, picked
 
 
 @dataclass(frozen=True)
@@ -62,7 +75,7 @@ class Timeline:
 
 def timeline_of(time: Array, stretches: Stretches) -> Timeline:
     """When the stretches of a recording were."""
-    since, until = time[stretches.first], time[stretches.last - 1]
+    since, until = picked(time, stretches.first), picked(time, stretches.last - 1)
     paused = np.zeros(len(stretches), dtype=bool)
     paused[1:] = since[1:] - until[:-1] > long_pause(time)
     return Timeline(since, until, stretches.lengths, len(time) - stretches.last, paused)
@@ -70,20 +83,23 @@ def timeline_of(time: Array, stretches: Stretches) -> Timeline:
 
 def long_pause(time: Array) -> float:
     """From which time without samples on what was before is another matter, s."""
-    interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    return limits.LONGEST_STRETCH * interval
+    return limits.LONGEST_STRETCH * interval_of(time, np.inf)
 
 
-def noise_of(values: Array) -> float:
-    """Standard deviation of white noise in a record, by second differences: steps and slopes hardly
-    move it."""
-    return _noise_of_second(np.diff(values[np.isfinite(values)], 2), 0.0)
+def noise_of(values: Array, wanted: Callable[[Array], np.ndarray] = np.isfinite) -> float:
+    """Standard deviation of white noise in a record, by second differences of those readings that
+    are wanted: steps and slopes hardly move it."""
+    return _noise_of_second(lambda: differences(parts_of(values, wanted), 2), 0.0)
 
 
-def _noise_of_second(second: Array, unknown: float) -> float:
+def _noise_of_second(second: Parts, unknown: float) -> float:
     """Noise by second differences, some of which may be no numbers; `unknown` where none is."""
-    second = second[np.isfinite(second)]
-    return white_noise(second, 2) if len(second) else unknown
+
+    def known() -> Iterator[Array]:
+        return (part[np.isfinite(part)] for part in second())
+
+    noise = white_noise_of(known, 2)
+    return unknown if np.isnan(noise) else noise
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
@@ -105,17 +121,22 @@ def noise_within(
     """Noise of every reading within stretches, SI; as given where they show none."""
     within = _within(stretches, len(recording))
     return {
-        name: _noise_of_second(np.diff(values, 2)[within], noise[name])
+        name: _noise_of_second(partial(_second_within, values, within), noise[name])
         for name, values in recording.values.items()
     }
 
 
+def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
+    """Second differences of what lies within one stretch."""
+    for low, high in blocks(len(within)):
+        yield np.diff(values[low : high + 2], 2)[within[low:high]]
+        let_go(values)
+
+
 def _within(stretches: Stretches, samples: int) -> np.ndarray:
     """Which second differences lie within one stretch, shape (samples - 2,)."""
-    stretch = np.full(samples, -1)
-    for i, (low, high) in enumerate(zip(stretches.first, stretches.last, strict=True)):
-        stretch[low:high] = i
-    within: np.ndarray = (stretch[2:] >= 0) & (stretch[2:] == stretch[:-2])
+    within = array(max(samples - 2, 0), bool)
+    mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
     return within
 
 
@@ -128,17 +149,19 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
     """
     signals = ruleset.signal_by_id
     return {
-        name: noise_of(_working(signals[name], values)) for name, values in recording.values.items()
+        name: noise_of(values, partial(working, signals[name]))
+        for name, values in recording.values.items()
     }
 
 
-def _working(signal: SignalSpec, values: Array) -> Array:
-    """Readings not below the smallest one at which the equations hold."""
+def working(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Which readings are not below the smallest one at which the equations hold, shape (n,)."""
+    known = np.isfinite(values)
     if signal.minimum is None:
-        return values
+        return known
     with np.errstate(invalid="ignore"):
-        working: Array = values[values >= signal.minimum]
-    return working
+        found: np.ndarray = known & (values >= signal.minimum)
+    return found
 
 
 def systematic_u(signal: SignalSpec, values: Array | float) -> Array:
@@ -164,56 +187,95 @@ def find_stretches(
     With `ramps` readings may move evenly: a stretch ends only where a rate changes at once.
     """
     n = len(recording)
-    breaks = np.zeros(n, dtype=bool)
-    breaks[0] = True
-    steps = np.diff(recording.time)
-    if n > 1:
-        breaks[1:] |= steps > limits.PAUSE * np.median(steps)
-        breaks[1:] |= np.diff(recording.segment) != 0
+    breaks, jumps = arrays([((n,), bool), ((n,), bool)])
+    _break_at_pauses(recording, breaks)
     used = {s for o in observers or ruleset.observers for s in o.signals}
-    jumps = np.zeros(n, dtype=bool)
-    levels: list[Array] = []
+    columns: list[Array] = []
+    scales: list[float] = []
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
             continue
-        working = _working(signal, values)
-        level = np.nanmedian(np.abs(working)) if np.isfinite(working).any() else 0.0
-        floor = float(systematic_u(signal, level))
+        floor = float(systematic_u(signal, _level(signal, values)))
         limit = max(limits.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
-        levels.append(
-            values
-            / max(limits.SETTLED * noise[signal.id], floor * limits.NO_CHANGE, limits.LEAST_NOISE)
+        columns.append(values)
+        scales.append(
+            max(limits.SETTLED * noise[signal.id], floor * limits.NO_CHANGE, limits.LEAST_NOISE)
         )
-        readable = np.isfinite(values)
-        latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
+        # A second difference has three times the variance of a first one.
+        bend = max(limits.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
+        _mark_jumps(values, jumps, *((2, bend) if ramps else (1, limit)))
+        _mark_shifts(values, jumps, max(limit / np.sqrt(limits.SHORTEST_STRETCH), floor))
+        _break_at_gaps(values, breaks)
+    return _cut(breaks, jumps, Levels(columns, scales), longest)
+
+
+def _level(signal: SignalSpec, values: Array) -> float:
+    """The usual size of a reading while its module works; 0 where it has none."""
+    median = median_of(lambda: map(np.abs, parts_of(values, partial(working, signal))))
+    return 0.0 if np.isnan(median) else median
+
+
+def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
+    """Mark the first sample, and those behind a pause or of another file."""
+    breaks[0] = True
+    time, segment = recording.time, recording.segment
+    longest = limits.PAUSE * (recording.interval or np.inf)
+    for low, high in blocks(len(time)):
+        first = max(low, 1)
+        breaks[first:high] |= np.diff(time[first - 1 : high]) > longest
+        breaks[first:high] |= segment[first:high] != segment[first - 1 : high - 1]
+        let_go(time, segment, breaks)
+
+
+def _mark_jumps(values: Array, jumps: np.ndarray, order: int, limit: float) -> None:
+    """Mark samples whose difference of an order is beyond a limit."""
+    for low, high, start, filled in filled_blocks(values, order):
+        first = max(low, order)
         with np.errstate(invalid="ignore"):
-            if ramps:
-                # A second difference has three times the variance of a first one.
-                bend = max(limits.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
-                jumps[2:] |= np.abs(np.diff(values[latest], 2)) > bend
-            else:
-                jumps[1:] |= np.abs(np.diff(values[latest])) > limit
-            jumps |= _shifts(values[latest], max(limit / np.sqrt(limits.SHORTEST_STRETCH), floor))
-        breaks[_edges_of_long(~readable)] = True
-    return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n), longest)
+            far = np.abs(np.diff(filled[: high - start], order)) > limit
+        jumps[first:high] |= far[first - start - order :]
+        let_go(jumps)
 
 
-def _shifts(values: Array, limit: float) -> np.ndarray:
+def _mark_shifts(values: Array, jumps: np.ndarray, limit: float) -> None:
+    """Mark the first samples of a new level."""
+    n, begin = limits.SHORTEST_STRETCH, first_reading(values)
+    if len(values) < 2 * n or begin is None:
+        return
+    for low, high, start, filled in filled_blocks(values, 2 * n):
+        # Only before the first reading is there none: that is no shift.
+        known = np.where(np.isfinite(filled), filled, begin)
+        jumps[low:high] |= _shifts(known, limit)[low - start : high - start]
+        let_go(jumps)
+
+
+def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
+    """Mark the first samples of, and behind, runs without reading; shorter ones end no stretch."""
+
+    def blank(low: int, high: int) -> np.ndarray:
+        found = ~np.isfinite(values[low:high])
+        let_go(values)
+        return found
+
+    for first, behind in runs_where(len(values), blank, limits.SHORTEST_STRETCH):
+        breaks[first] = True
+        if behind < len(breaks):
+            breaks[behind] = True
+
+
+def _shifts(known: Array, limit: float) -> np.ndarray:
     """First samples of a new level: where the means before and behind differ most, and enough.
 
     Means over a few samples show a step that the noise hides between two samples. On a slope the
     values change within the means as well: that is drift or settling, and no end.
     """
     n = limits.SHORTEST_STRETCH
-    found = np.zeros(len(values), dtype=bool)
-    readable = np.isfinite(values)
-    if len(values) < 2 * n or not readable.any():
+    found = np.zeros(len(known), dtype=bool)
+    if len(known) < 2 * n:
         return found
-    # Only before the first reading is there none: that is no shift.
-    known = np.where(readable, values, values[np.argmax(readable)])
-    sums = np.concatenate([[0.0], np.cumsum(known)])
-    means = (sums[n:] - sums[:-n]) / n
+    count = len(known) - n + 1
+    means = np.sum([known[place : place + count] for place in range(n)], axis=0) / n
     within = _ranges(known, n)
     size = np.abs(means[n:] - means[:-n])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
@@ -233,40 +295,54 @@ def _ranges(values: Array, n: int) -> Array:
     return high - low
 
 
-def _edges_of_long(blank: np.ndarray) -> np.ndarray:
-    """First samples of, and behind, runs without reading; shorter ones do not end a stretch."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
-    long = edges.reshape(-1, 2)[edges[1::2] - edges[::2] >= limits.SHORTEST_STRETCH].ravel()
-    return long[long < len(blank)]
+@dataclass(frozen=True)
+class Levels:
+    """Readings, shape (n,) each, in units of what still counts as noise."""
+
+    columns: Sequence[Array]
+    scales: Sequence[float]
+
+    def between(self, first: int, last: int) -> Array:
+        """Those of some samples, shape (signals, samples)."""
+        pairs = zip(self.columns, self.scales, strict=True)
+        table = np.array([values[first:last] / scale for values, scale in pairs])
+        let_go(*self.columns)
+        return table.reshape(-1, last - first)
 
 
-def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array, longest: int) -> Stretches:
+def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) -> Stretches:
     """Runs between ends; the sample behind a jump may still average over it and is left out."""
-    starts = np.flatnonzero(ends)
-    stops = np.append(starts[1:], len(ends))
-    first, last = [], []
-    for start, stop in zip(starts, stops, strict=True):
-        begin = _settled_from(levels, int(start) + 1, int(stop)) if jumps[start] else start
+    first, last = packed("q"), packed("q")
+    for start, stop in pairwise(_ends(breaks, jumps)):
+        begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
         pieces = max(1, -(-(stop - begin) // longest))
         edges = np.linspace(begin, stop, pieces + 1).astype(int)
-        for low, high in pairwise(edges):
-            if high - low >= limits.SHORTEST_STRETCH:
-                first.append(low)
-                last.append(high)
+        long = np.diff(edges) >= limits.SHORTEST_STRETCH
+        first.extend(edges[:-1][long].tolist())
+        last.extend(edges[1:][long].tolist())
+    let_go(breaks, jumps)
     return Stretches(np.array(first, dtype=int), np.array(last, dtype=int))
 
 
-def _settled_from(levels: Array, begin: int, stop: int) -> int:
-    """First sample from which on no reading differs from the next few by more than its noise.
+def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
+    """First samples of runs, and the end of the last one."""
+    for low, high in blocks(len(breaks)):
+        yield from (np.flatnonzero(breaks[low:high] | jumps[low:high]) + low).tolist()
+        let_go(breaks, jumps)
+    yield len(breaks)
 
-    `levels` are readings in units of what still counts as noise, shape (signals, n).
-    """
+
+def _settled_from(levels: Levels, begin: int, stop: int) -> int:
+    """First sample from which on no reading differs from the next few by more than its noise."""
     middle = (limits.PERSISTENCE + 1) / 2
     latest = min(begin + limits.SETTLING, stop - limits.PERSISTENCE)
-    for low in range(begin, latest):
-        rest = levels[:, low + 1 : min(low + 1 + limits.LONGEST_STRETCH, stop)]
+    if latest <= begin:
+        return max(begin, latest)
+    table = levels.between(begin, min(latest + limits.LONGEST_STRETCH, stop))
+    for low in range(latest - begin):
+        rest = table[:, low + 1 : low + 1 + limits.LONGEST_STRETCH]
         drift = medians(np.diff(rest, axis=1)) * middle
         ahead = medians(rest[:, : limits.PERSISTENCE]) - drift
-        if not np.any(np.abs(levels[:, low] - ahead) > 1.0):
-            return low
+        if not np.any(np.abs(table[:, low] - ahead) > 1.0):
+            return begin + low
     return max(begin, latest)

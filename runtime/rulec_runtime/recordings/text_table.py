@@ -14,8 +14,10 @@ from rulec_runtime.recordings.csv_table import (
     read_cells,
     refuse_words,
 )
+from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
+from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
-from rulec_runtime.recordings.titles import are_units, unit_in
+from rulec_runtime.recordings.titles import are_units, is_time, unit_in
 
 BATCH = 20_000
 """Rows read at a time: cells become numbers before the next rows are read."""
@@ -30,12 +32,15 @@ class TextTable:
     rows: Callable[[], Iterator[list[str]]]
     separator: str
     has_units: bool
+    most: int | None = None
+    times: frozenset[str] = frozenset()
 
     def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
         """Rows with another number of cells than the titles are left out, as no cell of them can
         be trusted. Raises `RecordingRefused`."""
-        columns = tuple(Column(self.titles[i].strip()) for i in numbers)
-        texts: list[list[str]] = [[] for _ in kept]
+        beside = len(numbers) + 3 * len(kept)
+        columns = tuple(Column(self.titles[i].strip(), Growing(self.most, beside)) for i in numbers)
+        texts = [self._growing(index, beside) for index in kept]
         rows, width = self._below(), len(self.titles)
         count = whole_before = left_out = first_left_out = 0
         while batch := list(islice(rows, BATCH)):
@@ -53,18 +58,28 @@ class TextTable:
                     column, [row[index] for row in whole], whole_before, self.separator != ","
                 )
             for text, index in zip(texts, kept, strict=True):
-                text += [row[index] for row in whole]
+                text.add([row[index] for row in whole])
             whole_before += len(whole)
         self._refuse_none(count, whole_before, left_out)
         self._refuse_mixed(columns)
         return Table(
-            kept=tuple(texts), columns=columns, left_out=left_out, first_left_out=first_left_out
+            kept=tuple(text.joined() for text in texts),
+            columns=columns,
+            left_out=left_out,
+            first_left_out=first_left_out,
         )
 
     def lines(self) -> Iterator[list[str]]:
         """Cells of the rows that `read` keeps."""
         width = len(self.titles)
         return (row[:width] for row in self._below() if is_whole(row, width))
+
+    def _growing(self, index: int, beside: int) -> GrowingCells | GrowingTimes:
+        """Texts of a column; of a large table those of times become numbers as they come."""
+        timed = is_time(self.titles[index], self.times)
+        if self.most is not None and self.most > BATCH and timed:
+            return GrowingTimes(self.most, beside)
+        return GrowingCells(None, 1)
 
     def _below(self) -> Iterator[list[str]]:
         return islice(self.rows(), int(self.has_units), None)
@@ -94,15 +109,18 @@ def text_sheet(
     rows: Callable[[], Iterator[list[str]]],
     separator: str,
     remarks: tuple[str, ...] = (),
+    most: int | None = None,
+    times: frozenset[str] = frozenset(),
 ) -> Sheet:
     """A table of rows of text; `rows` gives them from the one below the titles on, each time anew.
 
-    A row of units below the titles gives the units.
+    A row of units below the titles gives the units. Where it is known that there are not more than
+    `most` rows, numbers need not stay in memory; `times` are names of columns of times.
     """
     first = next(rows(), [])
     has_units = is_whole(first, len(titles)) and are_units(first[: len(titles)])
     units = [unit_in(cell) for cell in first[: len(titles)]] if has_units else [""] * len(titles)
-    table = TextTable(path, tuple(titles), rows, separator, has_units)
+    table = TextTable(path, tuple(titles), rows, separator, has_units, most, times)
     return Sheet(
         name=name,
         titles=tuple(titles),

@@ -12,7 +12,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.scratch import mapped
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.zone import in_zone
 
@@ -38,20 +40,21 @@ def read_times(
     """
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
-        if np.isfinite(numbers).any():
-            return numbers * factor_of_time(path, title, unit, units), None
+        if any_of(numbers):
+            factor = factor_of_time(path, title, unit, units)
+            return mapped(numbers, lambda part: part * factor), None
         texts = texts_of(cells)
         cells = Dates(*dates_of(texts))
     else:
         texts = []
     dates, zones = cells.seconds, cells.zones
-    if not np.isfinite(dates).any():
+    if not any_of(dates):
         shown = f"'{texts[0].strip()[:30]}'" if texts else "no date"
         raise RecordingRefused(
             f"{path}: the time column '{title}' holds {shown}; expected seconds, "
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
-    if zone and np.isnan(zones).any():
+    if zone and any_of(zones, np.isnan):
         return in_zone(path, dates, zones, zone, [] if notes is None else notes)
     return dates, zones
 

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.scratch import blocks, let_go
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 
@@ -74,12 +75,15 @@ def _offset(seconds: float) -> str:
 
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
     """Calendar of samples, `time` in order, s from `start` on; `offset` NaN without a zone."""
-    if not np.isfinite(offset).any():
-        return Calendar(start)
-    known = np.isfinite(offset)
-    when, shown = time[known], offset[known]
-    first = np.concatenate([[0], np.flatnonzero(np.diff(shown) != 0) + 1])
-    return Calendar(start, tuple((float(when[i]), float(shown[i])) for i in first.tolist()))
+    found: list[tuple[float, float]] = []
+    for low, high in blocks(len(time)):
+        known = np.isfinite(offset[low:high])
+        when, shown = time[low:high][known], offset[low:high][known]
+        before = np.concatenate([[found[-1][1] if found else np.nan], shown[:-1]])
+        first = np.flatnonzero(shown != before[: len(shown)])
+        found += zip(when[first].tolist(), shown[first].tolist(), strict=True)
+        let_go(time, offset)
+    return Calendar(start, tuple(found))
 
 
 def duration(seconds: float) -> str:

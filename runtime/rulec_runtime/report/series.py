@@ -153,7 +153,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     rows = [ruleset.residuals.index(r) for r in residuals]
     learned = False
     for here, seen in _batches(recording, diagnosis):
-        learned |= any(len(part.baselines.states) > 1 for part in seen)
+        learned |= any(len(part.baselines.counts) > 1 for part in seen)
         whole, valid = observe(ruleset, seen[0].points), usable_seen(ruleset, seen)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
@@ -191,7 +191,7 @@ def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.nd
     ruleset = diagnosis.ruleset
     stretches, noise = judgeable(recording, ruleset, diagnosis.mode)
     if len(stretches):
-        known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode)
+        known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
         every = np.arange(len(recording))
         yield from see_samples(recording, ruleset, noise, stretches, known, every)
 

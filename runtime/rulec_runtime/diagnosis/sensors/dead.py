@@ -8,6 +8,7 @@ nothing else gives that flow, a reading that does not even show noise is dead wh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
+from rulec_runtime.recordings.piecewise import median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import mapped
 
 
 def dead_readings(
@@ -28,7 +31,7 @@ def dead_readings(
         values = recording.values.get(signal.id)
         if values is None or not bench.readers(signal.id).any():
             continue
-        zero = at_zero(signal, values)
+        zero = mapped(values, partial(at_zero, signal), bool)
         if zero.sum() < limits.PERSISTENCE:
             continue
         flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]
@@ -55,7 +58,8 @@ def dead_finding(
     signal: SignalSpec, recording: Recording, part: slice, because: str
 ) -> SensorFinding:
     """A dead reading, as a finding."""
-    shown = signal.shown(float(np.nanmedian(recording.values[signal.id][part])))
+    usual = median_of(lambda: parts_of(recording.values[signal.id][part]))
+    shown = signal.shown(usual)
     text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} while {because}"
     time = recording.time
     return SensorFinding(
@@ -69,9 +73,9 @@ def dead_finding(
 
 def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:
     """First and behind last sample at zero around one."""
-    before, behind = np.flatnonzero(~zero[:sample]), np.flatnonzero(~zero[sample:])
-    start = int(before[-1]) + 1 if len(before) else 0
-    return start, sample + int(behind[0]) if len(behind) else len(zero)
+    before, behind = zero[:sample][::-1], zero[sample:]
+    start = 0 if before.all() else sample - int(np.argmin(before))
+    return start, len(zero) if behind.all() else sample + int(np.argmin(behind))
 
 
 def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) -> np.ndarray:
@@ -82,7 +86,7 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
     )
     result = np.zeros(len(stretches), dtype=bool)
     module = signal.id.partition(".")[0]
-    frozen = len(np.unique(values[zero])) == 1 and zero.sum() >= limits.NEVER_MOVED
+    frozen = zero.sum() >= limits.NEVER_MOVED and _one_value(signal, values)
     for i in np.flatnonzero(inside):
         flow = _flow_without(bench, signal.id, module, int(i))
         if flow is None:
@@ -93,6 +97,16 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
             )
             result[i] = flow[0] > max(limits.FLOWS_BEYOND * flow[1], limits.FLOWS_PART * reference)
     return result
+
+
+def _one_value(signal: SignalSpec, values: Array) -> bool:
+    """Is a reading always the same while it is at zero?"""
+    levels: set[float] = set()
+    for part in parts_of(values, partial(at_zero, signal)):
+        levels.update(np.unique(part)[:2].tolist())
+        if len(levels) > 1:
+            return False
+    return True
 
 
 def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[float, float] | None:

@@ -20,6 +20,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
+from rulec_runtime.recordings.piecewise import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 
@@ -40,7 +41,7 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
         return  # a recording without noise: computed, not measured
     for signal in never:
         here = bench.recorded.freedom > 1
-        known = recording.values[signal.id][np.isfinite(recording.values[signal.id])]
+        known = np.array([_only(recording, signal.id)])
         if not bench.readers(signal.id).any() or at_zero(signal, known).all():
             continue  # at zero a reading stands still by itself; whether it is dead was asked
         if _has_noise_elsewhere(recording, ruleset, bench, signal) or (
@@ -55,8 +56,7 @@ def _has_noise_elsewhere(
     """Does the same sensor at another place show noise, far beyond this one's last digit?"""
     if signal.is_input:
         return False
-    shown = float(np.nanmedian(recording.values[signal.id]))
-    digit = last_digit(signal.shown(shown)) * abs(signal.factor)
+    digit = last_digit(signal.shown(_only(recording, signal.id))) * abs(signal.factor)
     name = signal.id.partition(".")[2]
     return any(
         other.id != signal.id
@@ -66,6 +66,13 @@ def _has_noise_elsewhere(
         and bench.noise.get(other.id, 0.0) > limits.NOISE_ELSEWHERE * digit
         for other in ruleset.signals
     )
+
+
+def _only(recording: Recording, name: str) -> float:
+    """The one value of a reading that never moves."""
+    value = first_reading(recording.values[name])
+    assert value is not None
+    return value
 
 
 def _still(recording: Recording, name: str) -> bool:

@@ -21,6 +21,7 @@ from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
 
@@ -66,7 +67,7 @@ def _with_all(raw: Recording, bench: Bench) -> Bench:
     values, noise = {}, {}
     pieces = list(zip(bench.stretches.first, bench.stretches.last, strict=True))
     for name, column in raw.values.items():
-        if np.isfinite(column).any():
+        if any_of(column):
             values[name] = np.array([_mean(column[a:b]) for a, b in pieces])
             noise[name] = noise_of(column)
     return replace(bench, points=bench.with_readings(values, noise), noise=noise)

@@ -7,8 +7,9 @@ it: the readings become NaN, and what needs them is not judged.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Iterator, Set
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,9 @@ from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import misread_columns
 from rulec_runtime.diagnosis.sensors.ranges import out_of_range
+from rulec_runtime.recordings.piecewise import any_of, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import copied
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.wall_clock import duration
@@ -86,17 +89,22 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
     """Readings that lose their noise. One that is given is mostly set: there it must have some."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if values is None or not np.isfinite(values).any():
+        if values is None or not any_of(values):
             continue
         u = np.inf
         if signal.is_input:
-            u = float(np.median(systematic_u(signal, values[np.isfinite(values)])))
+            u = median_of(partial(_errors, signal, values))
         # Below its minimum the module stands, and nothing is read from there.
         low = signal.lowest if signal.minimum is None else signal.minimum
         for a, b in standing_still(values, u, (low, signal.highest)):
             if at_zero(signal, values[a : a + 1])[0]:
                 continue  # a clipped zero; whether it is a dead one the others say
             yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
+
+
+def _errors(signal: SignalSpec, values: Array) -> Iterator[Array]:
+    """Standard uncertainties of readings, SI."""
+    return (systematic_u(signal, part) + np.zeros(len(part)) for part in parts_of(values))
 
 
 def stuck_finding(
@@ -118,7 +126,7 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
     unfit: dict[str, str] = dict(recording.unfit or {})
     for finding, part in found:
         if finding.signal:
-            column = values[finding.signal].copy()
+            column = copied(values[finding.signal])
             column[part] = np.nan
             values[finding.signal] = column
             unfit[finding.signal] = _joined(unfit.get(finding.signal, ""), finding.condition)

@@ -8,6 +8,7 @@ live zero, or 6.25 % above its end, is none.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
+from rulec_runtime.recordings.piecewise import median_of, parts_of, runs_where
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import let_go
 
 
 def failed_current(signal: SignalSpec, values: Array) -> np.ndarray:
@@ -35,16 +38,20 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
         values = recording.values.get(signal.id)
         if values is None:
             continue
-        failed = failed_current(signal, values)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], failed, [False]]).astype(int)))
-        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            if b - a >= limits.PERSISTENCE:
-                yield _finding(signal, recording, a, b), slice(a, b)
+        failed = partial(_failed_between, signal, values)
+        for a, b in runs_where(len(values), failed, limits.PERSISTENCE):
+            yield _finding(signal, recording, a, b), slice(a, b)
+
+
+def _failed_between(signal: SignalSpec, values: Array, first: int, last: int) -> np.ndarray:
+    found = failed_current(signal, values[first:last])
+    let_go(values)
+    return found
 
 
 def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:
     ends = signal.ends
-    usual = float(np.median(recording.values[signal.id][first:last]))
+    usual = median_of(lambda: parts_of(recording.values[signal.id][first:last]))
     shown, low, high = (signal.shown(v) for v in (usual, *ends))
     side = "below its live zero" if usual < ends[0] else "above the end of its range"
     text = (

@@ -11,10 +11,12 @@ process.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from array import array as packed
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
@@ -27,20 +29,15 @@ from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 class Baseline:
     """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties.
 
-    It rests on the first `count` of `points`, a list that all baselines of a recording share: a
+    It rests on the first `count` of `points`, which all baselines of a recording share: a
     list for each would grow with the square of the recording. `time` is that of the last, s.
     """
 
     mean: Array
     covariance: Array
-    points: list[int]
+    points: packed[int]
     count: int
     time: float
-
-    @property
-    def learned(self) -> tuple[int, ...]:
-        """The points it rests on."""
-        return tuple(self.points[: self.count])
 
     def later(self, time: float) -> Baseline:
         """What is still known at a later time: the rest of the errors is as before anything."""
@@ -52,16 +49,30 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Baselines:
-    """Baselines in order of time, and which of them holds at each point, shape (n,)."""
+    """Baselines in order of time, and which of them holds at each point, shape (n,).
 
-    states: tuple[Baseline, ...]
+    `points` are those that were learned from, and `counts` tells on how many of them each baseline
+    rests. Of a long recording there may be no `states`: they are not kept then.
+    """
+
+    states: Sequence[Baseline]
     at: np.ndarray
+    points: Sequence[int] = ()
+    counts: Sequence[int] = (0,)
+
+    def count_at(self, point: int) -> int:
+        """On how many points the baseline of a point rests."""
+        return self.counts[int(self.at[point])]
+
+    def learned_at(self, point: int) -> NDArray[np.intp]:
+        """The points that the baseline of a point rests on."""
+        return np.array(self.points[: self.count_at(point)], dtype=np.intp)
 
 
 def nothing_learned(observed: Observed) -> Baseline:
     """What is known of the lasting errors without any fault-free stretch: their uncertainties."""
     count = observed.shared.shape[1]
-    return Baseline(np.zeros(count), np.eye(count), [], 0, 0.0)
+    return Baseline(np.zeros(count), np.eye(count), packed("q"), 0, 0.0)
 
 
 def remembered(seconds: Array | float) -> Array:
@@ -104,6 +115,10 @@ def against(
         residual_u=spreads(ruleset, covariance),
         residual_systematic=spreads(ruleset, lasting),
     )
+
+
+SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systematic")
+"""What `against` changes."""
 
 
 def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:

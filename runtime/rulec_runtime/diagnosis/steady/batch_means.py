@@ -16,6 +16,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
@@ -32,6 +33,10 @@ class Halves:
     apart: Array
     excess: Array
 
+    def part(self, observers: np.ndarray, chosen: slice) -> Halves:
+        """The same of some observers and stretches."""
+        return Halves(self.apart[observers, chosen], self.excess[chosen])
+
 
 def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> Halves:
     """Cut every stretch in the middle."""
@@ -40,11 +45,17 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
         Stretches(stretches.first, middle),
         Stretches(middle, stretches.last),
     )
-    before, after = (
-        flows_at(ruleset, means_of_stretches(recording, ruleset, part)) for part in (early, late)
-    )
+    before, after = (means_of_stretches(recording, ruleset, part) for part in (early, late))
     excess = stretches.lengths**2 / (early.lengths * late.lengths)
-    return Halves(after - before, excess)
+
+    def told(part: slice) -> Halves:
+        one, other = (
+            flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
+            for means in (before, after)
+        )
+        return Halves(other - one, excess[part])
+
+    return in_batches(len(stretches), {"apart": 1, "excess": 0}, told)
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
@@ -69,4 +80,5 @@ def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
 
 def wandering(observed: Observed, wander: Array) -> Observed:
     """The same points with this in their noise."""
-    return replace(observed, noise=observed.noise + wander, covariance=observed.covariance + wander)
+    noise, covariance = observed.noise + wander, observed.covariance + wander
+    return replace(observed, noise=noise, covariance=covariance, wander=wander)

@@ -24,8 +24,10 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
+from rulec_runtime.recordings.scratch import let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is there: in the run alone, also in the baseline, or in the baseline alone."""
@@ -100,7 +102,7 @@ def fits_of(
     alike: dict[tuple[bytes, int, int], list[_Stack]] = {}
     for run, members in enumerate(runs):
         points, valid = spread_evenly(observed, members)
-        learned = baselines.states[baselines.at[members[0]]].learned
+        learned = baselines.learned_at(members[0])
         usable = _usable_baseline(observed, learned, valid)
         stack = _Stack(run, members, usable, points, valid)
         alike.setdefault(stack.shape, []).append(stack)
@@ -108,6 +110,7 @@ def fits_of(
     for stacks in alike.values():
         for part in _portions(stacks):
             found |= _fits_alike(ruleset, observed, isolation, part)
+            let_go(observed.valid, isolation.degree)
     return [found[run] for run in range(len(runs))]
 
 
@@ -149,10 +152,9 @@ def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
     )
 
 
-def _usable_baseline(observed: Observed, learned: Sequence[int], valid: np.ndarray) -> np.ndarray:
+def _usable_baseline(observed: Observed, learned: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """Stretches of the baseline that have the observers of the run."""
-    chosen = np.asarray(learned, dtype=int)
-    return thinned(chosen[observed.valid[:, chosen][valid].all(axis=0)])
+    return thinned(learned[observed.valid[:, learned][valid].all(axis=0)])
 
 
 def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
@@ -181,7 +183,8 @@ def _fits_alike(
         earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
         tried.append(_explaining(earlier))
         test = test.at_other_times(np.hstack([later, earlier.present]))
-    fits = fit(test, [(f,) for f in ruleset.faults], np.hstack(tried))
+    limit = accepted(test.freedom, 1, isolation.chance)
+    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried)))
     found = [
         [
             one

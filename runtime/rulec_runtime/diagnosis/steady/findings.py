@@ -18,6 +18,7 @@ from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
+from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
@@ -96,7 +97,7 @@ class Found:
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
-    verdicts = [verdict_at(seen, i) for i in range(len(timeline))]
+    verdicts = _verdicts(timeline, seen)
     found = Found([], [], _in_part(timeline, seen))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
@@ -118,12 +119,25 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 one = _finding(ruleset, seen, cause, members, times)
                 behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
                 found.findings.append(replace(one, behind=behind))
+            let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
         elif kind == "blind":
             found.not_judged.append(Period(since, until, text))
         elif kind == "ok":
             known = frozenset()
         else:
             found.unknown.append(Period(since, until, text))
+    return found
+
+
+def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
+    """What each stretch says; many say the same."""
+    known: dict[Verdict, Verdict] = {}
+    found = []
+    for i in range(len(timeline)):
+        verdict = verdict_at(seen, i)
+        found.append(known.setdefault(verdict, verdict))
+        if not i % limits.POINTS_AT_ONCE:
+            let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
     return found
 
 
@@ -145,7 +159,7 @@ def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
 def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> tuple[float, float]:
     """First and last time of a cause: that of the run, of its baseline, or of both."""
     points = list(members)
-    learned = list(seen.baselines.states[seen.baselines.at[members[0]]].learned)
+    learned = seen.baselines.learned_at(members[0]).tolist()
     if cause.when != ONSET:
         points = learned if cause.when == ENDED else learned + points
     return float(timeline.since[points[0]]), float(timeline.until[points[-1]])
@@ -207,7 +221,7 @@ def _finding(
         evidence_at(seen, strongest, fault),
         _readings(ruleset, seen.points, strongest),
         _flows(own, seen.observed, strongest),
-        len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
+        seen.baselines.count_at(members[0]),
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
     )
 

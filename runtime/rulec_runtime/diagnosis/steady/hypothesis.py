@@ -11,6 +11,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.chi_square import Metric, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 
@@ -82,14 +83,17 @@ class HypothesisTest:
     @cached_property
     def flows(self) -> Array:
         """Usable flows, shape (usable observers, points, n)."""
-        flows: Array = self.observed.flows[self.valid][:, self.members]
-        return flows
+        return self._of_usable(self.observed.flows)
 
     @cached_property
     def offsets(self) -> Array:
         """What the baseline takes from them."""
-        offsets: Array = self.observed.offsets[self.valid][:, self.members]
-        return offsets
+        return self._of_usable(self.observed.offsets)
+
+    def _of_usable(self, table: Array) -> Array:
+        """The members' part of a table, shape (observers, n), of the usable observers."""
+        found = of_points(table, (np.flatnonzero(self.valid),), self.members.ravel())
+        return found.reshape(-1, *self.members.shape)
 
     def effects(self) -> Array:
         """Slopes of the residuals by the degree of each fault of the ruleset, at a small one: shape

@@ -18,7 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.fit import fit, least_left
+from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
@@ -28,6 +28,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
+from rulec_runtime.diagnosis.steady.screen import may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,21 @@ class Isolation:
     probability: Array
     pair: np.ndarray
     chance: float
+
+
+POINTS_ALONG = {
+    "judged": 0,
+    "deviating": 0,
+    "misfit": 0,
+    "freedom": 0,
+    "degree": 1,
+    "u": 1,
+    "floor": 1,
+    "distance": 1,
+    "probability": 1,
+    "pair": 0,
+}
+"""Along which axis of a table of `Isolation` the points lie."""
 
 
 def alarm_chance(looks: int) -> float:
@@ -171,7 +187,7 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
-    tried = None if all_tried else least_left(test) <= limits.ROUNDED_OTHERWISE * limit
+    tried = None if all_tried else may_fit(test, limit)
     fits = fit(test, [(fault,) for fault in test.ruleset.faults], tried)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance

@@ -6,6 +6,7 @@ process.
 
 from __future__ import annotations
 
+from array import array as packed
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -21,6 +22,7 @@ from rulec_runtime.diagnosis.steady.baseline import (
     remembered,
     times_of,
 )
+from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import (
     chi_square_limit,
@@ -32,21 +34,56 @@ from rulec_runtime.diagnosis.steady.redundancy import (
 
 def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
     """Go through the points in order of time and learn from those that nothing contradicts."""
-    states, at = [nothing_learned(observed)], np.zeros(len(observed), dtype=int)
-    every, done, at_once = [*_said_by(ruleset, observed)], 0, 1
-    while done < len(observed):
-        # Where points add nothing to what is known, many are passed over together.
-        until = min(done + at_once, len(observed))
-        worth = [said.worth_learning(states[-1], done, until) for said in every]
-        found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
-        last = until if found is None else found[0] + 1
-        for said in every:
-            at[said.between(done, last)] = len(states) - 1
-        taken = None if found is None else every[found[1]].taken_up(states[-1], found[0])
-        states += [] if taken is None else [taken]
-        at_once = min(2 * at_once, limits.LEARNED_AT_ONCE) if taken is None else 1
-        done = last
-    return Baselines(tuple(states), np.maximum.accumulate(at))
+    learner = Learner(ruleset, keep=True)
+    for batch in batches(len(observed)):
+        learner.take(observed.part(batch), batch.start)
+    return learner.baselines()
+
+
+class Learner:
+    """Learns from points that come in batches; `keep` says whether all baselines are kept."""
+
+    def __init__(self, ruleset: Ruleset, *, keep: bool) -> None:
+        self._ruleset, self._keep = ruleset, keep
+        self._last: Baseline | None = None
+        self._kept: list[Baseline] = []
+        self._at: list[np.ndarray] = []
+        self._counts = packed("q", [0])
+        self._at_once = 1
+
+    def take(self, observed: Observed, first: int) -> Baselines:
+        """Learn from a batch, of which `first` is the number of the first point; gives the
+        baselines that hold in it."""
+        states = [self._last or nothing_learned(observed)]
+        at = np.zeros(len(observed), dtype=int)
+        every, done = [*_said_by(self._ruleset, observed)], 0
+        while done < len(observed):
+            # Where points add nothing to what is known, many are passed over together.
+            until = min(done + self._at_once, len(observed))
+            worth = [said.worth_learning(states[-1], done, until) for said in every]
+            found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
+            last = until if found is None else found[0] + 1
+            for said in every:
+                at[said.between(done, last)] = len(states) - 1
+            taken = None if found is None else every[found[1]].taken_up(states[-1], found[0])
+            if taken is not None:
+                states.append(taken)
+                taken.points.append(first + last - 1)
+            more = min(2 * self._at_once, limits.LEARNED_AT_ONCE)
+            self._at_once = more if taken is None else 1
+            done = last
+        at = np.maximum.accumulate(at)
+        if self._keep:
+            self._kept += states[bool(self._kept) :]
+        self._last = states[-1]
+        self._at.append(at + len(self._counts) - 1)
+        self._counts.extend(state.count for state in states[1:])
+        return Baselines(states, at)
+
+    def baselines(self) -> Baselines:
+        """All that was learned."""
+        points = () if self._last is None else self._last.points
+        return Baselines(self._kept, np.concatenate(self._at), points, self._counts)
 
 
 @dataclass(frozen=True)
@@ -113,7 +150,6 @@ class _Said:
         if gain < limits.WORTH_LEARNING * len(off):
             return None
         covariance = before.covariance - crossed @ solved[:, 1:]
-        before.points.append(point)
         return replace(
             before,
             mean=before.mean + crossed @ solved[:, 0],

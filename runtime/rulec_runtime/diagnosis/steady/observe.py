@@ -10,6 +10,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
+from rulec_runtime.diagnosis.steady.batches import part_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 
@@ -34,6 +35,7 @@ class Observed:
         m3/s.
     offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
     covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
+    wander : as `noise`, the part of it that `wander_of` found.
     residuals, residual_u : shape (residuals, n), m3/s.
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
@@ -48,6 +50,7 @@ class Observed:
     shared: Array
     offsets: Array
     covariance: Array
+    wander: Array
     residuals: Array
     residual_u: Array
     residual_systematic: Array
@@ -55,6 +58,30 @@ class Observed:
 
     def __len__(self) -> int:
         return int(self.flows.shape[1])
+
+    def part(self, chosen: slice) -> Observed:
+        """The same of some of the points."""
+        if chosen.start == 0 and chosen.stop == len(self):
+            return self
+        outside = {name: flags[chosen] for name, flags in self.extrapolated.items()}
+        some = part_of(self, POINTS_ALONG, chosen, len(self))
+        return replace(some, points=self.points.at(chosen), extrapolated=outside)
+
+
+POINTS_ALONG = {
+    "flows": 1,
+    "valid": 1,
+    "noise": 0,
+    "scatter": 0,
+    "shared": 2,
+    "offsets": 1,
+    "covariance": 0,
+    "wander": 0,
+    "residuals": 1,
+    "residual_u": 1,
+    "residual_systematic": 1,
+}
+"""Along which axis of a table of `Observed` the points lie."""
 
 
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
@@ -136,6 +163,7 @@ def with_errors(
         shared=shared,
         offsets=np.zeros_like(flows),
         covariance=covariance,
+        wander=np.zeros_like(noise),
         residuals=residuals[0],
         residual_u=residuals[1],
         residual_systematic=residuals[2],

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import arrays, let_go, mapped, picked
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
 from rulec_runtime.recordings.sums import means_between
@@ -35,13 +38,16 @@ class Points:
     time: Array | None = None
     lag: Mapping[str, Array] = field(default_factory=dict)
 
+    def __len__(self) -> int:
+        return max((len(v) for v in self.values.values()), default=0)
+
     def statistical(self, signal: str) -> Array:
         """Standard uncertainty that is new at each point, shape (n,), SI."""
         whole, shared = self.u[signal], self.systematic[signal]
         part: Array = np.sqrt(np.maximum(whole**2 - shared**2, 0.0))
         return part
 
-    def at(self, chosen: np.ndarray) -> Points:
+    def at(self, chosen: np.ndarray | slice) -> Points:
         """Some of the points."""
         values, u, systematic, bad, lag = (
             {name: part[chosen] for name, part in table.items()}
@@ -81,38 +87,56 @@ def check_readings(
 
     Returns per signal flags, shape (n,), and the reason.
     """
-    bad, why = {}, {}
+    bad = {
+        signal.id: mapped(recording.values[signal.id], partial(_is_bad, signal), bool)
+        for signal in ruleset.signals
+        if signal.id in recording.values
+    }
+    return bad, _reasons(recording, ruleset)
+
+
+def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
+    """Per signal why readings of it cannot be right, if some cannot."""
+    why = {}
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None:
             continue
-        flags = ~np.isfinite(values)
         known = (recording.unfit or {}).get(signal.id, "no reading")
-        reasons = [known] if flags.any() else []
-        outside = outside_range(signal, values)
-        if outside.any():
+        reasons = [known] if any_of(values, lambda part: ~np.isfinite(part)) else []
+        if any_of(values, partial(outside_range, signal)):
             reasons.append("outside the sensor's range")
-        flags |= outside
-        bad[signal.id] = flags
         why[signal.id] = " or ".join(dict.fromkeys(reasons))
-    return bad, why
+    return why
+
+
+def _is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Readings that cannot be right, shape (n,)."""
+    bad: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
+    return bad
+
+
+def _sound(signal: SignalSpec, values: Array) -> Array:
+    """Readings, NaN where they cannot be right."""
+    return np.where(_is_bad(signal, values), np.nan, values)
 
 
 def points_of_stretches(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> Points:
     """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
-    bad, why = check_readings(recording, ruleset)
-    values, u, systematic, flags = {}, {}, {}, {}
-    for name, mean, number in _means(recording, ruleset, stretches, bad):
+    why = _reasons(recording, ruleset)
+    values, u, systematic, flags = _room(recording, ruleset, len(stretches))
+    for name, mean, number in _means(recording, ruleset, stretches):
         with np.errstate(invalid="ignore", divide="ignore"):
             statistical = noise[name] / np.sqrt(number)
-        flags[name] = number < limits.HALF_KNOWN * stretches.lengths
-        values[name] = np.where(flags[name], np.nan, mean)
-        signal = ruleset.signal_by_id[name]
-        systematic[name] = systematic_u(signal, values[name]) + np.zeros(len(mean))
-        u[name] = np.hypot(systematic[name], statistical)
-    middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
+        flags[name][:] = number < limits.HALF_KNOWN * stretches.lengths
+        values[name][:] = np.where(flags[name], np.nan, mean)
+        systematic[name][:] = systematic_u(ruleset.signal_by_id[name], values[name])
+        u[name][:] = np.hypot(systematic[name], statistical)
+        let_go(values[name])
+    time = recording.time
+    middle = 0.5 * (picked(time, stretches.first) + picked(time, stretches.last - 1))
     lag = lag_errors(recording, ruleset, stretches, noise)
     return Points(values, u, systematic, flags, why, middle, lag)
 
@@ -121,22 +145,30 @@ def means_of_stretches(
     recording: Recording, ruleset: Ruleset, stretches: Stretches
 ) -> dict[str, Array]:
     """Mean readings of each stretch alone, shape (n,), SI."""
-    bad, _ = check_readings(recording, ruleset)
-    found = {}
-    for name, mean, number in _means(recording, ruleset, stretches, bad):
-        found[name] = np.where(number < limits.HALF_KNOWN * stretches.lengths, np.nan, mean)
+    found = _room(recording, ruleset, len(stretches))[0]
+    for name, mean, number in _means(recording, ruleset, stretches):
+        found[name][:] = np.where(number < limits.HALF_KNOWN * stretches.lengths, np.nan, mean)
+        let_go(found[name])
     return found
 
 
+def _room(recording: Recording, ruleset: Ruleset, count: int) -> list[dict[str, np.ndarray]]:
+    """Three tables of numbers and one of flags, an array per signal, for so many points."""
+    names = [s.id for s in ruleset.signals if s.id in recording.values]
+    kinds = [float, float, float, bool]
+    made = iter(arrays([((count,), kind) for kind in kinds for _ in names]))
+    return [{name: next(made) for name in names} for _ in kinds]
+
+
 def _means(
-    recording: Recording, ruleset: Ruleset, stretches: Stretches, bad: Mapping[str, np.ndarray]
+    recording: Recording, ruleset: Ruleset, stretches: Stretches
 ) -> Iterator[tuple[str, Array, Array]]:
     """Per signal the mean of its sound readings in each stretch, and how many these are."""
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is not None:
-            usable = np.where(bad[signal.id], np.nan, readings)
-            yield signal.id, *means_between(usable, stretches.first, stretches.last)
+            usable = partial(_sound, signal)
+            yield signal.id, *means_between(readings, stretches.first, stretches.last, usable)
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:

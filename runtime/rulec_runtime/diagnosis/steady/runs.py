@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Set
+from itertools import islice
 
 import numpy as np
 
@@ -73,8 +74,8 @@ def _continues(
         return first.text == here.text
     if here.kind != "fault":
         return True
-    rests = [m for m in members if m not in slow] or members
-    recent = rests[-limits.LOOK_BACK :]
+    rests = islice((m for m in reversed(members) if m not in slow), limits.LOOK_BACK)
+    recent = [*rests][::-1] or members[-limits.LOOK_BACK :]
     common = (isolation.probability[:, [*recent, point]] > limits.HOLDS_TOGETHER).all(axis=1)
     steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
     return len(steady) >= len(here.faults)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,16 +10,29 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.baseline import Baselines, against, nothing_learned
+from rulec_runtime.diagnosis.steady.baseline import (
+    SHIFTED,
+    Baselines,
+    against,
+    nothing_learned,
+)
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
+from rulec_runtime.diagnosis.steady.batches import in_batches
+from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
-from rulec_runtime.diagnosis.steady.learn import learn
-from rulec_runtime.diagnosis.steady.observe import Observed, extrapolated, observe
+from rulec_runtime.diagnosis.steady.learn import Learner
+from rulec_runtime.diagnosis.steady.observe import (
+    POINTS_ALONG,
+    Observed,
+    extrapolated,
+    observe,
+)
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 
@@ -36,8 +49,7 @@ class Seen:
 
     Observers, residuals and faults are those of the ruleset of the part. `observed` is seen against
     the baselines, `plain` is not. Where points are not `combined` (paper mode) a run says the mean
-    of what each of them says. `wander` is the part of the noise that `wander_of` found, shape (n,
-    observers, observers).
+    of what each of them says.
     """
 
     part: Part
@@ -47,7 +59,6 @@ class Seen:
     baselines: Baselines
     isolation: Isolation
     combined: bool
-    wander: Array
 
 
 def judgeable(
@@ -63,42 +74,82 @@ def see_stretches(
     stretches: Stretches,
     noise: Mapping[str, float],
     mode: str,
+    *,
+    keep: bool = False,
 ) -> list[Seen]:
-    """Observe the stretches, learn the baseline of each block, isolate."""
+    """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines, where
+    samples are to be seen against them."""
     points = points_of_stretches(recording, ruleset, stretches, noise)
-    return see_points(ruleset, points, halves_of(recording, ruleset, stretches), mode)
+    halves = halves_of(recording, ruleset, stretches)
+    return see_points(ruleset, points, halves, mode, keep=keep)
 
 
-def see_points(ruleset: Ruleset, points: Points, halves: Halves, mode: str) -> list[Seen]:
+def see_points(
+    ruleset: Ruleset, points: Points, halves: Halves, mode: str, *, keep: bool = False
+) -> list[Seen]:
     """The same of stretches whose samples are gone."""
-    return [see_part(ruleset, part, points, mode, halves) for part in parts_of(ruleset)]
+    parts = parts_of(ruleset)
+    return [see_part(ruleset, part, points, mode, halves, keep=keep) for part in parts]
 
 
 def see_part(
-    whole: Ruleset, part: Part, points: Points, mode: str, halves: Halves | None = None
+    whole: Ruleset,
+    part: Part,
+    points: Points,
+    mode: str,
+    halves: Halves | None = None,
+    *,
+    keep: bool = False,
 ) -> Seen:
     """Learn the baseline of one part of a plant, and isolate."""
-    return see_observed(part, observe_part(whole, part, points), points, mode, halves)
+
+    def told(chosen: slice) -> Observed:
+        return observe_part(whole, part, points.at(chosen))
+
+    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
+    alike = own, extrapolated(whole, points)
+    return _see(part, told, points, alike, mode, halves, keep=keep)
 
 
 def see_observed(
     part: Part, plain: Observed, points: Points, mode: str, halves: Halves | None
 ) -> Seen:
     """The same of estimates that are there already, those of the part alone."""
-    ruleset = part.ruleset
-    wander = np.zeros_like(plain.noise)
+    alike = plain.points, plain.extrapolated
+    return _see(part, plain.part, points, alike, mode, halves)
+
+
+def _see(
+    part: Part,
+    told: Callable[[slice], Observed],
+    points: Points,
+    alike: tuple[Points, Mapping[str, np.ndarray]],
+    mode: str,
+    halves: Halves | None,
+    *,
+    keep: bool = False,
+) -> Seen:
+    """The same where `told` gives the estimates of a batch of points; `alike` are the points as the
+    part reads them, and flags of readings that leave the range in which they were calibrated."""
+    ruleset, count = part.ruleset, len(points)
+
+    def observed(chosen: slice) -> Observed:
+        plain = told(chosen)
+        if halves is None or mode == PAPER:
+            return plain
+        return wandering(plain, wander_of(ruleset, plain, halves.part(part.observers, chosen)))
+
+    plain = in_batches(count, POINTS_ALONG, observed)
+    plain = replace(plain, points=alike[0], extrapolated=alike[1])
     if mode == PAPER:
         # The paper knows no baseline.
         compared, baselines = plain, _nothing(plain)
-        isolation = _by_paper(ruleset, plain, isolate(ruleset, plain))
+        isolation = _isolated(ruleset, plain, mode)
     else:
-        if halves is not None:
-            own = Halves(halves.apart[part.observers], halves.excess)
-            wander = wander_of(ruleset, plain, own)
-            plain = wandering(plain, wander)
-        baselines = learn(ruleset, plain)
-        compared = against(ruleset, plain, baselines)
-        isolation = isolate(ruleset, compared)
+        learner = Learner(ruleset, keep=keep)
+        compared = _compared(ruleset, plain, learner)
+        baselines = learner.baselines()
+        isolation = _isolated(ruleset, compared, mode)
         lasting = throughout(ruleset, plain, isolation)
         if lasting is not None:
             # What was learned from these stretches is the fault.
@@ -111,7 +162,6 @@ def see_observed(
         baselines=baselines,
         isolation=isolation,
         combined=mode != PAPER,
-        wander=wander,
     )
 
 
@@ -122,6 +172,33 @@ def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
         return observe(whole, points)
     observed = observe(part.ruleset, points.of(part.ruleset.observed))
     return replace(observed, extrapolated=extrapolated(whole, points))
+
+
+def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
+    """Estimates seen against the baselines that are learned on the way."""
+
+    def told(part: slice) -> Observed:
+        some = plain.part(part)
+        found = against(ruleset, some, learner.take(some, part.start))
+        let_go(plain.flows)
+        return found
+
+    along = {name: POINTS_ALONG[name] for name in SHIFTED}
+    found = in_batches(len(plain), along, told)
+    return replace(plain, **{name: getattr(found, name) for name in SHIFTED})
+
+
+def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
+    """What explains each point."""
+    count = len(observed)
+
+    def told(part: slice) -> Isolation:
+        some = observed.part(part)
+        found = isolate(ruleset, some, count)
+        let_go(observed.flows, observed.covariance)
+        return _by_paper(ruleset, some, found) if mode == PAPER else found
+
+    return in_batches(count, EXPLAINED_ALONG, told)
 
 
 def _nothing(observed: Observed) -> Baselines:
@@ -154,7 +231,7 @@ def _see_samples(whole: Ruleset, points: Points, seen: Seen, place: np.ndarray, 
     if not seen.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
         return replace(seen, points=points, plain=plain, observed=plain, isolation=isolation)
-    plain = wandering(plain, seen.wander[place])
+    plain = wandering(plain, seen.plain.wander[place])
     compared = against(ruleset, plain, seen.baselines, seen.baselines.at[place])
     isolation = isolate(ruleset, compared, looks)
     return replace(seen, points=points, plain=plain, observed=compared, isolation=isolation)

@@ -11,6 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
+from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -56,8 +57,11 @@ def _covariance(
 ) -> Array:
     """Covariance of the residuals of stacks, shape (n, points * rank, points * rank)."""
     rank, (points, n) = len(basis), members.shape
-    shared = observed.shared[valid][:, :, members]
-    noise = np.moveaxis(observed.noise, 0, -1)[np.ix_(valid, valid)][..., members]
+    every, own = members.ravel(), np.flatnonzero(valid)
+    shared = of_points(observed.shared, (own, np.arange(observed.shared.shape[1])), every)
+    shared = shared.reshape(*shared.shape[:2], points, n)
+    noise = of_points(np.moveaxis(observed.noise, 0, -1), (own, own), every)
+    noise = noise.reshape(*noise.shape[:2], points, n)
     if scales is not None:
         shared = shared * scales.lasting[:, None]
         noise = noise * scales.noise[:, None] * scales.noise

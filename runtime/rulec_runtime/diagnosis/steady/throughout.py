@@ -18,10 +18,18 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batches import in_batches, part_of
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, quantile, shares
+from rulec_runtime.diagnosis.steady.isolate import (
+    POINTS_ALONG,
+    Isolation,
+    accepted,
+    quantile,
+    shares,
+)
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 
 
@@ -45,22 +53,33 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
-    fits = fit(test, [(fault,) for fault in ruleset.faults], scores[:, None] > 0.0)
+    tried = may_fit(test, limit, scores[:, None] > 0.0)
+    fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
     if not np.isfinite(evidence).any():
         return None
     if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
         return None
-    probability = isolation.probability.copy()
-    probability[:, judged] = shares(evidence[:, None])
-    degree, u = isolation.degree.copy(), isolation.u.copy()
-    for i in np.flatnonzero(np.isfinite(evidence)):
-        degree[i, judged], u[i, judged] = fits.degree[0, i, 0], fits.u[0, i, 0]
-    deviating, pair = isolation.deviating.copy(), isolation.pair.copy()
-    deviating[judged], pair[judged] = True, -1
-    return replace(
-        isolation, deviating=deviating, degree=degree, u=u, probability=probability, pair=pair
-    )
+    lasting = np.zeros(len(observed), dtype=bool)
+    lasting[judged] = True
+    found = shares(evidence[:, None])
+    fitting = np.flatnonzero(np.isfinite(evidence))
+
+    def told(part: slice) -> Isolation:
+        own, here = part_of(isolation, POINTS_ALONG, part, len(observed)), lasting[part]
+        degree, u = own.degree.copy(), own.u.copy()
+        for i in fitting:
+            degree[i, here], u[i, here] = fits.degree[0, i, 0], fits.u[0, i, 0]
+        return replace(
+            own,
+            deviating=own.deviating | here,
+            degree=degree,
+            u=u,
+            probability=np.where(here, found, own.probability),
+            pair=np.where(here[:, None], -1, own.pair),
+        )
+
+    return in_batches(len(observed), POINTS_ALONG, told)
 
 
 def _scores(test: HypothesisTest) -> Array:
@@ -79,6 +98,7 @@ def _best_change(test: HypothesisTest, limit: float) -> float:
     most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
     tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
     np.put_along_axis(tried, most, True, axis=0)
+    tried = may_fit(changed, limit, tried)
     fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
     return float(np.max(fits.evidence[fits.distance <= limit], initial=-np.inf))
 

@@ -1,4 +1,4 @@
-"""Parquet files: row group by row group, the wanted columns alone."""
+"""Parquet files: some rows after the other, the wanted columns alone."""
 
 from __future__ import annotations
 
@@ -11,14 +11,21 @@ import pyarrow.parquet
 from rulec_runtime.recordings.readers.arrow_columns import ArrowPiece, arrow_sheet, pieces_of
 from rulec_runtime.recordings.table import Sheet
 
+BUFFER = 1 << 20
+"""Bytes read at a time of a column."""
+
+ROWS = 1 << 16
+"""Rows read at a time."""
+
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a Parquet file; units stand in the metadata of its fields."""
-    source = pyarrow.parquet.ParquetFile(file)
+    source = pyarrow.parquet.ParquetFile(file, buffer_size=BUFFER, pre_buffer=False)
     schema = source.schema_arrow
 
     def pieces(names: Sequence[str]) -> Iterator[ArrowPiece]:
-        for group in range(source.num_row_groups):
-            yield from pieces_of(source.read_row_group(group, columns=list(names)), names)
+        for batch in source.iter_batches(ROWS, columns=list(names)):
+            yield from pieces_of(pyarrow.Table.from_batches([batch]), names)
+        pyarrow.default_memory_pool().release_unused()
 
     return [arrow_sheet(path, file, schema, source.metadata.num_rows, pieces, times)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.standing_still import runs_of_equals, standing_still
+from rulec_runtime.recordings.piecewise import runs_of_same
+from rulec_runtime.recordings.standing_still import standing_still
 
 from rulec.mismatch.evidence.coarse_steps import coarse_step
 
@@ -48,5 +49,5 @@ def test_noise_below_the_last_digit_is_no_standstill() -> None:
     random = np.random.default_rng(4)
     loud, quiet = random.normal(0.0, 3.0, 600), random.normal(0.0, 0.22, 600)
     values = np.round(np.concatenate([100.0 + loud, 120.0 + quiet]))
-    assert max(b - a for a, b in runs_of_equals(values)) > 40
+    assert max(b - a for a, b in runs_of_same(values, 1)[0]) > 40
     assert standing_still(values) == []

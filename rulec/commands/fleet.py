@@ -1,0 +1,119 @@
+"""`rulec fleet`: judge many plants on many days, and say which need attention first."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.commands.destinations import (
+    check_outputs,
+    console,
+    note_aside,
+    progress_of,
+    write_json,
+)
+from rulec_runtime.fleet.plant_day import Row
+from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.plural import plural
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+
+from rulec.api.given import ruleset_of
+from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.page import fleet_page
+from rulec.fleet.places import tasks_of
+from rulec.fleet.plan import Fleet
+from rulec.fleet.ranking import Ranked, ranked, verdict
+from rulec.fleet.store import Store, tables
+
+JUDGING, WRITING = "judging plant-days", "writing the tables"
+
+SHOWN = 10
+"""Plants that the terminal shows."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Judge what is not done yet, write tables and ranking."""
+    check_outputs(options)
+    jobs = options.jobs if options.jobs is not None else os.cpu_count() or 1
+    if jobs < 1:
+        raise Misused(f"--jobs {jobs}: give 1 or more")
+    if options.scheduler is not None and options.engine != "dask":
+        raise Misused("--scheduler is an address for --engine dask")
+    fleet = read_fleet(Path(options.fleet), ruleset_of)
+    tasks = tasks_of(fleet)
+    store = Store(fleet.results, fleet.plant_key, fleet.day_key)
+    left = tasks if options.again else [task for task in tasks if not store.is_done(task)]
+    done = len(tasks) - len(left)
+    before = f"; {plural(done, 'is', 'are')} done already" if done else ""
+    note_aside(options, f"{fleet.name}: {_counted(tasks)}{before}")
+    with progress_of(options, JUDGING) as progress:
+        if left:
+            progress(JUDGING, done, len(tasks))
+            for task, row in _engine(options, fleet, left, jobs):
+                store.keep(task, row)
+                done += 1
+                progress(JUDGING, done, len(tasks))
+        days = list(dict.fromkeys(task.day for task in tasks))
+        rows = tables(store, tasks, lambda number: progress(WRITING, number, len(days)))
+    plants = ranked(rows)
+    page = fleet.results / "ranking.html"
+    write_text(page, fleet_page(fleet, plants, days))
+    _show(console(options), plants, page)
+    write_json(options, _form(fleet, plants, rows))
+    return 0
+
+
+def _counted(tasks: Sequence[Task]) -> str:
+    plants, days = ({getattr(t, name) for t in tasks} for name in ("plant", "day"))
+    return (
+        f"{plural(len(plants), 'plant', 'plants')} on {plural(len(days), 'day', 'days')}, "
+        f"{plural(len(tasks), 'plant-day', 'plant-days')}"
+    )
+
+
+def _engine(
+    options: argparse.Namespace, fleet: Fleet, tasks: Sequence[Task], jobs: int
+) -> Iterator[tuple[Task, Row]]:
+    if options.engine == "dask":
+        from rulec.fleet import dask_engine
+
+        return dask_engine.run(tasks, fleet.rulesets, jobs, options.scheduler)
+    from rulec.fleet import local
+
+    return local.run(tasks, fleet.rulesets, jobs)
+
+
+def _show(out: Console, plants: Sequence[Ranked], page: Path) -> None:
+    out.print(styled("\n[bold]{}[/]\n", verdict(plants)))
+    table = Table(pad_edge=False, box=None, padding=(0, 1))
+    for title in ("plant", "status", "health", "worst day", "what"):
+        table.add_column(title, justify="right" if title == "health" else "left")
+    for one in plants[:SHOWN]:
+        health = "–" if one.health is None else f"{100 * one.health:.1f} %"
+        table.add_row(one.plant, one.status, health, one.worst, one.text)
+    out.print(table)
+    if len(plants) > SHOWN:
+        out.print(styled("[dim]and {} more[/]", len(plants) - SHOWN))
+    out.print(styled("[dim]ranking: {}[/]", page), soft_wrap=True)
+
+
+def _form(fleet: Fleet, plants: Sequence[Ranked], rows: Sequence[Row]) -> dict[str, Any]:
+    return {
+        "fleet": fleet.name,
+        "verdict": verdict(plants),
+        "results": str(fleet.results),
+        "plants": [asdict(one) for one in plants],
+        "not_judged": [
+            {"plant": row["plant"], "day": row["day"], "because": row["reason"]}
+            for row in rows
+            if not row["judged"]
+        ],
+    }

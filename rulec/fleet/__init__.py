@@ -1,0 +1,1 @@
+"""Many plants on many days: which there are, who judges them, where results go."""

@@ -1,0 +1,139 @@
+"""The file of a fleet: read, checked, and its plants compiled, each ruleset once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
+from rulec_runtime.fleet.task import hash_of
+from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+
+from rulec.fleet.plan import Fleet
+from rulec.knowledge.read import read_alone
+from rulec.knowledge.unit_lists import table_of
+from rulec.language.diagnostics import Refused, did_you_mean
+from rulec.language.reader import Reader
+
+RulesetOf = Callable[[Path], Ruleset]
+
+TIME = "time"
+
+
+def read_fleet(path: Path, ruleset_of: RulesetOf) -> Fleet:
+    """Read a fleet; `ruleset_of` gives the ruleset of a plant's folder or of a ruleset file.
+
+    Raises `Refused` with every mistake in the file.
+    """
+    document, units = read_alone(path, "fleet")
+    reader = Reader(document, table_of(units, []), [])
+    data, base = document.data, path.parent
+    named = data.get("plants", {})
+    files = {name: part["judged_by"] for name, part in named.items() if part}
+    places: dict[str, tuple[str, ...]] = {name: ("plants", name, "judged_by") for name in files}
+    if "judged_by" in data:
+        files[""], places[""] = data["judged_by"], ("judged_by",)
+    for name in named:
+        if name not in files and "" not in files:
+            message = f"nothing says which plant or ruleset judges '{name}'"
+            hint = "give it a 'judged_by', or the whole fleet one"
+            reader.report_key(("plants", name), "KB150", message, hint)
+    if not named and "" not in files:
+        message = "nothing says which plant or ruleset judges the fleet"
+        reader.report_key(("fleet",), "KB150", message, "add 'judged_by'")
+    first, last = _days(reader, data.get("days", {}))
+    if reader.found:
+        raise Refused(reader.found)
+    made: dict[str, str] = {}
+    texts: dict[str, str] = {}
+    for name, file in files.items():
+        if file not in made:
+            made[file] = _ruleset(reader, places[name], base / file, ruleset_of)
+            texts[hash_of(made[file])] = made[file]
+    if reader.found:
+        raise Refused(reader.found)
+    default = hash_of(made[files[""]]) if "" in files else ""
+    partitions = data.get("partitions", {})
+    place = data["recordings"]
+    return Fleet(
+        name=data["fleet"],
+        title=data.get("title", data["fleet"]),
+        recordings=place if "://" in place else str((base / place).resolve()),
+        plant_key=partitions.get("plant", "plant"),
+        day_key=partitions.get("day", "day"),
+        results=(base / data.get("results", f"{data['fleet']}.results")).resolve(),
+        rulesets=texts,
+        plants={name: hash_of(made[files[name]]) if name in files else default for name in named},
+        default=default,
+        only_named=bool(named),
+        first=first,
+        last=last,
+        trace=bool(data.get("trace", False)),
+    )
+
+
+def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
+    found = {}
+    for key, text in part.items():
+        found[key] = text
+        try:
+            date.fromisoformat(text)
+        except ValueError:
+            message = f"there is no day '{text}'"
+            reader.report(("days", key), "KB151", message, "write it as 2026-01-31")
+    first, last = found.get("from", ""), found.get("to", "")
+    if first and last and first > last and not reader.found:
+        message = f"'from' {first} is behind 'to' {last}"
+        reader.report(("days", "from"), "KB151", message)
+    return first, last
+
+
+def _ruleset(reader: Reader, path: tuple[str, ...], file: Path, ruleset_of: RulesetOf) -> str:
+    """Text of the ruleset of a plant, with the fleet's names of columns; empty where there is
+    none."""
+    if not file.exists():
+        message = f"there is no plant or ruleset '{reader.part(path)}'"
+        reader.report(path, "KB001", message, "paths are seen from the fleet file")
+        return ""
+    ruleset = ruleset_of(file)
+    columns, time = _columns(reader, ruleset)
+    if not columns and not time:
+        return ruleset.to_json()
+    taken = {one.column for one in columns}
+    kept = tuple(one for one in ruleset.columns if one.column not in taken)
+    changed = replace(ruleset, columns=(*kept, *columns), time_column=time or ruleset.time_column)
+    return changed.to_json()
+
+
+def _columns(reader: Reader, ruleset: Ruleset) -> tuple[list[ColumnMap], str]:
+    """What columns of the files are, and which of them is the time."""
+    found, time = [], ""
+    for title, meant in reader.document.data.get("titles", {}).items():
+        path = ("titles", title)
+        name, text = parts_of(meant)
+        if name == TIME:
+            time = title
+            continue
+        signal = ruleset.signal_by_id.get(name)
+        if signal is None:
+            hint = did_you_mean(name, ruleset.signal_by_id)
+            reader.report(path, "KB085", f"'{ruleset.plant}' has no signal '{name}'", hint)
+            continue
+        unit, own = (parse_unit(u, ruleset.units) for u in (text or signal.unit, signal.unit))
+        if unit is None or own is None or unit.dimension != own.dimension:
+            known = ", ".join(fitting(own, ruleset.units)[:8]) or signal.unit
+            reader.report(path, "KB086", f"'{text}' is no unit of {name}", f"known: {known}")
+            continue
+        found.append(ColumnMap(name, title, unit.factor, unit.offset))
+    return found, time
+
+
+def texts_of(fleet: Fleet) -> dict[str, Any]:
+    """What is kept beside the results: by which rulesets they were found."""
+    plants = {h: json.loads(text)["plant"] for h, text in fleet.rulesets.items()}
+    return {"fleet": fleet.name, "rulesets": plants}

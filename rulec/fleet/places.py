@@ -1,0 +1,97 @@
+"""Which plant-days there are: files below folders that name plant and day."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings.formats import is_called_recording
+
+from rulec.fleet.plan import Fleet
+
+Found = tuple[str, str]
+"""Address of a file, and its mark: size and time of change."""
+
+
+def tasks_of(fleet: Fleet) -> list[Task]:
+    """All plant-days of a fleet, in order of days and plants. Raises `Refusal` where there are
+    none."""
+    days: dict[tuple[str, str], list[Found]] = {}
+    for address, mark in _files(fleet.recordings):
+        keys = _keys(address)
+        plant, day = keys.get(fleet.plant_key), keys.get(fleet.day_key)
+        if plant is None or day is None or not _wanted(fleet, plant, day):
+            continue
+        days.setdefault((day, plant), []).append((address, mark))
+    found = [_task(fleet, *name, sorted(files)) for name, files in sorted(days.items())]
+    if not found:
+        raise Refusal(
+            f"{fleet.recordings}: no recording below {fleet.plant_key}=.../{fleet.day_key}=... of "
+            "the plants and days that the fleet asks for"
+        )
+    return found
+
+
+def _task(fleet: Fleet, day: str, plant: str, files: list[Found]) -> Task:
+    return Task(
+        plant=plant,
+        day=day,
+        files=tuple(address for address, _ in files),
+        marks=tuple(mark for _, mark in files),
+        ruleset=fleet.plants.get(plant, fleet.default),
+        trace=fleet.trace,
+    )
+
+
+def _wanted(fleet: Fleet, plant: str, day: str) -> bool:
+    if plant not in fleet.plants and (fleet.only_named or not fleet.default):
+        return False
+    return (not fleet.first or fleet.first <= day) and (not fleet.last or day <= fleet.last)
+
+
+def _keys(address: str) -> dict[str, str]:
+    """Names and values of the partitions that a file is in.
+
+    >>> _keys("data/plant=P%201/day=2026-01-01/a.parquet")
+    {'plant': 'P 1', 'day': '2026-01-01'}
+    """
+    folders = address.replace(os.sep, "/").split("/")[:-1]
+    parts = [folder.partition("=") for folder in folders if "=" in folder]
+    return {unquote(name): unquote(value) for name, _, value in parts}
+
+
+def _files(place: str) -> Iterator[Found]:
+    if "://" in place:
+        yield from _elsewhere(place)
+        return
+    if not Path(place).is_dir():
+        raise Refusal(f"{place}: there is no such folder of recordings")
+    for folder, _, names in os.walk(place):
+        for name in names:
+            file = Path(folder) / name
+            if is_called_recording(file):
+                state = file.stat()
+                yield str(file), f"{state.st_size} {state.st_mtime_ns}"
+
+
+def _elsewhere(place: str) -> Iterator[Found]:
+    try:
+        import fsspec
+    except ModuleNotFoundError:
+        raise Refusal(
+            f"{place}: to read recordings from there, install what that needs: "
+            "pip install 'rulec[fleet]'"
+        ) from None
+    try:
+        system, root = fsspec.core.url_to_fs(place)
+        listed = system.find(root, detail=True)
+    except (OSError, ValueError, ImportError) as error:
+        raise Refusal(f"{place}: cannot be listed ({error})") from None
+    for path, state in listed.items():
+        if is_called_recording(Path(path)):
+            marks = (state.get(k) for k in ("size", "mtime", "LastModified", "etag", "ETag"))
+            yield system.unstrip_protocol(path), " ".join(str(m) for m in marks if m is not None)

@@ -1,0 +1,128 @@
+"""Results of a fleet: a file per plant-day, written as a whole when it is done, and tables per day.
+
+A plant-day is done where its file is there. The name of the file holds the key of the work, so the
+same work is not done twice, and other work (a new ruleset, a changed recording) replaces it.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from rulec_runtime.fleet.plant_day import Row
+from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.write_file import write_data
+
+DONE, HEALTH, FINDINGS, TRACE = "plant-days", "health", "findings", "trace"
+
+
+class Store:
+    """Results in a folder."""
+
+    def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
+        self.folder, self._plant, self._day = folder, plant_key, day_key
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ModuleNotFoundError:
+            raise Refusal(
+                "results of a fleet are Parquet files; install what they need: "
+                "pip install 'rulec[fleet]'"
+            ) from None
+        self._arrow = pyarrow
+        text, number, whole = pyarrow.string(), pyarrow.float64(), pyarrow.int64()
+        words = ("kind", "fault", "module", "status", "text", "action")
+        numbers = ("degree", "lower", "upper", "probability", "since", "until")
+        self._finding = pyarrow.struct(
+            [(n, text) for n in words]
+            + [(n, number) for n in numbers]
+            + [("active", pyarrow.bool_())]
+        )
+        self._run = pyarrow.struct(
+            [("since", number), ("until", number), ("samples", whole), ("verdict", text),
+             ("largest_degree", number)]
+        )  # fmt: skip
+        self._health = [
+            ("plant", text), ("day", text), ("status", text), ("health", number),
+            ("samples", whole), ("judged", whole), ("reason", text), ("ruleset", text),
+            ("notes", pyarrow.list_(text)),
+        ]  # fmt: skip
+
+    def is_done(self, task: Task) -> bool:
+        """Whether this very work was done."""
+        return self._file(task).is_file()
+
+    def keep(self, task: Task, row: Row) -> None:
+        """Write what is told of a plant-day, in the place of what was told before."""
+        file = self._file(task)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        pyarrow = self._arrow
+        fields = [
+            *self._health,
+            (FINDINGS, pyarrow.list_(self._finding)),
+            (TRACE, pyarrow.list_(self._run)),
+        ]
+        self._write(file, [row], pyarrow.schema(fields))
+        for other in file.parent.glob("*.parquet"):
+            if other != file:
+                other.unlink()
+
+    def rows(self, tasks: Iterable[Task]) -> list[Row]:
+        """What is told of plant-days that are done."""
+        read = self._arrow.parquet.ParquetFile
+        return [row for task in tasks for row in read(self._file(task)).read().to_pylist()]
+
+    def write_tables(self, day: str, rows: Sequence[Row]) -> None:
+        """Flat tables of a day: health, findings and trace."""
+        pyarrow, name = self._arrow, [("plant", self._arrow.string())]
+        self._table(HEALTH, day, rows, pyarrow.schema(self._health))
+        for kind, fields in ((FINDINGS, self._finding), (TRACE, self._run)):
+            flat = [{"plant": row["plant"], **part} for row in rows for part in row[kind]]
+            schema = pyarrow.schema(name + [(f.name, f.type) for f in fields])
+            self._table(kind, day, flat, schema)
+
+    def _table(self, kind: str, day: str, rows: Sequence[Row], schema: Any) -> None:
+        file = self.folder / kind / f"{self._day}={quote(day, safe='')}" / f"{kind}.parquet"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        # The day stands in the name of the folder.
+        names = [n for n in schema.names if n != "day"]
+        self._write(file, rows, self._arrow.schema([schema.field(n) for n in names]))
+
+    def _write(self, file: Path, rows: Sequence[Row], schema: Any) -> None:
+        kept = [{name: row[name] for name in schema.names} for row in rows]
+        buffer = io.BytesIO()
+        table = self._arrow.Table.from_pylist(kept, schema=schema)
+        self._arrow.parquet.write_table(table, buffer)
+        write_data(file, buffer.getvalue())
+
+    def _file(self, task: Task) -> Path:
+        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
+        folder = self.folder / DONE / f"{self._day}={day}" / f"{self._plant}={plant}"
+        return folder / f"{task.key}.parquet"
+
+
+def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) -> list[Row]:
+    """Write the tables of all days; gives health of all plant-days, in order of days and plants."""
+    days: dict[str, list[Task]] = {}
+    for task in tasks:
+        days.setdefault(task.day, []).append(task)
+    found: list[Row] = []
+    for number, (day, own) in enumerate(days.items(), 1):
+        rows = store.rows(own)
+        store.write_tables(day, rows)
+        found += [_short(row) for row in rows]
+        advance(number)
+    return found
+
+
+def _short(row: Row) -> Row:
+    """Health of a plant-day, with its worst finding in words."""
+    faults = [f for f in row[FINDINGS] if f["text"]]
+    worst = min(faults, key=lambda f: ("FCSM".find(f["status"]), f["since"]), default=None)
+    short = {k: v for k, v in row.items() if k not in (FINDINGS, TRACE, "notes")}
+    count = len(row[FINDINGS])
+    return short | {"found": count, "text": worst["text"] if worst else row["reason"]}

@@ -1,0 +1,80 @@
+"""Points of long recordings, judged a batch at a time: tables of all of them may lie in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.recordings.scratch import arrays, let_go
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    Told = TypeVar("Told", bound=DataclassInstance)
+
+
+FEW = 64
+"""Points, anywhere in a table, that are read before it is let go."""
+
+
+def batches(count: int) -> Iterator[slice]:
+    """So many points in a row, a batch at a time; one batch of none."""
+    for low in range(0, max(count, 1), limits.POINTS_AT_ONCE):
+        yield slice(low, min(low + limits.POINTS_AT_ONCE, count))
+
+
+def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told]) -> Told:
+    """What is told of all points, put together of what is told of each batch.
+
+    `axis` says along which axis of a table the points lie; what has none is as in the first batch.
+    """
+    if count <= limits.POINTS_AT_ONCE:
+        return told(slice(0, count))
+    tables: dict[str, np.ndarray] = {}
+    first = None
+    for part in batches(count):
+        here = told(part)
+        if first is None:
+            first = here
+            tables = _tables(here, axis, count)
+        for name, table in tables.items():
+            table[part] = np.moveaxis(getattr(here, name), axis[name], 0)
+        let_go(*tables.values())
+    assert first is not None
+    changed: dict[str, Any] = {n: np.moveaxis(table, 0, axis[n]) for n, table in tables.items()}
+    return replace(first, **changed)
+
+
+def _tables(first: Told, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
+    """Room for the tables of all points: what is told of one stands together."""
+    names = [f.name for f in fields(first) if f.name in axis]
+    specs = []
+    for name in names:
+        table = np.moveaxis(getattr(first, name), axis[name], 0)
+        specs.append(((count, *table.shape[1:]), table.dtype))
+    return dict(zip(names, arrays(specs), strict=True))
+
+
+def part_of(told: Told, axis: Mapping[str, int], part: slice, count: int) -> Told:
+    """What is told of some of so many points; they lie last in memory, as tables are made."""
+    if part.start == 0 and part.stop == count:
+        return told
+    changed: dict[str, Any] = {}
+    for name, at in axis.items():
+        table = np.moveaxis(getattr(told, name), at, -1)[..., part]
+        changed[name] = np.moveaxis(np.ascontiguousarray(table), -1, at)
+        let_go(table)
+    return replace(told, **changed)
+
+
+def of_points(table: np.ndarray, places: tuple[np.ndarray, ...], points: np.ndarray) -> np.ndarray:
+    """``table[np.ix_(*places, points)]``, a few points at a time."""
+    found = np.empty((*map(len, places), len(points)), dtype=table.dtype)
+    for low in range(0, len(points), FEW):
+        found[..., low : low + FEW] = table[np.ix_(*places, points[low : low + FEW])]
+        let_go(table)
+    return found

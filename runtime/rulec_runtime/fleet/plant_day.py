@@ -1,0 +1,165 @@
+"""Judge one plant on one day. Whatever is wrong with it becomes the reason in its row."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable
+from contextlib import ExitStack
+from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import parse_ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.terminal import one_line
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.recording import Recording, recording_of
+from rulec_runtime.recordings.recording_file import read_file
+from rulec_runtime.report.json_form import diagnosis_form
+
+UNREAD = "unread"
+"""Status of a plant-day of which nothing could be read."""
+
+FINDING = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability",
+           "since", "until", "active", "text", "action")  # fmt: skip
+"""What is kept of a finding, as `rulec diagnose --json` has it."""
+
+Row = dict[str, Any]
+
+
+def judge_day(task: Task, ruleset: str) -> Row:
+    """What there is to tell of a plant-day; `ruleset` is the text of its ruleset.
+
+    Never raises for what stands in the files: such a row has status ``unread`` and a reason.
+    """
+    row = blank(task)
+    try:
+        rules = _ruleset(ruleset)
+        with ExitStack() as stack:
+            recording = _recording(task, rules, stack)
+            return row | _told(diagnose(recording, rules), recording, task)
+    except (Refusal, OSError) as error:
+        return row | {"reason": one_line(str(error))}
+    except MemoryError:
+        return row | {"reason": "it needs more memory than its worker has"}
+    except Exception as error:  # our own bug: the other plants are to be judged all the same
+        text = f"cannot be judged ({type(error).__name__}: {error})"
+        return row | {"reason": one_line(text)[:300]}
+
+
+def blank(task: Task) -> Row:
+    """A row of which only the plant-day is known."""
+    return {
+        "plant": task.plant,
+        "day": task.day,
+        "key": task.key,
+        "ruleset": task.ruleset,
+        "status": UNREAD,
+        "health": None,
+        "samples": 0,
+        "judged": 0,
+        "reason": "",
+        "findings": [],
+        "trace": [],
+        "notes": [],
+    }
+
+
+@lru_cache(maxsize=64)
+def _ruleset(text: str) -> Ruleset:
+    return parse_ruleset(json.loads(text))
+
+
+def _recording(task: Task, ruleset: Ruleset, stack: ExitStack) -> Recording:
+    if not task.files:
+        raise RecordingRefused("there is no recording of this day")
+    notes: list[str] = []
+    files = [_local(file, stack) for file in task.files]
+    read = (read_file(file, ruleset, notes) for file in files)
+    return recording_of(files[0], read, ruleset, notes)
+
+
+def _local(address: str, stack: ExitStack) -> Path:
+    """A file of this machine; one of another place is fetched."""
+    if "://" not in address:
+        return Path(address)
+    import fsspec
+
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rulec-")))
+    system, path = fsspec.core.url_to_fs(address)
+    file = folder / Path(path).name
+    system.get_file(path, str(file))
+    return file
+
+
+def _told(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
+    form = diagnosis_form(diagnosis)
+    findings = [{name: found.get(name) for name in FINDING} for found in form["findings"]]
+    findings += [_unknown(period) for period in form["unknown"]]
+    blind = form["not_judged"]
+    return {
+        "status": diagnosis.status,
+        "health": _health(recording, findings) if diagnosis.judged else None,
+        "samples": diagnosis.samples,
+        "judged": diagnosis.judged,
+        "reason": blind[0]["because"] if blind and not diagnosis.judged else "",
+        "findings": sorted(findings, key=lambda f: (f["since"], f["fault"])),
+        "trace": _runs(recording, diagnosis) if task.trace else [],
+        "notes": form["notes"],
+    }
+
+
+def _unknown(period: dict[str, Any]) -> Row:
+    """A period that nothing known explains, as a finding."""
+    same: Row = dict.fromkeys(FINDING)
+    since, until = period["since"], period["until"]
+    return same | {
+        "kind": "unknown",
+        "fault": "unknown",
+        "module": "",
+        "status": "S",
+        "since": since,
+        "until": until,
+        "active": False,
+        "text": period["text"],
+        "action": "",
+    }
+
+
+def _health(recording: Recording, findings: Iterable[Row]) -> float:
+    """Share of the time of a recording that no finding covers."""
+    begin, end = float(recording.time[0]), float(recording.time[-1])
+    covered, until = 0.0, begin
+    for found in sorted(findings, key=lambda f: float(f["since"])):
+        covered += max(float(found["until"]) - max(until, float(found["since"])), 0.0)
+        until = max(until, float(found["until"]))
+    return round(1.0 - covered / (end - begin), 6) if end > begin else 1.0
+
+
+def _runs(recording: Recording, diagnosis: Diagnosis) -> list[Row]:
+    """Verdicts of all samples, neighbours with the same one together."""
+    found = trace(recording, diagnosis.ruleset, diagnosis.mode)
+    time, first = np.asarray(found.time), 0
+    rows: list[Row] = []
+    for verdict, same in groupby(found.verdict):
+        count = sum(1 for _ in same)
+        degrees = found.degree[:, first : first + count].max(axis=1, initial=0.0)
+        rows.append(
+            {
+                "since": float(time[first]),
+                "until": float(time[first + count - 1]),
+                "samples": count,
+                "verdict": verdict,
+                "largest_degree": float(degrees.max(initial=0.0)),
+            }
+        )
+        first += count
+    return rows

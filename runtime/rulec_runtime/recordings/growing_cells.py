@@ -1,0 +1,74 @@
+"""A column of times, kept as a file holds it, that comes in parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rulec_runtime.recordings.scratch import Growing
+from rulec_runtime.recordings.table import Cells, Dates, texts_of
+from rulec_runtime.recordings.time_column import dates_of, plain_times
+
+
+class GrowingCells:
+    """Numbers, dates or texts; texts if it is not all of one kind."""
+
+    def __init__(self, most: int | None, beside: int) -> None:
+        self._room = most, beside
+        self._numbers: Growing | None = None
+        self._dates: tuple[Growing, Growing] | None = None
+        self._texts: list[str] | None = None
+
+    def add(self, cells: Cells) -> None:
+        """Cells behind those that are there."""
+        if isinstance(cells, Dates) and self._numbers is None and self._texts is None:
+            self._dates = self._dates or (Growing(*self._room), Growing(*self._room))
+            self._dates[0].append(cells.seconds)
+            self._dates[1].append(cells.zones)
+        elif isinstance(cells, np.ndarray) and self._dates is None and self._texts is None:
+            self._numbers = self._numbers or Growing(*self._room)
+            self._numbers.append(cells)
+        else:
+            if self._texts is None:
+                self._texts = list(texts_of(self.joined()))
+            self._texts += texts_of(cells)
+            self._numbers = self._dates = None
+
+    def joined(self) -> Cells:
+        """All cells."""
+        if self._dates is not None:
+            return Dates(self._dates[0].joined(), self._dates[1].joined())
+        if self._numbers is not None:
+            return self._numbers.joined()
+        return np.zeros(0) if self._texts is None else self._texts
+
+
+class GrowingTimes:
+    """Texts that are times: kept as numbers where one of them is a number, else as dates.
+
+    What is neither is NaN, as `read_times` has it of texts that it gets all at once.
+    """
+
+    def __init__(self, most: int, beside: int) -> None:
+        self._numbers, self._dates = Growing(most, beside), GrowingCells(most, beside)
+        self._plain = False
+        self._first: list[str] = []
+
+    def add(self, texts: Sequence[str]) -> None:
+        """Texts behind those that are there."""
+        self._first = self._first or list(texts[:1])
+        numbers = plain_times(texts)
+        self._numbers.append(numbers)
+        self._plain = self._plain or bool(np.isfinite(numbers).any())
+        if not self._plain:
+            self._dates.add(Dates(*dates_of(texts)))
+
+    def joined(self) -> Cells:
+        """All times; the first text where none of them is one."""
+        if self._plain:
+            return self._numbers.joined()
+        dates = self._dates.joined()
+        if isinstance(dates, Dates) and np.isfinite(dates.seconds).any():
+            return dates
+        return self._first

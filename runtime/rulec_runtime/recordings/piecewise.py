@@ -1,0 +1,203 @@
+"""Passes over columns, block by block: the same numbers as of the whole, with little in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.scratch import blocks, let_go
+
+Flags = np.ndarray
+Parts = Callable[[], Iterable[Array]]
+"""Gives numbers in parts, each time anew from the first one on."""
+
+_BITS, _SIGN = 16, np.uint64(1 << 63)
+
+
+def parts_of(values: Array, wanted: Callable[[Array], Flags] = np.isfinite) -> Iterator[Array]:
+    """Those readings that are wanted, by default all that there are."""
+    for low, high in blocks(len(values)):
+        part = values[low:high]
+        yield part[wanted(part)]
+        let_go(values)
+
+
+def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
+    """Differences of numbers in a row; what stands in two parts follows each other as well."""
+    before = np.zeros(0)
+    for part in parts:
+        row = np.concatenate([before, part])
+        yield np.diff(row, order)
+        before = row[-order:]
+
+
+def count_of(parts: Iterable[Array]) -> int:
+    """How many numbers there are."""
+    return sum(len(part) for part in parts)
+
+
+def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
+    """Whether a function is true of some number."""
+    for low, high in blocks(len(values)):
+        found = bool(function(values[low:high]).any())
+        let_go(values)
+        if found:
+            return True
+    return False
+
+
+def first_reading(values: Array) -> float | None:
+    """The first number of a column; None where there is none."""
+    for low, high in blocks(len(values)):
+        known = np.isfinite(values[low:high])
+        if known.any():
+            return float(values[low + int(np.argmax(known))])
+        let_go(values)
+    return None
+
+
+def median_of(parts: Parts) -> float:
+    """The median, as of all numbers at once; NaN of none."""
+    few: list[Array] = []
+    total = 0
+    for part in parts():
+        total += len(part)
+        if total <= limits.SORTED_AT_ONCE:
+            few.append(np.array(part))
+        else:
+            few.clear()
+    if not total:
+        return float("nan")
+    if total <= limits.SORTED_AT_ONCE:
+        return float(np.median(np.concatenate(few)))
+    middle = (total - 1) // 2
+    one, next_one = _from_rank(parts, middle)
+    return 0.5 * (one + next_one) if total % 2 == 0 else one
+
+
+def _from_rank(parts: Parts, rank: int) -> tuple[float, float]:
+    """The number of a rank, and the one behind it in order of size.
+
+    Numbers are counted by their leading bits until few have the same as the one looked for.
+    """
+    prefix, below, shift = 0, 0, 64
+    while True:
+        shift -= _BITS
+        counts = np.zeros(1 << _BITS, dtype=np.int64)
+        for part in parts():
+            keys = _keys(part)
+            if shift < 64 - _BITS:
+                keys = keys[keys >> np.uint64(shift + _BITS) == np.uint64(prefix)]
+            last = (keys >> np.uint64(shift)).astype(np.int64) & ((1 << _BITS) - 1)
+            counts += np.bincount(last, minlength=1 << _BITS)
+        reached = np.cumsum(counts)
+        place = int(np.searchsorted(reached, rank - below, side="right"))
+        below += int(reached[place] - counts[place])
+        prefix = prefix << _BITS | place
+        if counts[place] <= limits.SORTED_AT_ONCE or not shift:
+            break
+    same: list[Array] = []
+    behind = np.inf
+    for part in parts():
+        leading = _keys(part) >> np.uint64(shift)
+        if shift:
+            same.append(part[leading == np.uint64(prefix)])
+        behind = min(behind, float(part[leading > np.uint64(prefix)].min(initial=np.inf)))
+    at = rank - below
+    if not shift:
+        one = _number(prefix)
+        return one, one if at + 1 < counts[place] else behind
+    ordered = np.sort(np.concatenate(same))
+    return float(ordered[at]), float(ordered[at + 1]) if at + 1 < len(ordered) else behind
+
+
+def _keys(part: Array) -> np.ndarray:
+    """Whole numbers in the order of those given."""
+    bits = np.ascontiguousarray(part, dtype=float).view(np.uint64)
+    return np.where(bits & _SIGN, ~bits, bits | _SIGN)
+
+
+def _number(key: int) -> float:
+    """The number of a key."""
+    bits = np.array([key], dtype=np.uint64)
+    return float(np.where(bits & _SIGN, bits ^ _SIGN, ~bits).view(float)[0])
+
+
+def runs_where(count: int, flags: Callable[[int, int], Flags], least: int) -> list[tuple[int, int]]:
+    """First and behind last of runs of flags, `least` long at least; `flags` gives those of a
+    block."""
+    found: list[tuple[int, int]] = []
+    begun, before = 0, False
+    for low, high in blocks(count):
+        here = flags(low, high)
+        edges = np.flatnonzero(here != np.concatenate([[before], here[:-1]])) + low
+        if before:
+            edges = np.concatenate([[begun], edges])
+        before = bool(here[-1])
+        if before:
+            begun, edges = int(edges[-1]), edges[:-1]
+        found += _long(edges[::2], edges[1::2], least)
+    return found + ([(begun, count)] if before and count - begun >= least else [])
+
+
+def runs_of_same(values: Array, least: int) -> tuple[list[tuple[int, int]], int]:
+    """Runs of one and the same number, `least` long at least, first and behind last; and the
+    length of the longest shorter one, at least 1."""
+    found: list[tuple[int, int]] = []
+    begun, shorter = 0, 1
+
+    def enter(edges: np.ndarray) -> None:
+        nonlocal shorter
+        lengths = np.diff(edges)
+        shorter = max(shorter, int(np.max(lengths, where=lengths < least, initial=1)))
+        found.extend(_long(edges[:-1], edges[1:], least))
+
+    for low, high in blocks(len(values)):
+        first = max(low, 1)
+        with np.errstate(invalid="ignore"):
+            changes = np.flatnonzero(values[first:high] != values[first - 1 : high - 1]) + first
+        let_go(values)
+        if len(changes):
+            enter(np.concatenate([[begun], changes]))
+            begun = int(changes[-1])
+    enter(np.array([begun, len(values)]))
+    return found, shorter
+
+
+def _long(starts: np.ndarray, stops: np.ndarray, least: int) -> list[tuple[int, int]]:
+    keep = stops - starts >= least
+    return list(zip(starts[keep].tolist(), stops[keep].tolist(), strict=True))
+
+
+def filled_blocks(values: Array, beside: int) -> Iterator[tuple[int, int, int, Array]]:
+    """Blocks ``low : high`` with `beside` numbers more on both sides, from `start` on: gaps hold
+    the last reading, before the first one there is none. Gives low, high, start, numbers."""
+    last, n = np.nan, len(values)
+    for low, high in blocks(n):
+        start, stop = max(low - beside, 0), min(high + beside, n)
+        part = values[start:stop]
+        known = np.isfinite(part)
+        if known.all():
+            filled = np.array(part)
+        else:
+            latest = np.maximum.accumulate(np.where(known, np.arange(len(part)), -1))
+            filled = np.where(latest < 0, last, part[np.maximum(latest, 0)])
+        let_go(values)
+        yield low, high, start, filled
+        behind = max(high - beside, 0) - 1
+        if behind >= 0:
+            last = float(filled[behind - start])
+
+
+def interval_of(time: Array, unknown: float) -> float:
+    """The usual time between samples, s; `unknown` where there is one sample alone."""
+    if len(time) < 2:
+        return unknown
+    return median_of(lambda: differences(parts_of(time, _every), 1))
+
+
+def _every(part: Array) -> Flags:
+    return np.ones(len(part), dtype=bool)

@@ -1,0 +1,178 @@
+"""Arrays that may be larger than memory.
+
+Few numbers stay in memory. Many lie in a file without a name, in the folder for temporary files
+(``TMPDIR``), and are arrays all the same: the system reads what is asked for. A pass goes through
+them block by block and lets go of what it has read, so that a process holds little at a time.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
+
+Spec = tuple[tuple[int, ...], Any]
+"""Shape and kind of the numbers of an array."""
+
+_ALIGNED, _MARKED_AT_ONCE = 64, 4096
+
+
+def arrays(specs: Sequence[Spec]) -> list[np.ndarray]:
+    """Arrays of zeros, in memory if they are small together.
+
+    Raises `Refusal` where there is no room for them on the disk.
+    """
+    sizes = [prod(shape) * np.dtype(kind).itemsize for shape, kind in specs]
+    if sum(sizes) <= limits.IN_MEMORY:
+        return [np.zeros(shape, kind) for shape, kind in specs]
+    places = np.cumsum([0, *(-(-size // _ALIGNED) * _ALIGNED for size in sizes)]).tolist()
+    room = _room(max(places[-1], _ALIGNED))
+    return [
+        np.frombuffer(room, kind, prod(shape), place).reshape(shape)
+        for (shape, kind), place in zip(specs, places[:-1], strict=True)
+    ]
+
+
+def array(shape: tuple[int, ...] | int, kind: Any = float) -> np.ndarray:
+    """One array of zeros."""
+    return arrays([(shape if isinstance(shape, tuple) else (shape,), kind)])[0]
+
+
+def _room(size: int) -> mmap.mmap:
+    try:
+        with tempfile.TemporaryFile(prefix="rulec-") as file:
+            # Reserved now: a disk that is full later would end the process without a word.
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+            return mmap.mmap(file.fileno(), size)
+    except OSError as error:
+        raise Refusal(
+            f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB of readings "
+            f"({error.strerror}); name a folder on a larger disk in TMPDIR"
+        ) from None
+
+
+def let_go(*held: np.ndarray) -> None:
+    """Take what was used of arrays out of memory, as far as they lie in files."""
+    for one in held:
+        room = _room_of(one)
+        if room is not None and hasattr(room, "madvise"):
+            room.madvise(mmap.MADV_DONTNEED)
+
+
+def _room_of(one: Any) -> mmap.mmap | None:
+    while isinstance(one, np.ndarray):
+        one = one.base
+    if isinstance(one, memoryview):
+        one = one.obj
+    return one if isinstance(one, mmap.mmap) else None
+
+
+def blocks(count: int) -> Iterator[tuple[int, int]]:
+    """First and behind last of so many in a row, a block at a time."""
+    for low in range(0, count, limits.BLOCK):
+        yield low, min(low + limits.BLOCK, count)
+
+
+def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
+    """What a function makes of each number, shape (n,)."""
+    found = array(len(values), kind)
+    for low, high in blocks(len(values)):
+        found[low:high] = function(values[low:high])
+        let_go(values, found)
+    return found
+
+
+def copied(values: np.ndarray) -> np.ndarray:
+    """The same once more."""
+    return mapped(values, lambda part: part, values.dtype)
+
+
+def picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """``values[at]``; places in order are read block by block."""
+    found = array(len(at), values.dtype)
+    for low, high in blocks(len(at)):
+        here = at[low:high]
+        edges = np.flatnonzero(np.diff(here // limits.BLOCK)) + 1
+        for first, last in zip([0, *edges], [*edges, len(here)], strict=True):
+            found[low + first : low + last] = values[here[first:last]]
+            let_go(values)
+        let_go(found)
+    return found
+
+
+def chosen(values: np.ndarray, flags: np.ndarray, count: int) -> np.ndarray:
+    """``values[flags]``, `count` of them."""
+    found, done = array(count, values.dtype), 0
+    for low, high in blocks(len(values)):
+        part = values[low:high][flags[low:high]]
+        found[done : done + len(part)] = part
+        done += len(part)
+        let_go(values, found)
+    return found
+
+
+def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = True) -> None:
+    """Set flags between places, in order."""
+    for low in range(0, len(first), _MARKED_AT_ONCE):
+        high = low + _MARKED_AT_ONCE
+        for a, b in zip(first[low:high].tolist(), last[low:high].tolist(), strict=True):
+            flags[a:b] = value
+        let_go(flags)
+
+
+def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Arrays, one at least, as one."""
+    if len(parts) == 1:
+        return parts[0]
+    found, done = array(sum(map(len, parts)), np.result_type(*parts)), 0
+    for part in parts:
+        for low, high in blocks(len(part)):
+            found[done + low : done + high] = part[low:high]
+            let_go(part, found)
+        done += len(part)
+    return found
+
+
+class Growing:
+    """Numbers that come in parts; `most` of them at most, where that is known before.
+
+    `beside` says how many such arrays grow at the same time.
+    """
+
+    def __init__(self, most: int | None = None, beside: int = 1) -> None:
+        self._parts: list[np.ndarray] = []
+        self._count = 0
+        size = 0 if most is None else most * np.dtype(float).itemsize
+        self._room = None
+        if most is not None and size * beside > limits.IN_MEMORY:
+            self._room = np.frombuffer(_room(max(size, _ALIGNED)), float)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, part: np.ndarray) -> None:
+        """Numbers behind those that are there."""
+        if self._room is None:
+            self._parts.append(part)
+        else:
+            self._room[self._count : self._count + len(part)] = part
+            let_go(self._room)
+        self._count += len(part)
+
+    def joined(self) -> Array:
+        """All numbers, shape (n,)."""
+        if self._room is not None:
+            return self._room[: self._count]
+        return np.concatenate(self._parts) if self._parts else np.zeros(0)

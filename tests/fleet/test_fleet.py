@@ -1,0 +1,255 @@
+"""A fleet of a few plants: what is told of it, and that nothing is lost, or done twice."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+from rulec_runtime.fleet.plant_day import Row, judge_day
+from rulec_runtime.fleet.task import Task
+
+from rulec.api.given import ruleset_of
+from rulec.cli import main
+from rulec.fleet import dask_engine, local
+from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.places import tasks_of
+from rulec.fleet.plan import Fleet
+from rulec.fleet.ranking import ranked, verdict
+from rulec.limits import FLEET_DEATHS
+from tests.conftest import ROOT, compiled
+
+EXAMPLES = ROOT / "plants/abc/examples"
+
+RECORDED = {
+    ("P1", "2026-01-01"): "healthy.csv",
+    ("P1", "2026-01-02"): "leakage_A.csv",
+    ("P2", "2026-01-01"): "leakage_A.parquet",
+    ("P2", "2026-01-02"): "healthy.csv",
+    ("P 3", "2026-01-01"): "healthy.csv",
+}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fleet with good plant-days, one without columns that are needed, and a broken file."""
+    folder = tmp_path_factory.mktemp("fleet")
+    (folder / "abc.json").write_text(compiled("abc").to_json(), encoding="utf-8")
+    for (plant, day), name in RECORDED.items():
+        place = folder / "recordings" / f"plant={plant.replace(' ', '%20')}" / f"day={day}"
+        place.mkdir(parents=True)
+        shutil.copy(EXAMPLES / name, place)
+    lines = (EXAMPLES / "healthy.csv").read_text().splitlines()
+    few = folder / "recordings/plant=P4/day=2026-01-01"
+    few.mkdir(parents=True)
+    (few / "few.csv").write_text("".join(f"{','.join(x.split(',')[:2])}\n" for x in lines))
+    broken = folder / "recordings/plant=P4/day=2026-01-02"
+    broken.mkdir()
+    (broken / "broken.parquet").write_bytes(b"PAR1 and no more")
+    (folder / "fleet.yaml").write_text(
+        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ntrace: true\n"
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fleet(home: Path) -> Fleet:
+    return read_fleet(home / "fleet.yaml", ruleset_of)
+
+
+@pytest.fixture(scope="module")
+def here(fleet: Fleet) -> dict[Task, Row]:
+    """Judged in this process."""
+    return {task: judge_day(task, fleet.rulesets[task.ruleset]) for task in tasks_of(fleet)}
+
+
+def test_every_plant_day_has_a_row(here: dict[Task, Row]) -> None:
+    """What cannot be judged says why, and stops nobody else."""
+    told = {(row["plant"], row["day"]): row for row in here.values()}
+    assert {*RECORDED, ("P4", "2026-01-01"), ("P4", "2026-01-02")} == told.keys()
+    leak = told["P2", "2026-01-01"]
+    assert {"A.leakage"} == {f["fault"] for f in leak["findings"]}
+    assert leak["status"] == "M"
+    assert 0.0 < leak["health"] < 1.0
+    assert {"ok", "A.leakage"} <= {run["verdict"] for run in leak["trace"]}
+    assert sum(run["samples"] for run in leak["trace"]) == leak["samples"]
+    assert (1.0, "ok") == (told["P1", "2026-01-01"]["health"], told["P1", "2026-01-01"]["status"])
+    assert "is not in the recording" in told["P4", "2026-01-01"]["reason"]
+    assert told["P4", "2026-01-01"]["health"] is None
+    assert told["P4", "2026-01-02"]["status"] == "unread"
+    assert "broken.parquet" in told["P4", "2026-01-02"]["reason"]
+
+
+def killed_once(results: Iterator[tuple[Task, Row]], kill: Any) -> dict[Task, Row]:
+    """All results, where a worker is killed behind the first of them."""
+    found: dict[Task, Row] = {}
+    for task, row in results:
+        if not found:
+            kill()
+        assert task not in found
+        found[task] = row
+    return found
+
+
+def test_a_killed_process_changes_nothing(fleet: Fleet, here: dict[Task, Row]) -> None:
+    def kill() -> None:
+        os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
+
+    assert here == killed_once(local.run(tasks_of(fleet), fleet.rulesets, 2), kill)
+
+
+def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[Task, Row]) -> None:
+    """A real scheduler that is there already, and two workers."""
+    import distributed
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+
+        def kill() -> None:
+            os.kill(victim, signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        found = killed_once(dask_engine.run(tasks_of(fleet), fleet.rulesets, 2, address), kill)
+    assert here == found
+
+
+def test_a_plant_day_that_kills_its_process_is_given_up(
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local, "judge_day", _ends)
+    (task, *_), rulesets = tasks_of(fleet), fleet.rulesets
+    ((_, row),) = local.run([task], rulesets, 1)
+    assert row["status"] == "unread"
+    assert f"{FLEET_DEATHS} processes died" in row["reason"]
+
+
+def _ends(task: Task, ruleset: str) -> Row:
+    os._exit(1)
+
+
+def test_what_is_done_is_not_done_again(
+    home: Path,
+    here: dict[Task, Row],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A run that ends on the way goes on where it was, and the same work gives the same bytes."""
+    known = {task.key: row for task, row in here.items()}
+    judged: list[Task] = []
+
+    def run(tasks: list[Task], *_: object) -> Iterator[tuple[Task, Row]]:
+        for task in tasks:
+            if len(judged) == 3:
+                judged.append(task)
+                raise KeyboardInterrupt
+            judged.append(task)
+            yield task, known[task.key]
+
+    monkeypatch.setattr(local, "run", run)
+    call = ["fleet", str(home / "fleet.yaml"), "--json", str(home / "told.json"), "-q"]
+    assert main(call) == 130
+    assert main(call) == 0
+    assert 3 + 1 + len(here) - 3 == len(judged)
+    first = contents(home / "few.results")
+    assert main(call) == 0
+    assert 3 + 1 + len(here) - 3 == len(judged)
+    assert first == contents(home / "few.results")
+    told = json.loads((home / "told.json").read_text())
+    assert "2 of 4 plants need attention: P1 first" in told["verdict"]
+    assert "P4" in {one["plant"] for one in told["not_judged"]}
+    table = pyarrow.parquet.read_table(home / "few.results/findings").to_pylist()
+    assert {("P1", "A.leakage"), ("P2", "A.leakage")} == {(r["plant"], r["fault"]) for r in table}
+    page = (home / "few.results/ranking.html").read_text()
+    assert f"<h1>{told['verdict']}</h1>" in page
+    file = home / "recordings/plant=P2/day=2026-01-02/healthy.csv"
+    os.utime(file, ns=(1, 1))
+    monkeypatch.setattr(local, "run", lambda tasks, *_: [(t, known_as(here, t)) for t in tasks])
+    assert main(call[:2]) == 0
+    assert "1 is done" not in capsys.readouterr().err
+    days = home / "few.results/plant-days/day=2026-01-02/plant=P2"
+    assert len([*days.iterdir()]) == 1
+
+
+def known_as(here: dict[Task, Row], task: Task) -> Row:
+    """What is told of a plant-day whose file was touched."""
+    (row,) = (r for t, r in here.items() if (t.plant, t.day) == (task.plant, task.day))
+    return row | {"key": task.key}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def test_ranking_puts_the_worst_first() -> None:
+    def row(plant: str, status: str, health: float | None) -> Row:
+        day, judged = "2026-01-01", health is not None
+        return {"plant": plant, "day": day, "status": status, "health": health, "judged": judged,
+                "found": int(status in "FM"), "text": status}  # fmt: skip
+
+    rows = [row("a", "ok", 1.0), row("b", "M", 0.5), row("c", "F", 0.9), row("d", "unread", None)]
+    plants = ranked(rows)
+    assert ["c", "b", "d", "a"] == [one.plant for one in plants]
+    assert verdict(plants) == (
+        "2 of 4 plants need attention: c first; 1 plant has days that could not be judged"
+    )
+
+
+def test_titles_and_days_of_a_fleet(home: Path) -> None:
+    """Foreign columns are known by their titles, and other days are left out."""
+    file = home / "foreign.yaml"
+    file.write_text(
+        "fleet: few\nrecordings: recordings\n"
+        "plants: {P1: {judged_by: abc.json}}\n"
+        "titles: {PT1: 'A.dp [mbar]', TS: time}\n"
+        "days: {from: '2026-01-02'}\n"
+    )
+    found = read_fleet(file, ruleset_of)
+    (text,) = found.rulesets.values()
+    columns = {one["column"]: one["factor"] for one in json.loads(text)["columns"]}
+    assert columns == {"PT1": pytest.approx(100.0)}
+    assert json.loads(text)["time_column"] == "TS"
+    assert [("P1", "2026-01-02")] == [(t.plant, t.day) for t in tasks_of(found)]
+
+
+def test_recordings_elsewhere(fleet: Fleet, home: Path, here: dict[Task, Row]) -> None:
+    """Any address that fsspec knows."""
+    from dataclasses import replace
+
+    elsewhere = replace(fleet, recordings=f"file://{home}/recordings")
+    tasks = tasks_of(elsewhere)
+    assert [(t.plant, t.day) for t in here] == [(t.plant, t.day) for t in tasks]
+    far = next(t for t in tasks if (t.plant, t.day) == ("P2", "2026-01-01"))
+    row = judge_day(far, fleet.rulesets[far.ruleset])
+    assert {"A.leakage"} == {f["fault"] for f in row["findings"]}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--jobs", "0"], "--jobs 0: give 1 or more"),
+        (["--scheduler", "tcp://x:1"], "--scheduler is an address for --engine dask"),
+    ],
+)
+def test_wrong_usage(
+    home: Path, arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fleet", str(home / "fleet.yaml"), *arguments]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_nothing_to_judge_is_told(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = home / "late.yaml"
+    file.write_text(
+        "fleet: few\nrecordings: recordings\njudged_by: abc.json\ndays: {from: '2027-01-01'}\n"
+    )
+    assert main(["fleet", str(file)]) == 1
+    assert "no recording below plant=.../day=..." in capsys.readouterr().err
