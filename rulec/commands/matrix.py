@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         else:
             show_separated(console(options), ruleset, pairs)
     if options.report:
-        page = matrix_page(ruleset, made_now("rulec"), _of_stores(ruleset))
+        page = matrix_page(ruleset, made_now("rulec"), stores)
         write_to(options.report, page)
         console(options).print(styled("[dim]report: {}[/]", options.report))
     more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}

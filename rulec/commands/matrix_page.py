@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from string import ascii_lowercase
-from typing import TYPE_CHECKING
+from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.report.document import Head, document, section
@@ -14,21 +15,21 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import counted, listed, safe
 
-if TYPE_CHECKING:
-    from rulec.simulation.signature import Signature
-
 SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
 
 SAME = "coincide"
 """Kind of a group whose members do the same at any degree."""
 
 
-def matrix_page(ruleset: Ruleset, made: Made | None = None, stores: Signature | None = None) -> str:
+def matrix_page(
+    ruleset: Ruleset, made: Made | None = None, stores: Mapping[str, Any] | None = None
+) -> str:
     """The page as HTML; the same ruleset gives the same text.
 
     Parameters
     ----------
-    stores : of a plant that stores, how faults change readings that balances predict.
+    stores : of a plant that stores, how faults change readings that balances predict, as in
+        JSON.
     """
     sections = []
     if stores is not None:
@@ -49,12 +50,12 @@ def matrix_page(ruleset: Ruleset, made: Made | None = None, stores: Signature | 
     return document(head, "".join(sections))
 
 
-def _of_stores(stores: Signature) -> str:
+def _of_stores(stores: Mapping[str, Any]) -> str:
     """Signs by which faults change readings; what acts alike has the same mark."""
-    marks = dict(zip(ascii_lowercase, stores.alike, strict=False))
-    head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores.readings)
+    marks = dict(zip(ascii_lowercase, stores["alike"], strict=False))
+    head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores["readings"])
     rows = []
-    for fault, signs in zip(stores.faults, stores.signs, strict=True):
+    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
         own = " ".join(f'<b class="alike">={m}</b>' for m, names in marks.items() if fault in names)
         cells = "".join(f"<td>{SIGNS[sign]}</td>" for sign in signs)
         rows.append(f'<tr><th scope="row">{safe(fault)}</th><td>{own}</td>{cells}</tr>')
@@ -67,10 +68,10 @@ def _of_stores(stores: Signature) -> str:
     return f'<p class="key">{key}; faults with one mark act alike on all readings</p>{shown}'
 
 
-def verdict(ruleset: Ruleset, stores: Signature | None = None) -> str:
+def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:
     """Whether all faults can be told apart."""
     same = {name for g in ruleset.ambiguous if g.kind == SAME for name in g.faults}
-    same |= {name for names in (stores.alike if stores else ()) for name in names}
+    same |= {name for names in (stores["alike"] if stores else ()) for name in names}
     count = len(ruleset.faults)
     if same:
         return f"{len(same)} of {counted(count, 'fault')} cannot be told from another one"
