@@ -648,7 +648,7 @@ MOST_KEPT_BYTES = 400_000_000
 
 # Integrator ------------------------------------------------------------------------------------
 
-KERNEL_WORTH = 15_000
+KERNEL_WORTH = 12_000
 """Steps that a tape is interpreted for before machine code is made of it: those take as long as
 making the code does, so that at most twice the least time is spent. Origin: measured by
 `python -m pytest tests/bench/test_integrator.py -s`."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import mmap
 import pickle
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,6 +130,24 @@ def test_code_is_made_when_it_is_worth_it(monkeypatch: pytest.MonkeyPatch) -> No
     for width, codes in ((3, 0), (4, 0), (2, 1), (5, 1)):
         balances.run(time, u[:, None], HELD, values_of(SHIPPED), SEEDS[:width])
         assert len({columns for _, columns in made}) == codes, width
+
+
+def test_functions_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An analysis makes thousands; each keeps its code alone, and an address of its own."""
+    statm = Path("/proc/self/statm")
+    if not statm.is_file():
+        pytest.skip("memory is read as Linux tells it")
+    monkeypatch.setattr(kernel, "KERNEL_WORTH", 0)
+
+    def pages() -> int:
+        return int(statm.read_text(encoding="ascii").split()[1])
+
+    fresh(tanks()[1])._kernels.kernel(0)
+    before, found = pages(), set()
+    for _ in range(30):
+        found |= set(fresh(tanks()[1])._kernels.kernel(0))
+    assert len(found) == 3 * 30
+    assert (pages() - before) * mmap.PAGESIZE < 3 * 30 * 200e3
 
 
 def test_code_holds_numbers_of_slots_alone() -> None:

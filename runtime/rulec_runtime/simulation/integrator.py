@@ -192,39 +192,56 @@ def _run(tape: Tape, kernel: Kernel, values: np.ndarray, slopes: np.ndarray) -> 
         _interpret(tape, values, slopes)
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
-    """Solve a small system for all columns, both in place (Gauss, with pivots)."""
-    n, width = right_side.shape
+@compiled(inline="always")
+def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
+    """Bring a small matrix to triangular form, in place (Gauss, with pivots).
+
+    `shares` and `pivots` are filled: what was taken of each row, and which rows were exchanged.
+    """
+    n = matrix.shape[0]
     for i in range(n):
         pivot = i
         for j in range(i + 1, n):
             if abs(matrix[j, i]) > abs(matrix[pivot, i]):
                 pivot = j
+        pivots[i] = pivot
         if pivot != i:
             for c in range(n):
                 matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+        if matrix[i, i] == 0.0:
+            matrix[i, i] = TINY
+        for j in range(i + 1, n):
+            share = matrix[j, i] / matrix[i, i]
+            shares[j, i] = share
+            if share != 0.0:
+                for c in range(i + 1, n):
+                    matrix[j, c] -= share * matrix[i, c]
+
+
+@compiled(inline="always")
+def _solve(
+    matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray, right_side: np.ndarray
+) -> None:
+    """Solve for all columns, in place, what `_factor` brought to triangular form."""
+    n, width = right_side.shape
+    for i in range(n):
+        pivot = pivots[i]
+        if pivot != i:
             for c in range(width):
                 swapped = right_side[i, c]
                 right_side[i, c] = right_side[pivot, c]
                 right_side[pivot, c] = swapped
-        lead = matrix[i, i]
-        if lead == 0.0:
-            lead = TINY
         for j in range(i + 1, n):
-            share = matrix[j, i] / lead
+            share = shares[j, i]
             if share != 0.0:
-                for c in range(i, n):
-                    matrix[j, c] -= share * matrix[i, c]
                 for c in range(width):
                     right_side[j, c] -= share * right_side[i, c]
     for i in range(n - 1, -1, -1):
-        lead = matrix[i, i] if matrix[i, i] != 0.0 else TINY
         for c in range(width):
             total = right_side[i, c]
             for j in range(i + 1, n):
                 total -= matrix[i, j] * right_side[j, c]
-            right_side[i, c] = total / lead
+            right_side[i, c] = total / matrix[i, i]
 
 
 @compiled(inline="always")
@@ -422,7 +439,8 @@ class Room(NamedTuple):
     dk: np.ndarray
     given: np.ndarray
     matrix: np.ndarray
-    work: np.ndarray
+    shares: np.ndarray
+    pivots: np.ndarray
     right_side: np.ndarray
     jacobian: np.ndarray
 
@@ -460,6 +478,7 @@ def _room(tape: Tape, size: int, columns: int) -> Room:
         np.zeros((4, tape.inputs.shape[0] + 1)),
         np.zeros((count, count)),
         np.zeros((count, count)),
+        np.zeros(count, np.int64),
         np.zeros((count, 1 + columns)),
         jacobian,
     )
@@ -674,6 +693,7 @@ def _implicit(
             else:
                 _interpret(tape, values, room.jacobian)
             rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
+            _factor(room.matrix, room.shares, room.pivots)
         # With the Jacobian come the values.
         if stage > 0 or slopes.shape[1] > 0:
             _run(tape, kernel, values, slopes)
@@ -686,10 +706,7 @@ def _implicit(
         for j in range(late.shape[0]):
             for c in range(right_side.shape[1]):
                 right_side[late[j], c] = 0.0
-        for i in range(count):
-            for j in range(count):
-                room.work[i, j] = room.matrix[i, j]
-        _solve(room.work, right_side)
+        _solve(room.matrix, room.shares, room.pivots, right_side)
         for i in range(count):
             k[stage, i] = right_side[i, 0]
             for c in range(dx.shape[1]):

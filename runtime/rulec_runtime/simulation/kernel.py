@@ -7,7 +7,9 @@ often. Results are the same, so it does not matter when.
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
+import threading
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
@@ -25,8 +27,8 @@ from rulec_runtime.simulation.kernel_code import (
 from rulec_runtime.simulation.kernel_rules import Numbers
 from rulec_runtime.simulation.tape import Kernel, Tape
 
-_Made = Any
-"""An engine of LLVM, which numba's types do not know."""
+_NUMBERS = itertools.count()
+_ONE_AT_A_TIME = threading.Lock()
 
 
 Key = tuple[str, int]
@@ -43,7 +45,7 @@ class Kernels:
         self._tape, self._flat = tape, tuple(flat)
         self._late = bool((tape.afters >= 0).any())
         self._steps: dict[Key, int] = {}
-        self.made: dict[Key, _Made] = {}
+        self.made: dict[Key, int] = {}
 
     def __reduce__(self) -> tuple[type[Kernels], tuple[Tape, tuple[int, ...]]]:
         """A copy makes its own: machine code belongs to one process."""
@@ -61,8 +63,8 @@ class Kernels:
         if key not in self.made:
             if self._steps.get(key, 0) < KERNEL_WORTH or not _there_is_llvm():
                 return 0
-            self.made[key] = _made(self._code(*key))
-        return int(self.made[key].get_function_address(key[0]))
+            self.made[key] = _made(key[0], self._code(*key))
+        return self.made[key]
 
     def _code(self, name: str, columns: int) -> str:
         numbers = _numbers(self._tape)
@@ -99,29 +101,43 @@ def _numbers(tape: Tape) -> Numbers:
     )
 
 
-def _made(code: str) -> _Made:
-    """Machine code for this machine; it lives as long as what is returned.
+def _made(name: str, code: str) -> int:
+    """The address of a function, made for this machine; it stays as long as the process.
+
+    What it was made from is let go: a function takes 30 kB, with that it would be 0.8 MB.
+    """
+    import llvmlite.binding as llvm
+
+    with _ONE_AT_A_TIME:
+        module = llvm.parse_assembly(code)
+        own = f"{name}_{next(_NUMBERS)}"
+        module.get_function(name).name = own
+        engine = _engine()
+        engine.add_module(module)
+        engine.finalize_object()
+        address = int(engine.get_function_address(own))
+        engine.remove_module(module)
+        module.close()
+    return address
+
+
+@cache
+def _engine() -> Any:
+    """An engine for this machine.
 
     LLVM is asked for little: what it finds beyond takes longer than it saves.
     """
     import llvmlite.binding as llvm
 
-    target, cpu, features = _target()
-    machine = target.create_target_machine(cpu=cpu, features=features, opt=0, jit=True)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(code), machine)
-    engine.finalize_object()
-    return engine
-
-
-@cache
-def _target() -> tuple[Any, str, str]:
-    """This machine."""
-    import llvmlite.binding as llvm
-
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    features = llvm.get_host_cpu_features().flatten()
-    return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), features
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=0,
+        jit=True,
+    )
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
 
 
 @cache

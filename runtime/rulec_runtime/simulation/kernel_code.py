@@ -238,9 +238,7 @@ def _evaluate(name: str, lines: _Lines, stored: list[int]) -> str:
                 code.store(found, lines.row(code, "%slopes", slot), "%column", WIDE)
 
         code.by_columns(lines.columns, body)
-    return code.function(
-        f"@{EVALUATE}", "ptr noalias %values, ptr noalias %slopes", len(factors.frame)
-    )
+    return code.function(f"@{name}", "ptr noalias %values, ptr noalias %slopes", len(factors.frame))
 
 
 def _advance(lines: _Lines) -> str:
