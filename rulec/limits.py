@@ -171,8 +171,9 @@ IMMOVABLE = 1e-9
 """Share of a flow below which a reading moves nothing any more. Origin: numerical."""
 
 MOST_SUMMED = 24
-"""Modules whose flows one residual adds up at most; beyond it, what flows in is compared at each
-junction on the way, by those nearest to it, which tells the same: far sums follow from near ones.
+"""Modules whose flows one residual adds up at most, unless as many meet at one place; beyond it,
+what flows in is compared at each junction on the way, by those nearest to it, which tells the same:
+far sums follow from near ones.
 Shipped plants add up five at most. Origin: measured by `pytest tests/bench/test_compile.py`: a
 chain of 200 takes 24 times plant abc to compile with this bound, 64 without."""
 

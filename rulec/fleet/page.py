@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rulec_runtime.report.document import document, facts, section
+from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.text import percent, safe
 
 from rulec.fleet.plan import Fleet
@@ -25,17 +25,14 @@ def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> s
         "specification, M maintenance. Health is the share of a day that no finding covers, as the "
         "mean of all days.</p>"
     )
-    rows = [
-        ("Fleet", [f"{fleet.name}: {fleet.title}"]),
-        ("Days", [f"{days[0]} to {days[-1]} ({len(days)})" if days else "none"]),
-        ("Recordings", [fleet.recordings.rsplit("/", 1)[-1]]),
-        ("Rulesets", sorted(fleet.rulesets)),
+    about = [
+        ("Fleet", f"{fleet.name}: {fleet.title}"),
+        ("Days", f"{days[0]} to {days[-1]} ({len(days)})" if days else "none"),
+        ("Recordings", fleet.recordings.rsplit("/", 1)[-1]),
+        ("Rulesets", ", ".join(sorted(fleet.rulesets))),
     ]
-    sections = (
-        section("Plants, the worst first", table),
-        section("Where this comes from", facts(rows)),
-    )
-    return document(verdict(plants), fleet.name, "fleet", "".join(sections))
+    found = Head(kind="Fleet", verdict=verdict(plants), facts=about)
+    return document(found, section("Plants, the worst first", table))
 
 
 def _row(one: Ranked) -> str:

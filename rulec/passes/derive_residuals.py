@@ -41,12 +41,34 @@ def derive_residuals(network: Network) -> tuple[Residual, ...]:
     >>> f"{residual.id} = {residual}"
     'C.pump-resis = A.pump + B.pump - C.resis'
     """
-    sums = _told(network)
+    sums, balances = _told(network), _measured_balances(network)
+    meets = _most_that_meet(balances)
     found: dict[Terms, Residual] = {}
     for module in network.plant.modules.values():
-        for residual in (*_own(module), *_summed(module, sums.get(module.name, {}))):
+        near = {
+            kind: flow
+            for kind, flow in sums.get(module.name, {}).items()
+            if len(flow.terms) <= max(MOST_SUMMED, meets[module.name])
+        }
+        for residual in (*_own(module), *_summed(module, near)):
             found.setdefault(_without_sign(residual.terms), residual)
-    return (*found.values(), *_left_out(network, found.values()))
+    return (*found.values(), *_left_out(network, balances, found.values()))
+
+
+def _measured_balances(network: Network) -> tuple[Mapping[str, int], ...]:
+    """Signs of the modules with observers that meet, per place."""
+    modules = network.plant.modules.values()
+    measured = [m.name for m in modules if m.type.observers]
+    return tuple(network.graph.measured_balances(measured).values())
+
+
+def _most_that_meet(balances: Iterable[Mapping[str, int]]) -> Counter[str]:
+    """With how many others a module meets at a place, at most."""
+    meets: Counter[str] = Counter()
+    for signs in balances:
+        for name in signs:
+            meets[name] = max(meets[name], len(signs) - 1)
+    return meets
 
 
 def _told(network: Network) -> dict[str, dict[str, FixedFlow]]:
@@ -84,8 +106,6 @@ def _own(module: Module) -> Iterator[Residual]:
 def _summed(module: Module, sums: Mapping[str, FixedFlow]) -> Iterator[Residual]:
     """The flow of a module by others, against its own observers."""
     for kind, flow in sums.items():
-        if len(flow.terms) > MOST_SUMMED:
-            continue
         others = tuple((sign, f"{name}.{kind}") for name, sign in flow.terms.items())
         for own in module.type.observers:
             terms = (*others, (-1, f"{module.name}.{own}"))
@@ -98,14 +118,17 @@ def _without_sign(terms: Terms) -> Terms:
     return tuple((sign * ordered[0][0], name) for sign, name in ordered)
 
 
-def _left_out(network: Network, present: Iterable[Residual]) -> Iterator[Residual]:
+def _left_out(
+    network: Network, balances: Iterable[Mapping[str, int]], present: Iterable[Residual]
+) -> Iterator[Residual]:
     """Comparisons that do not follow from those present."""
     modules = network.plant.modules.values()
     number = {name: i for i, name in enumerate(network.plant.observers)}
     span = Span()
     for residual in present:
         span.add({number[o]: sign for sign, o in residual.terms})
-    for residual in (*_undeclared(modules), *_balances(network)):
+    named = (_balance(network.plant.modules, signs) for signs in balances)
+    for residual in (*_undeclared(modules), *named):
         if span.add({number[o]: sign for sign, o in residual.terms}):
             yield residual
 
@@ -119,19 +142,11 @@ def _undeclared(modules: Iterable[Module]) -> Iterator[Residual]:
             yield Residual(f"{first}-{other.removeprefix(module.name)[1:]}", module.name, pair)
 
 
-def _balances(network: Network) -> Iterator[Residual]:
-    """Every balance of measured flows, where modules have observers of different kinds.
+def _balance(modules: Mapping[str, Module], signs: Mapping[str, int]) -> Residual:
+    """A balance of measured flows, seen from the first module that leaves, else enters, the place.
 
     ``C.pump+flow-resis`` compares with C what flows in by observers of two kinds.
     """
-    modules = network.plant.modules
-    measured = [m.name for m in modules.values() if m.type.observers]
-    for signs in network.graph.measured_balances(measured).values():
-        yield _balance(modules, signs)
-
-
-def _balance(modules: Mapping[str, Module], signs: Mapping[str, int]) -> Residual:
-    """A balance, seen from the first module that leaves, else enters, the place."""
     kinds = {name: tuple(modules[name].type.observers) for name in signs}
     count = Counter(kind for own in kinds.values() for kind in own)
     # The commonest kind first, in one order for all: then no two names can be the same.

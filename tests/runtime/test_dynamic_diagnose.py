@@ -5,6 +5,7 @@ True parameters are drawn within half of their stated uncertainty, sensors err w
 
 from __future__ import annotations
 
+import dataclasses
 import io
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from rulec_runtime.report.page import report
 from rulec_runtime.report.terminal_story import explain
 
 from rulec.commands.matrix import json_form
+from rulec.simulation.signature import signature_of
 from tests.runtime.tanks import made, plant
 
 PLANTS = ("cascaded-tanks", "wastewater-lab")
@@ -187,7 +189,10 @@ def test_every_form_tells_the_finding(tmp_path: Path) -> None:
 
 def test_matrix_says_what_acts_alike() -> None:
     """Signs of the readings, and the faults that none of them tells apart."""
-    form = json_form(plant("wastewater-lab"))["stores"]
+    ruleset = plant("wastewater-lab")
+    found = signature_of(ruleset)
+    assert found is not None
+    form = json_form(ruleset, dataclasses.asdict(found))["stores"]
     signs = dict(zip(form["faults"], form["signs"], strict=True))
     assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])
     assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]

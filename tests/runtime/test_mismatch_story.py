@@ -47,6 +47,7 @@ from tests.runtime.mismatches import (
     WARM,
     broken,
 )
+from tests.runtime.pages import subject
 
 HOSTILE = "[bold]x[/bold] [/] [red] \\"
 
@@ -78,7 +79,7 @@ def test_story_counts_the_rows() -> None:
     assert "not used 19: A.n is below 60 rpm" in told
     form = mismatch_form(NAMED, "plant.yaml")
     assert {"rows": 8, "used": False, "because": "not settled"} in form["evidence"]
-    assert "A.n is below 60 rpm" in report(NAMED)
+    assert "A.n is below 60 rpm" in report(NAMED, subject())
 
 
 def test_many_reasons_are_summed_up() -> None:
@@ -458,7 +459,7 @@ def test_several_recordings_are_told_with_what_each_changed() -> None:
     assert "two.csv 131 of 144 rows used; alone: no mismatch" in told
     sentence = "With two.csv: slip by temperature 68 % -> 97 %; slip by speed 29 % -> 2 %"
     assert f"changed {sentence}" in told
-    page = report(several).replace("\xa0", " ").replace("&gt;", ">")
+    page = report(several, subject()).replace("\xa0", " ").replace("&gt;", ">")
     assert sentence in page
     assert "133 of 144 rows used" in page
     form = json.loads(json.dumps(mismatch_form(several, "plant.yaml")))

@@ -40,7 +40,7 @@ def added(made: Recording) -> float:
     (seen,) = see_stretches(made, rules, stretches, settle(made, rules)[1], "default")
     every = np.arange(2)
     basis = residual_basis(rules, seen.plain.valid[:, 0])
-    wander = covariance_of(basis, seen.wander, seen.plain.valid[:, 0], every)
+    wander = covariance_of(basis, seen.plain.wander, seen.plain.valid[:, 0], every)
     noise = covariance_of(basis, seen.plain.noise, seen.plain.valid[:, 0], every) - wander
     return float(np.max(np.einsum("nii->n", np.linalg.solve(noise, wander))) / len(basis))
 

@@ -18,6 +18,7 @@ from rulec.mismatch.evidence.steady.onset import onset_of
 from rulec.mismatch.result import Finding, Mismatch, Period
 from rulec.mismatch.search.settled.scan import at_points
 from tests.runtime.mismatch.made import USUAL, alone, compared, recorded, rows_at, tour
+from tests.runtime.pages import subject
 
 SAMPLES, SINCE, REACHED = 240, 96.0, 0.5
 RATE = 3600.0 * REACHED / (SAMPLES - 1 - SINCE)
@@ -80,12 +81,12 @@ def test_growth_is_told_in_words_and_in_json() -> None:
     assert told.startswith("grows since 96\u00a0s, from 0 to 0.5")
     assert told.endswith("per minute)")
     assert "grows since 96\u00a0s" in found.headline
-    assert say_periods(finding.periods) == f"It {told}."
+    assert say_periods(finding.periods, None) == f"It {told}."
     form = json.loads(json.dumps(mismatch_form(found, "plant")))
     ((period,),) = (effect["periods"] for effect in form["effects"])
     assert {"since", "until", "degree", "u", "grows"} == set(period)
     assert {"rate", "u", "lower", "upper", "u_since", "per"} == set(period["grows"])
-    assert "grows since" in report(found)
+    assert "grows since" in report(found, subject())
     (plain,) = mismatch_form(answer("begins", 1), "plant")["effects"][0]["periods"]
     assert {"since", "until", "degree", "u"} == set(plain)
 
