@@ -15,11 +15,30 @@ IN_MEMORY = 16 * 2**20
 """Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
 numerical, what is found is the same."""
 
-BLOCK = 2**18
+PIECE = 2**20
+"""Bytes of a file that are read at a time. Origin: numerical, what is read is the same."""
+
+PARQUET_ROWS = 2**16
+"""Rows of a Parquet file that are read at a time. Origin: numerical, what is read is the same."""
+
+ALIGNED = 64
+"""Bytes at whose multiples arrays in a file begin, as in memory. Origin: numerical."""
+
+MARKED_AT_ONCE = 4096
+"""Stretches that are marked before memory is let go. Origin: numerical."""
+
+GATHERED_AT_ONCE = 64
+"""Points anywhere in a table that are read before memory is let go. Origin: numerical."""
+
+COUNTED_BITS = 16
+"""Leading bits by which numbers are counted to find their median. Origin: numerical, the median is
+the same."""
+
+BLOCK = 2**17
 """Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
 same."""
 
-SORTED_AT_ONCE = 2**20
+SORTED_AT_ONCE = 2**19
 """Numbers whose median is found by sorting them; of more it is found by counting. Origin:
 numerical, the median is the same."""
 

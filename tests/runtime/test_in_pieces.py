@@ -123,7 +123,7 @@ def assert_alike(one: Any, other: Any) -> None:
 CELLS = {
     "dates": "time,A.dp [bar]\n" + "".join(f"2026-01-01 00:{k:02d}:00,{k}\n" for k in range(40)),
     "comma": "time [s];A.dp [bar]\n" + "".join(f"{k},5;{k},25\n" for k in range(40)),
-    "late number": "time,A.dp [bar]\n" + "x7,1\n" * 9 + "".join(f"{k},{k}\n" for k in range(30)),
+    "late number": "time,A.dp [bar]\n" + "x7,1.5\n" * 9 + "".join(f"{k},{k}\n" for k in range(30)),
     "disorder": "time [s],A.dp [bar]\n" + "".join(f"{(7 * k) % 40},{k}\n" for k in range(40)),
     "twice": "time [s],A.dp [bar]\n" + "".join(f"{k // 2},{k}\n" for k in range(40)),
     "no time": "time [s],A.dp [bar]\n" + "".join(f"{k if k % 3 else ''},{k}\n" for k in range(40)),

@@ -14,8 +14,6 @@ Flags = np.ndarray
 Parts = Callable[[], Iterable[Array]]
 """Gives numbers in parts, each time anew from the first one on."""
 
-_BITS, _SIGN = 16, np.uint64(1 << 63)
-
 
 def parts_of(values: Array, wanted: Callable[[Array], Flags] = np.isfinite) -> Iterator[Array]:
     """Those readings that are wanted, by default all that there are."""
@@ -85,18 +83,18 @@ def _from_rank(parts: Parts, rank: int) -> tuple[float, float]:
     """
     prefix, below, shift = 0, 0, 64
     while True:
-        shift -= _BITS
-        counts = np.zeros(1 << _BITS, dtype=np.int64)
+        shift -= limits.COUNTED_BITS
+        counts = np.zeros(1 << limits.COUNTED_BITS, dtype=np.int64)
         for part in parts():
             keys = _keys(part)
-            if shift < 64 - _BITS:
-                keys = keys[keys >> np.uint64(shift + _BITS) == np.uint64(prefix)]
-            last = (keys >> np.uint64(shift)).astype(np.int64) & ((1 << _BITS) - 1)
-            counts += np.bincount(last, minlength=1 << _BITS)
+            if shift < 64 - limits.COUNTED_BITS:
+                keys = keys[keys >> np.uint64(shift + limits.COUNTED_BITS) == np.uint64(prefix)]
+            last = (keys >> np.uint64(shift)).astype(np.int64) & ((1 << limits.COUNTED_BITS) - 1)
+            counts += np.bincount(last, minlength=1 << limits.COUNTED_BITS)
         reached = np.cumsum(counts)
         place = int(np.searchsorted(reached, rank - below, side="right"))
         below += int(reached[place] - counts[place])
-        prefix = prefix << _BITS | place
+        prefix = prefix << limits.COUNTED_BITS | place
         if counts[place] <= limits.SORTED_AT_ONCE or not shift:
             break
     same: list[Array] = []
@@ -117,13 +115,15 @@ def _from_rank(parts: Parts, rank: int) -> tuple[float, float]:
 def _keys(part: Array) -> np.ndarray:
     """Whole numbers in the order of those given."""
     bits = np.ascontiguousarray(part, dtype=float).view(np.uint64)
-    return np.where(bits & _SIGN, ~bits, bits | _SIGN)
+    sign = np.uint64(1 << 63)
+    return np.where(bits & sign, ~bits, bits | sign)
 
 
 def _number(key: int) -> float:
     """The number of a key."""
     bits = np.array([key], dtype=np.uint64)
-    return float(np.where(bits & _SIGN, bits ^ _SIGN, ~bits).view(float)[0])
+    sign = np.uint64(1 << 63)
+    return float(np.where(bits & sign, bits ^ sign, ~bits).view(float)[0])
 
 
 def runs_where(count: int, flags: Callable[[int, int], Flags], least: int) -> list[tuple[int, int]]:

@@ -24,6 +24,7 @@ from rulec_runtime.recordings.scratch import (
     array,
     blocks,
     chosen,
+    give_back,
     let_go,
     mapped,
     one_behind_the_other,
@@ -133,6 +134,7 @@ def recording_of(
         if file.left_out:
             lost.append((file.left_out, "another number of cells than the header"))
         parts.append(_part(file, notes, lost))
+    give_back()
     used = ruleset.read
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):

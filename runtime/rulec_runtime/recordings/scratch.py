@@ -7,10 +7,12 @@ them block by block and lets go of what it has read, so that a process holds lit
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from math import prod
 from typing import Any
 
@@ -23,8 +25,6 @@ from rulec_runtime.output.refusal import Refusal
 Spec = tuple[tuple[int, ...], Any]
 """Shape and kind of the numbers of an array."""
 
-_ALIGNED, _MARKED_AT_ONCE = 64, 4096
-
 
 def arrays(specs: Sequence[Spec]) -> list[np.ndarray]:
     """Arrays of zeros, in memory if they are small together.
@@ -34,8 +34,9 @@ def arrays(specs: Sequence[Spec]) -> list[np.ndarray]:
     sizes = [prod(shape) * np.dtype(kind).itemsize for shape, kind in specs]
     if sum(sizes) <= limits.IN_MEMORY:
         return [np.zeros(shape, kind) for shape, kind in specs]
-    places = np.cumsum([0, *(-(-size // _ALIGNED) * _ALIGNED for size in sizes)]).tolist()
-    room = _room(max(places[-1], _ALIGNED))
+    rounded = [-(-size // limits.ALIGNED) * limits.ALIGNED for size in sizes]
+    places = np.cumsum([0, *rounded]).tolist()
+    room = _room(max(places[-1], limits.ALIGNED))
     return [
         np.frombuffer(room, kind, prod(shape), place).reshape(shape)
         for (shape, kind), place in zip(specs, places[:-1], strict=True)
@@ -85,6 +86,12 @@ def blocks(count: int) -> Iterator[tuple[int, int]]:
         yield low, min(low + limits.BLOCK, count)
 
 
+def give_back() -> None:
+    """Give memory that is free back to the system, where its allocator keeps it for later."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
     """What a function makes of each number, shape (n,)."""
     found = array(len(values), kind)
@@ -125,8 +132,8 @@ def chosen(values: np.ndarray, flags: np.ndarray, count: int) -> np.ndarray:
 
 def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = True) -> None:
     """Set flags between places, in order."""
-    for low in range(0, len(first), _MARKED_AT_ONCE):
-        high = low + _MARKED_AT_ONCE
+    for low in range(0, len(first), limits.MARKED_AT_ONCE):
+        high = low + limits.MARKED_AT_ONCE
         for a, b in zip(first[low:high].tolist(), last[low:high].tolist(), strict=True):
             flags[a:b] = value
         let_go(flags)
@@ -157,7 +164,7 @@ class Growing:
         size = 0 if most is None else most * np.dtype(float).itemsize
         self._room = None
         if most is not None and size * beside > limits.IN_MEMORY:
-            self._room = np.frombuffer(_room(max(size, _ALIGNED)), float)
+            self._room = np.frombuffer(_room(max(size, limits.ALIGNED)), float)
 
     def __len__(self) -> int:
         return self._count

@@ -19,7 +19,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark
+from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
     find_stretches,
@@ -105,6 +105,7 @@ def lag_errors(
     if recording.interval > limits.SEEN_BETWEEN:
         return found
     lag = lag_u(recording)
+    room = iter(arrays([((len(stretches),), float)] * len(recording.values)))
     between = _between(recording.time, stretches)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
@@ -116,8 +117,9 @@ def lag_errors(
         with np.errstate(invalid="ignore"):
             moves = (np.abs(rate) > limits.THRESHOLD * u) & (lag * np.abs(rate) > least)
         if moves.any():
-            found[signal.id] = array(len(rate))
+            found[signal.id] = next(room)
             found[signal.id][moves] = (lag * rate)[moves]
+            let_go(found[signal.id])
     return found
 
 

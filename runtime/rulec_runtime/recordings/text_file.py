@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from rulec_runtime import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.unpacking import refuse_bomb
-
-PIECE = 1 << 20
 
 _ANY = "latin-1"
 """An encoding that takes every byte."""
@@ -92,7 +91,7 @@ def _pieces(file: BinaryIO, packed: bool, path: Path) -> Iterator[bytes]:
     total, size = 0, file.seek(0, os.SEEK_END)
     stream = _unpacked(file, packed)
     try:
-        while piece := stream.read(PIECE):
+        while piece := stream.read(limits.PIECE):
             total += len(piece)
             if packed:
                 refuse_bomb(path, total, size)
@@ -103,5 +102,5 @@ def _pieces(file: BinaryIO, packed: bool, path: Path) -> Iterator[bytes]:
 
 
 def _unpacked(file: BinaryIO, packed: bool) -> io.BufferedReader | gzip.GzipFile:
-    stream: io.BufferedReader = io.BufferedReader(_Reader(file), PIECE)
+    stream: io.BufferedReader = io.BufferedReader(_Reader(file), limits.PIECE)
     return gzip.GzipFile(fileobj=stream) if packed else stream

@@ -22,6 +22,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, patterns_of, residual_basis
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.stationary import Stretches
 
 
@@ -53,6 +54,7 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
             flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
             for means in (before, after)
         )
+        let_go(*before.values(), *after.values())
         return Halves(other - one, excess[part])
 
     return in_batches(len(stretches), {"apart": 1, "excess": 0}, told)

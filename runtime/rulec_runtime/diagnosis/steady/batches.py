@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.recordings.scratch import arrays, let_go
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    Told = TypeVar("Told", bound=DataclassInstance)
-
-
-FEW = 64
-"""Points, anywhere in a table, that are read before it is let go."""
+Told = TypeVar("Told")
+"""A frozen dataclass of tables."""
 
 
 def batches(count: int) -> Iterator[slice]:
@@ -46,12 +40,12 @@ def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told
         let_go(*tables.values())
     assert first is not None
     changed: dict[str, Any] = {n: np.moveaxis(table, 0, axis[n]) for n, table in tables.items()}
-    return replace(first, **changed)
+    return cast(Told, replace(cast(Any, first), **changed))
 
 
 def _tables(first: Told, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
     """Room for the tables of all points: what is told of one stands together."""
-    names = [f.name for f in fields(first) if f.name in axis]
+    names = [f.name for f in fields(cast(Any, first)) if f.name in axis]
     specs = []
     for name in names:
         table = np.moveaxis(getattr(first, name), axis[name], 0)
@@ -68,13 +62,14 @@ def part_of(told: Told, axis: Mapping[str, int], part: slice, count: int) -> Tol
         table = np.moveaxis(getattr(told, name), at, -1)[..., part]
         changed[name] = np.moveaxis(np.ascontiguousarray(table), -1, at)
         let_go(table)
-    return replace(told, **changed)
+    return cast(Told, replace(cast(Any, told), **changed))
 
 
 def of_points(table: np.ndarray, places: tuple[np.ndarray, ...], points: np.ndarray) -> np.ndarray:
     """``table[np.ix_(*places, points)]``, a few points at a time."""
     found = np.empty((*map(len, places), len(points)), dtype=table.dtype)
-    for low in range(0, len(points), FEW):
-        found[..., low : low + FEW] = table[np.ix_(*places, points[low : low + FEW])]
+    for low in range(0, len(points), limits.GATHERED_AT_ONCE):
+        part = slice(low, low + limits.GATHERED_AT_ONCE)
+        found[..., part] = table[np.ix_(*places, points[part])]
         let_go(table)
     return found

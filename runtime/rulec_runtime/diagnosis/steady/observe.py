@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import part_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
+from rulec_runtime.recordings.scratch import let_go
 
 Gradients = dict[str, dict[int, Array]]
 """Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
@@ -267,6 +268,7 @@ def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
             flags = (values < low - slack) | (values > high + slack)
         if flags.any():
             found[signal.id] = flags
+        let_go(values)
     return found
 
 

@@ -32,7 +32,7 @@ from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 
@@ -80,6 +80,7 @@ def see_stretches(
     """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines, where
     samples are to be seen against them."""
     points = points_of_stretches(recording, ruleset, stretches, noise)
+    give_back()
     halves = halves_of(recording, ruleset, stretches)
     return see_points(ruleset, points, halves, mode, keep=keep)
 
@@ -104,7 +105,9 @@ def see_part(
     """Learn the baseline of one part of a plant, and isolate."""
 
     def told(chosen: slice) -> Observed:
-        return observe_part(whole, part, points.at(chosen))
+        found = observe_part(whole, part, points.at(chosen))
+        let_go(*points.values.values(), *points.lag.values())
+        return found
 
     own = points if part.ruleset is whole else points.of(part.ruleset.observed)
     alike = own, extrapolated(whole, points)

@@ -8,23 +8,18 @@ from typing import BinaryIO
 
 import pyarrow.parquet
 
+from rulec_runtime import limits
 from rulec_runtime.recordings.readers.arrow_columns import ArrowPiece, arrow_sheet, pieces_of
 from rulec_runtime.recordings.table import Sheet
-
-BUFFER = 1 << 20
-"""Bytes read at a time of a column."""
-
-ROWS = 1 << 16
-"""Rows read at a time."""
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a Parquet file; units stand in the metadata of its fields."""
-    source = pyarrow.parquet.ParquetFile(file, buffer_size=BUFFER, pre_buffer=False)
+    source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PIECE, pre_buffer=False)
     schema = source.schema_arrow
 
     def pieces(names: Sequence[str]) -> Iterator[ArrowPiece]:
-        for batch in source.iter_batches(ROWS, columns=list(names)):
+        for batch in source.iter_batches(limits.PARQUET_ROWS, columns=list(names)):
             yield from pieces_of(pyarrow.Table.from_batches([batch]), names)
         pyarrow.default_memory_pool().release_unused()
 
