@@ -5,27 +5,38 @@ BIN := $(VENV)/bin
 # Matrices are small: threads of the linear algebra, and of trees, would only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+# Without bytecode each process that a test starts would compile all modules again.
+unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-live test prove bench figures golden clean
+.PHONY: help demo demo-live test prove bench figures golden docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
+# pip would compile every module on one core. Tests that packages bring are never imported.
+define install
+	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
+		--editable ./runtime --editable '$(1)'
+	@$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib rulec runtime || true
+endef
+
 $(BIN)/rulec: pyproject.toml runtime/pyproject.toml
 	@echo "preparing $(VENV) (once, about a minute)"
-	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable .
+	$(call install,.)
 	@touch $@
 
-$(VENV)/dev: $(BIN)/rulec
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[dev]'
-	@touch $@
+# All at once: what is installed twice is resolved twice.
+$(VENV)/dev: pyproject.toml runtime/pyproject.toml
+	@echo "preparing $(VENV) for tests (once, about a minute)"
+	$(call install,.[dev])
+	@touch $(BIN)/rulec $(VENV)/watch $@
 
 demo: $(BIN)/rulec ## see a leakage found and explained on a shipped example
 	@$(BIN)/rulec demo
 
 $(VENV)/watch: $(BIN)/rulec
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[watch]'
+	$(call install,.[watch])
 	@touch $@
 
 demo-live: $(VENV)/watch ## a whole plant on this machine, watched while it runs; a minute
@@ -51,5 +62,13 @@ figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema is
 golden: $(VENV)/dev ## re-make golden files; review them as a diff
 	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py
 
+$(VENV)/docs: $(BIN)/rulec
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[docs]'
+	@touch $@
+
+docs: $(VENV)/docs ## the pages as a site, in build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --config-file docs/site/mkdocs.yml
+	@echo "open build/docs/index.html; the search needs a server: python3 -m http.server -d build/docs"
+
 clean: ## remove everything that was made
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) build/docs .mypy_cache .ruff_cache .pytest_cache

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rulec.api.frames import FrameRefused
     from rulec.api.mismatch import MismatchResult, mismatch
     from rulec.api.simulate import SimulateResult, simulate
+    from rulec.api.study import StudyResult, study
     from rulec.calibration.fit import CalibrationRefused
     from rulec.effects.repair import AdoptRefused
     from rulec.language.diagnostics import Refused
@@ -55,6 +56,7 @@ __all__ = [
     "RulesetRefused",
     "SimulateResult",
     "SimulationRefused",
+    "StudyResult",
     "adopt",
     "calibrate",
     "compile",
@@ -62,6 +64,7 @@ __all__ = [
     "experiment",
     "mismatch",
     "simulate",
+    "study",
 ]
 
 _PLACES = {
@@ -85,7 +88,8 @@ _PLACES = {
 
 
 class _Rulec(ModuleType):
-    """`rulec.mismatch` is the function, although a package of that name is imported behind it."""
+    """`rulec.mismatch` and `rulec.study` are functions, although packages of these names are
+    imported behind them."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in _PLACES and isinstance(value, ModuleType)):

@@ -106,6 +106,7 @@ def _parser() -> argparse.ArgumentParser:
         help="show per pair of faults that are alike the set points that tell them apart best",
     )
     _limits(made["matrix"])
+    made["matrix"].add_argument("--report", metavar="FILE.html", help="one page, to hand on")
     json_option(made["matrix"])
     made["show"].add_argument(
         "step",

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import os
+import shutil
+import tempfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.knowledge import read_layers
+from rulec.knowledge import check_knowledge, read_layers
+from rulec.knowledge.check_effect import EffectReader
 from rulec.language import document, schema
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document
@@ -19,11 +24,18 @@ from rulec.passes.pipeline import compile_plant
 
 os.environ["RULEC_CHECKS"] = "1"
 
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    # Compiled plants are kept for this run alone, and for all its processes: never in the folder of
+    # the user, nor from a run of other code.
+    os.environ["RULEC_CACHE"] = tempfile.mkdtemp(prefix="rulec-tests-")
+    atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
+
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
 """PYTHONPATH of a process that runs what stands here, whatever is installed."""
 
 LONGEST = (
+    "tests/live/",
     "tests/test_docs.py",
     "tests/runtime/mismatch/test_answers.py",
     "tests/figures/test_quick.py",
@@ -34,14 +46,14 @@ LONGEST = (
     "tests/runtime/mismatch/test_clock_shift.py",
     "tests/runtime/test_dynamic_diagnose.py",
     "tests/test_adopt.py",
-    "tests/live/",
     "tests/states/",
     "tests/rig/",
     "tests/prove/",
     "tests/runtime/",
     "tests/test_study.py",
 )
-"""Whose tests take longest comes first: no process waits for another in the end."""
+"""What waits for others comes first, while types are checked beside; then whose tests take longest:
+no process waits for another in the end."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -54,14 +66,48 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _each_text_read_once() -> Iterator[None]:
-    """The same text under the same name is the same document, and keeps to its schema or not: most
-    of the time of a check, and half of that of compiling a small plant, goes into reading the
-    knowledge base again."""
+    """The same text under the same name is the same document, keeps to its schema or not, and means
+    the same effect: most of the time of a check, and half of that of compiling a small plant, goes
+    into reading the knowledge base again."""
     with pytest.MonkeyPatch.context() as patch:
         once = functools.lru_cache(maxsize=400)(document.parse_document)
         patch.setattr(document, "parse_document", once)
         patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
+        kept = _Kept()
+        table_of, read = check_knowledge.table_of, EffectReader.read
+        patch.setattr(
+            check_knowledge,
+            "table_of",
+            lambda lists, found: kept.of(tuple(lists), found, lambda: table_of(lists, found)),
+        )
+        patch.setattr(
+            EffectReader,
+            "read",
+            lambda self: kept.of((self.document, self.units), self.found, lambda: read(self)),
+        )
         yield
+
+
+class _Kept:
+    """What was read from the very same things without finding a mistake in them."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], Any]] = OrderedDict()
+
+    def of(
+        self, things: tuple[object, ...], found: list[Diagnostic], read: Callable[[], Any]
+    ) -> Any:
+        """Read, or recall. The things are kept with their ids, so that no others get these."""
+        key = tuple(map(id, things))
+        if key not in self._kept:
+            before, given = len(found), read()
+            if len(found) > before:
+                return given
+            self._kept[key] = things, given
+        self._kept.move_to_end(key)
+        if len(self._kept) > 2000:
+            self._kept.popitem(last=False)
+        return self._kept[key][1]
 
 
 def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:
@@ -96,3 +142,24 @@ def recordings_folder() -> Path:
 def abc() -> Ruleset:
     """The plant of the seed paper's Figure 1."""
     return compiled("abc")
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`rulec prove` works on its cases here, one after the other: processes take longer to start.
+    As a user starts it, it runs in tests/prove."""
+    from rulec.commands import prove
+    from rulec.prove import campaign, command
+
+    def here(
+        work: Callable[..., Any],
+        todo: Sequence[tuple[Any, ...]],
+        jobs: int,
+        told: Callable[[int], None],
+    ) -> Iterator[Any]:
+        for count, words in enumerate(todo, 1):
+            yield work(*words)
+            told(count)
+
+    monkeypatch.setattr(campaign, "spread", here)
+    monkeypatch.setattr(prove, "run", lambda options: command.main(prove.words_of(options)))

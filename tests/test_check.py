@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.commands.recording_facts import Facts, facts_of
 from rulec.effects.model_builder import open_builder
 from tests.conftest import ROOT

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.fleet.fleet_file import read_fleet
 from rulec.language.diagnostics import Refused, render_all
 from rulec.limits import MAX_FILE_BYTES

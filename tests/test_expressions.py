@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import sympy
 
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.language.diagnostics import Diagnostic, render_all
 from rulec.language.dimension import dimension
 from rulec.language.document import parse_document

@@ -179,3 +179,21 @@ def test_a_study_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         assert sentence.replace("&", "&amp;").replace("'", "&#x27;") in text
     assert "Internal leakage" in text
     assert f"report: {page}" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["show", "nothing"], "rulec show: there is no pass 'nothing'"),
+        (["show", "differentiate"], "rulec show: which plant? give rulec show differentiate PLANT"),
+        (["matrix", "plants/abc", "--limits", "limits.yaml"], "rulec matrix: --limits are limits"),
+    ],
+)
+def test_wrong_usage_is_said_aside(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the name of the command, and nothing beside it; exit code 2."""
+    assert 2 == main(words)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith(said)

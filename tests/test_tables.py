@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.effects.model_builder import open_builder
 from rulec.effects.write_module import write_module
 from rulec.knowledge.tables import equation

@@ -11,6 +11,7 @@ from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.mending import mended
+from rulec_runtime.report.made import made_now
 
 from rulec.api.adopt import not_connected_so
 from rulec.api.frames import Columns, table_of
@@ -57,7 +58,7 @@ class ExperimentResult(Result):
 
     def page(self) -> str:
         """The recipe, one page of HTML with pictures."""
-        return experiment_page(self.found, self.ruleset)
+        return experiment_page(self.found, self.ruleset, made_now("rulec"))
 
     def write_page(self, file: AnyPath) -> None:
         """Write the recipe."""

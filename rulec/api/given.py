@@ -56,19 +56,19 @@ def ruleset_of(plant: Plant) -> Ruleset:
     path = Path(plant)
     if path.suffix == ".json":
         return read_ruleset(path)
-    from rulec.passes.pipeline import compile_plant
+    from rulec.passes.kept import ruleset_of_plant
 
-    return compile_plant(path)
+    return ruleset_of_plant(path)
 
 
-def folder_of(plant: Plant) -> Path:
-    """Where the files of a plant are; `Misused` for a ruleset, which does not hold equations."""
+def folder_of(
+    plant: Plant,
+    lacking: str = "a ruleset does not hold the equations into which physics could be built",
+) -> Path:
+    """Where the files of a plant are; `Misused` for a ruleset, which is `lacking` something."""
     path = Path(plant) if isinstance(plant, str | os.PathLike) else plant.path
     if path.suffix == ".json":
-        raise Misused(
-            f"{path}: give the plant's folder; a ruleset does not hold the equations into which "
-            "physics could be built"
-        )
+        raise Misused(f"{path}: give the plant's folder; {lacking}")
     return path
 
 

@@ -12,6 +12,8 @@ from rich.console import Console
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.together import names_of
+from rulec_runtime.report.made import made_now
+from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import listed
 
 from rulec.api.frames import Columns
@@ -53,6 +55,7 @@ class MismatchResult(Result):
     found : the whole answer.
     plant : its folder or file.
     recordings : as given; `rulec.adopt` and `rulec.experiment` read them again.
+    subject : plant and recording, for the head of the page.
 
     Tables: `findings` (a row each), and `series` (measured and predicted courses, a row per
     sample).
@@ -62,6 +65,7 @@ class MismatchResult(Result):
     plant: Path
     recordings: tuple[Recorded, ...]
     basis: Mapping[str, Any]
+    subject: Subject
 
     def __repr__(self) -> str:
         return f"<MismatchResult {self.found.plant}: {self.verdict}>"
@@ -94,7 +98,7 @@ class MismatchResult(Result):
 
     def page(self) -> str:
         """The report, one page of HTML with pictures."""
-        return report(self.found)
+        return report(self.found, self.subject, made_now("rulec"))
 
     def write_page(self, file: AnyPath) -> None:
         """Write the report."""
@@ -175,7 +179,8 @@ def mismatch(
     found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     found = replace(found, recording=listed(names_of(names)), notes=notes)
-    return MismatchResult(found=found, plant=folder, recordings=given, basis=basis)
+    subject = Subject.of(ruleset, recording, found.recording)
+    return MismatchResult(found=found, plant=folder, recordings=given, basis=basis, subject=subject)
 
 
 def _check_heldout(recording: Recording, heldout: Periods) -> None:

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, write_json
-from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 
 from rulec.commands.check_formats import json_form, sarif_form
-from rulec.commands.recording_facts import Facts, facts_of
-from rulec.commands.recording_story import json_form as recording_form
-from rulec.commands.recording_story import tell
-from rulec.effects.model_builder import open_builder
-from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.check_plant import check
-from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
-from rulec.knowledge.layers import version_of_rulec, yaml_files_in
-from rulec.knowledge.read import read_files, read_plant
-from rulec.knowledge.sources import Sources
-from rulec.language.diagnostics import Diagnostic, Refused, render_all
-from rulec.language.document import Document
-from rulec.passes.link import link
-from rulec.passes.put_balances import dynamics_of
+from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
+from rulec.language.diagnostics import Diagnostic, render_all
+from rulec.passes.kept import kept_of_plant
 
-_LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
+if TYPE_CHECKING:
+    from rulec.commands.recording_facts import Facts
 
 
 def run(options: argparse.Namespace) -> int:
@@ -40,12 +31,14 @@ def run(options: argparse.Namespace) -> int:
     recordings = [path for path in map(Path, options.paths) if is_recording(path)]
     paths = [path for path in map(Path, options.paths) if path not in recordings]
     if recordings and len(paths) != 1:
-        say_aside("rulec check: a recording is checked with its plant, as PLANT RECORDING")
-        return 2
-    found = collect(paths)
+        raise Misused("a recording is checked with its plant, as PLANT RECORDING")
+    found = _collected(paths)
     wrong = any(not one.doubt for one in found)
     facts: dict[str, Facts] = {}
     if recordings and not wrong:
+        from rulec.commands.recording_facts import facts_of
+        from rulec.effects.model_builder import open_builder
+
         ruleset, builder = open_builder(paths[0])
         facts = {str(path): facts_of(path, ruleset, builder.matches) for path in recordings}
     options.json = None if options.format == "text" else "-"
@@ -54,7 +47,11 @@ def run(options: argparse.Namespace) -> int:
     elif options.format == "sarif":
         write_json(options, sarif_form(found, version_of_rulec()))
     else:
-        told = {name: recording_form(part) for name, part in facts.items()}
+        told = {}
+        if facts:
+            from rulec.commands.recording_story import json_form as form_of
+
+            told = {name: form_of(part) for name, part in facts.items()}
         write_json(options, {"found": json_form(found), "recordings": told})
     return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
 
@@ -74,45 +71,38 @@ def _tell(
         out.print(render_all(found), soft_wrap=True)
     if all(one.doubt for one in found):
         out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(map(str, paths))))
-    for name, part in facts.items():
-        tell(out, name, part)
+    if facts:
+        from rulec.commands.recording_story import tell
+
+        for name, part in facts.items():
+            tell(out, name, part)
 
 
-def collect(paths: list[Path]) -> list[Diagnostic]:
-    """All diagnostics of the given files, sorted by place; doubts only where nothing is wrong."""
-    sources, plants, found = read_files(paths)
-    # A file that cannot be read may hold what others then seem to lack.
-    muted = _LACKING if found else ()
-    meaning: list[Diagnostic] = []
-    doubts: list[Diagnostic] = []
-    for part in sources:
-        meaning += _told_by(partial(_knowledge_doubts, part), doubts)
-    for plant in plants:
-        meaning += _told_by(partial(_plant_doubts, plant), doubts)
-    mistakes = {*found, *(d for d in meaning if d.code not in muted)}
-    return sorted(mistakes or {*doubts})
+def _collected(paths: list[Path]) -> list[Diagnostic]:
+    """What is found in files; of a plant without mistakes it is known from an earlier start."""
+    if len(paths) != 1 or len(plants := _plants_in(paths[0])) != 1:
+        return _compared(paths)
+    found: list[Diagnostic] = []
+
+    def clean() -> bool | None:
+        found.extend(_compared(paths))
+        return None if found else True
+
+    kept_of_plant(plants[0], "clean", clean, whole=paths[0].is_dir())
+    return found
 
 
-def _told_by(
-    step: Callable[[], Iterable[Diagnostic]], doubts: list[Diagnostic]
-) -> Sequence[Diagnostic]:
-    """Mistakes for which a step refuses; else it adds its doubts."""
-    try:
-        doubts += step()
-    except Refused as refused:
-        return refused.diagnostics
-    return ()
+def _plants_in(path: Path) -> list[Path]:
+    """The plant file of a folder; several where others lie further down."""
+    if path.is_dir() and (path / PLANT).is_file():
+        return [
+            path / PLANT,
+            *(f for f in yaml_files_in(path) if f.name == PLANT and f.parent != path),
+        ]
+    return [path] if path.name == PLANT else []
 
 
-def _knowledge_doubts(sources: Sources) -> Iterable[Diagnostic]:
-    knowledge = check_knowledge(sources)
-    types = [document for document in sources.given if "module" in document.data]
-    return doubts_of_types(types, knowledge)
+def _compared(paths: list[Path]) -> list[Diagnostic]:
+    from rulec.commands.check_files import collect
 
-
-def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
-    plant = check(read_plant(Path(document.path)))
-    network = link(plant)
-    if network.stores:
-        dynamics_of(network, {name: [] for name in plant.modules})
-    return doubts_of_plant(document, plant)
+    return collect(paths)

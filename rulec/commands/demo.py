@@ -13,7 +13,7 @@ from rulec_runtime.report.terminal_story import explain
 from rulec.commands.demo_live import run_live
 from rulec.commands.matrix import show
 from rulec.knowledge.layers import shipped
-from rulec.passes.pipeline import compile_plant
+from rulec.passes.kept import ruleset_of_plant
 
 
 def run(options: argparse.Namespace) -> int:
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     recording = _example(plant / "examples")
     out.rule("1. compile: from module files to a fault-symptom matrix")
     out.print(f"$ rulec matrix {plant}")
-    ruleset = compile_plant(plant)
+    ruleset = ruleset_of_plant(plant)
     show(out, ruleset)
     out.rule("2. diagnose: a simulated recording with a fault that grows in steps")
     out.print(f"$ rulec diagnose {plant} {recording}")

@@ -23,7 +23,7 @@ from rulec.demo import limits
 from rulec.demo.beside import Process, Servers, servers, watch, write_map
 from rulec.demo.compare import matched, tell
 from rulec.demo.stage import planted, write_inputs, write_played
-from rulec.passes.pipeline import compile_plant
+from rulec.passes.kept import ruleset_of_plant
 from rulec.simulation.prediction import Injected
 
 
@@ -53,7 +53,7 @@ def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injecte
     out.print("$ rulec simulate abc.json inputs.csv -o played.csv --noise 1 \\")
     for text in told:
         out.print(f"    --fault {text}" + (" \\" if text != told[-1] else ""))
-    ruleset = compile_plant(plant)
+    ruleset = ruleset_of_plant(plant)
     write_text(place / "abc.json", ruleset.to_json())
     write_inputs(plant / "examples", place / "inputs.csv")
     faults = [parse_fault(text) for text in told]

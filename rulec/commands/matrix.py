@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
-from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.made import made_now
 
-from rulec.passes.pipeline import compile_plant
+from rulec.commands.matrix_page import matrix_page
+from rulec.passes.kept import kept_of_plant, ruleset_of_plant
 from rulec.separation.allowed import allowed_of
-from rulec.separation.limits_file import read_limits
 from rulec.separation.pairs import Separated, separate_pairs
 from rulec.separation.table import separated_form, show_separated
 from rulec.simulation.equations import SimulationRefused
-
-if TYPE_CHECKING:
-    from rulec.simulation.signature import Signature
 
 NARROW = 7
 """Characters a column of the matrix takes."""
@@ -32,17 +32,22 @@ NARROW = 7
 def run(options: argparse.Namespace) -> int:
     """Show the matrix of a plant."""
     if options.limits is not None and not options.separate:
-        say_aside("rulec matrix: --limits are limits of --separate; give both")
-        return 2
-    ruleset = compile_plant(Path(options.plant))
+        raise Misused("--limits are limits of --separate; give both")
+    check_outputs(options)
+    ruleset = ruleset_of_plant(Path(options.plant))
+    stores = _of_stores(ruleset, Path(options.plant))
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
         if pairs is None:
-            show(console(options), ruleset)
+            show(console(options), ruleset, stores)
         else:
             show_separated(console(options), ruleset, pairs)
+    if options.report:
+        page = matrix_page(ruleset, made_now("rulec"), stores)
+        write_to(options.report, page)
+        console(options).print(styled("[dim]report: {}[/]", options.report))
     more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}
-    write_json(options, {**json_form(ruleset), **more})
+    write_json(options, {**json_form(ruleset, stores), **more})
     return 0
 
 
@@ -52,18 +57,21 @@ def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
         raise SimulationRefused(
             f"{ruleset.plant} stores; only plants that settle at once have points to compare"
         )
-    given = None if limits is None else read_limits(Path(limits), ruleset)
+    given = None
+    if limits is not None:
+        from rulec.separation.limits_file import read_limits  # reads YAML
+
+        given = read_limits(Path(limits), ruleset)
     return list(separate_pairs(ruleset, allowed_of(ruleset, given)))
 
 
-def json_form(ruleset: Ruleset) -> dict[str, Any]:
+def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The matrix as JSON data; rows are faults, columns residuals.
 
     Of a plant that stores, `stores` has the same for readings that balances predict.
     """
-    stores = _of_stores(ruleset)
     return {
-        **({"stores": dataclasses.asdict(stores)} if stores else {}),
+        **({"stores": stores} if stores else {}),
         "plant": ruleset.plant,
         "residuals": [r.id for r in ruleset.residuals],
         "faults": [f.id for f in ruleset.faults],
@@ -98,29 +106,38 @@ def _any_unit(ruleset: Ruleset) -> bool:
     return any(fault.unit for fault in ruleset.faults)
 
 
-def _of_stores(ruleset: Ruleset) -> Signature | None:
-    """How faults change readings that balances predict; None where nothing is stored."""
+def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:
+    """How faults change readings that balances predict, as JSON data of a `Signature`.
+
+    None where nothing is stored, or where the balances cannot be followed.
+    """
     if ruleset.dynamics is None:
         return None
-    # The integrator takes a second to load, and plants that store nothing do without it.
-    from rulec.simulation.signature import signature_of
 
-    return signature_of(ruleset)
+    def followed() -> Mapping[str, Any]:
+        # The integrator takes a second to load, and plants that store nothing do without it.
+        from rulec.simulation.signature import signature_of
+
+        found = signature_of(ruleset)
+        return {} if found is None else dataclasses.asdict(found)
+
+    found: Mapping[str, Any] = kept_of_plant(plant, "stores", followed)
+    return found or None
 
 
-def _show_stores(out: Console, stores: Signature) -> None:
+def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
     """Readings that balances predict, and the sign by which each fault changes them."""
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
-    for reading in stores.readings:
+    for reading in stores["readings"]:
         table.add_column(reading, justify="center")
     marks = {1: styled("[green]+[/]"), -1: styled("[red]-[/]"), 0: styled("[dim]·[/]")}
-    for fault, signs in zip(stores.faults, stores.signs, strict=True):
+    for fault, signs in zip(stores["faults"], stores["signs"], strict=True):
         table.add_row(fault, *(marks[s] for s in signs))
     out.print(table)
     legend = "+ the reading stands higher than the balances predict, - lower, · as they do"
     out.print(styled("[dim]{}[/]", legend))
-    for group in stores.alike:
+    for group in stores["alike"]:
         out.print(f"  {', '.join(group)}: act alike on all readings")
 
 
@@ -135,11 +152,10 @@ def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
     return rows
 
 
-def show(out: Console, ruleset: Ruleset) -> None:
+def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> None:
     """Draw the matrix: sign and smallest detectable degree of each cell."""
     what = "reading" if ruleset.dynamics is not None else "residual"
     out.print(styled("\n[bold]{}[/]: how each fault moves each {}\n", ruleset.title, what))
-    stores = _of_stores(ruleset)
     if stores:
         _show_stores(out, stores)
     if ruleset.dynamics is not None and not ruleset.residuals:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.refusal import Misused
 
 from rulec.commands.show_knowledge import listing
 from rulec.effects.balance_text import balances_text, flow_text
@@ -33,15 +34,15 @@ def run(options: argparse.Namespace) -> int:
     if len(short) == 1:
         options.step = short[0]
     if options.step not in names:
-        asked = options.step == "passes"
-        hint = did_you_mean(options.step, [*names, KNOWLEDGE])
-        text = "" if asked else f"there is no pass '{options.step}'; {hint}\n"
-        out.print(text + "passes in order: " + ", ".join(names))
+        if options.step != "passes":
+            hint = did_you_mean(options.step, [*names, KNOWLEDGE])
+            what = f"there is no pass '{options.step}'"
+            raise Misused(f"{what}; {hint}; 'rulec show passes' lists all of them")
+        out.print("passes in order: " + ", ".join(names))
         out.print(f"besides: {KNOWLEDGE}, all that is known of equipment, and where it stands")
-        return 0 if asked else 2
+        return 0
     if options.plant is None:
-        out.print(f"which plant? rulec show {options.step} PLANT")
-        return 2
+        raise Misused(f"which plant? give rulec show {options.step} PLANT")
     plant = Path(options.plant)
     if options.step == match_effects.__name__:
         lines = _matches(open_builder(plant)[1].matches)

@@ -3,16 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from pathlib import Path
+from contextlib import ExitStack
 
-import numpy as np
-from rich.console import Console
-from rich.table import Table
 from rulec_runtime.commands.destinations import (
     check_outputs,
     console,
@@ -21,157 +14,49 @@ from rulec_runtime.commands.destinations import (
     write_json,
     write_to,
 )
-from rulec_runtime.contract.plan import Plan
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 
-from rulec.passes.perturb import true_plan
-from rulec.passes.pipeline import run_passes
-from rulec.passes.types import Compilation
-from rulec.simulation.equations import equations_of
-from rulec.simulation.sensing import SensorErrors
-from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
-from rulec.study.json_form import study_form
-from rulec.study.page import study_page
-from rulec.study.points import Points, operating_points
-from rulec.study.pool import run_groups
-from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
-from rulec.study.tally import Cell, Tally, tally
-
-Draw = Callable[[np.random.Generator], Plan]
-
-JUDGING = "simulating and judging recordings"
-
-START = 1.0
-"""Seconds that starting the processes takes."""
+from rulec.api.study import JUDGING, study
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, judge, count, and say what it means."""
-    settings, jobs = settings_of(options)
-    if options.plant.endswith(".json"):
-        what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
-        raise Misused(f"{options.plant}: {what}")
+    degrees = degrees_of(options.degrees)
     check_outputs(options)
-    models = run_passes(Compilation(path=Path(options.plant)))
-    ruleset = models.ruleset
-    faults = [f.id for f in ruleset.faults]
-    if not any(degrees_of(ruleset, fault, settings) for fault in faults):
-        what = f"no fault of {ruleset.plant} has such a degree"
-        raise Misused(f"--degrees {options.degrees}: {what}")
-    points = operating_points(equations_of(ruleset), settings.points)
+    with ExitStack() as until_done:
+        progress = progress_of(options, JUDGING)
 
-    def draw(random: np.random.Generator) -> Plan:
-        return true_plan(models, faults, random)
+        def announce(text: str) -> None:
+            note_aside(options, text)
+            until_done.enter_context(progress)
 
-    note_aside(options, _announced(ruleset, points, settings, jobs, draw))
-    with progress_of(options, JUDGING) as progress:
-        size, done = sum(size_of(ruleset, points, settings)), 0
-
-        def advance(recordings: int) -> None:
-            nonlocal done
-            done += recordings
-            progress(JUDGING, done, size)
-
-        groups = groups_of(ruleset, settings, draw)
-        outcomes = run_groups(ruleset, points, settings, groups, jobs, advance)
-    modules = models.plant.modules.values()
-    types = {module.name: module.type.name for module in modules}
-    counts = tally(ruleset, types, outcomes, settings.samples, settings.lead_in)
+        found = study(
+            options.plant,
+            degrees=degrees,
+            points=options.points,
+            seeds=options.seeds,
+            lead_in=options.lead_in,
+            mode=options.mode,
+            bounded=options.bounded,
+            jobs=options.jobs if options.jobs is not None else os.cpu_count() or 1,
+            announce=announce,
+            progress=progress,
+        )
     out = console(options)
-    show(out, ruleset, types, points, counts)
+    found.tell(out)
     if options.report:
-        write_to(options.report, study_page(ruleset, types, points, settings, counts))
+        write_to(options.report, found.page())
         out.print(styled("[dim]report: {}[/]", options.report))
-    write_json(options, study_form(ruleset, points, settings, counts))
+    write_json(options, found.to_dict())
     return 0
 
 
-def settings_of(options: argparse.Namespace) -> tuple[Settings, int]:
-    """Settings and number of processes; `Misused` with a message for a bad argument."""
+def degrees_of(text: str) -> list[float]:
+    """Degrees as given; `Misused` where they are no numbers."""
     try:
-        degrees = sorted({float(part) for part in options.degrees.split(",")})
+        return [float(part) for part in text.split(",")]
     except ValueError:
         raise Misused(
-            f"--degrees {options.degrees}: give numbers with commas between, such as 0.1,0.2,0.3"
+            f"--degrees {text}: give numbers with commas between, such as 0.1,0.2,0.3"
         ) from None
-    if not all(math.isfinite(d) and d > 0 for d in degrees):
-        raise Misused(f"--degrees {options.degrees}: a degree is a number above 0 (0.1 is 10 %)")
-    jobs = options.jobs if options.jobs is not None else os.cpu_count() or 1
-    for name, value, least in (
-        ("points", options.points, 1),
-        ("seeds", options.seeds, 1),
-        ("jobs", jobs, 1),
-        ("lead-in", options.lead_in, 0),
-    ):
-        if value < least:
-            raise Misused(f"--{name} {value}: give {least} or more")
-    settings = Settings(
-        degrees=tuple(degrees),
-        points=options.points,
-        seeds=options.seeds,
-        mode=options.mode,
-        lead_in=options.lead_in,
-        errors=SensorErrors(bounded=options.bounded),
-    )
-    return settings, jobs
-
-
-def _announced(ruleset: Ruleset, points: Points, settings: Settings, jobs: int, draw: Draw) -> str:
-    """Size of the study, and how long it will take, from a few of its recordings."""
-    faulty, healthy = size_of(ruleset, points, settings)
-    one = Points({name: values[:1] for name, values in points.given.items()}, 1)
-    largest = replace(settings, degrees=settings.degrees[-1:])
-    ids = [f.id for f in ruleset.faults]
-
-    def seconds(fault: str) -> float:
-        group = Group(fault, 0, 0, draw(np.random.default_rng(0)))
-        start = time.perf_counter()
-        list(run_group(ruleset, one, largest, group))
-        return time.perf_counter() - start
-
-    quiet = min(seconds("") for _ in range(2))
-    loud = float(np.mean([seconds(f) for f in ids[:: max(1, len(ids) // 3)]])) if ids else 0.0
-    total = START * (jobs > 1) + (quiet * healthy + loud * faulty) / jobs
-    where = f"{len(points)} operating point{'s' * (len(points) > 1)}"
-    lost = f" ({points.tried - len(points)} more have none)" if points.tried > len(points) else ""
-    return (
-        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{lost}; "
-        f"about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
-    )
-
-
-def show(
-    out: Console,
-    ruleset: Ruleset,
-    types: Mapping[str, str],
-    points: Points,
-    counts: Tally,
-) -> None:
-    """The findings in words, then a table per module type."""
-    out.print(styled("\n[bold]{}[/]: what its diagnosis can do\n", ruleset.title))
-    for sentence in sentences(counts):
-        out.print(f"- {sentence}")
-    held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
-    if held:
-        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.")
-    for kind in dict.fromkeys(types.values()):
-        rows = {k: cells for k, cells in rows_of(counts).items() if k.type == kind}
-        if rows:
-            members = ", ".join(name for name, type_ in types.items() if type_ == kind)
-            out.print(styled("\n[bold]{}[/] ({})", kind, members))
-            out.print(_table(list(rows.values())))
-    out.print(styled("[dim]{}[/]", LEGEND))
-
-
-def _table(rows: list[list[Cell]]) -> Table:
-    table = Table(pad_edge=False, box=None, padding=(0, 1))
-    table.add_column("fault", no_wrap=True)
-    for title in TITLES:
-        table.add_column(title, justify="right", no_wrap=True)
-    for cells in rows:
-        for i, cell in enumerate(cells):
-            name = "" if i else cell.fault.title
-            table.add_row(name, percent(cell.degree), str(cell.recordings), *figures_of(cell))
-    return table

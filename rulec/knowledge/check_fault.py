@@ -10,6 +10,7 @@ import sympy
 from rulec.knowledge.check_length import check_law
 from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
+from rulec.knowledge.module_type import Frequency
 from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
@@ -52,7 +53,17 @@ def check_fault(reader: Reader) -> FaultType:
         text=data["text"],
         action=data["action"],
         origin=reader.origin("fault", source=data["source"]),
+        frequency=_frequency(reader),
     )
+
+
+def _frequency(reader: Reader) -> Frequency | None:
+    """How often it comes, where the file says so."""
+    data = reader.document.data
+    if "frequency" not in data:
+        return None
+    origin = reader.origin("frequency", source=data.get("frequency_source", ""))
+    return Frequency(data["frequency"], origin)
 
 
 def _check_usual(reader: Reader, path: Path_, degree: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ from rulec.knowledge.module_type import (
     ENDS,
     Definition,
     FaultUse,
+    Frequency,
     ModuleType,
     Observer,
     Parameter,
@@ -271,8 +272,13 @@ class ModuleReader(Reader):
             "definition": kind.definitions,
             "flow": [*kind.components(), *ends],
         }
-        for i, text in enumerate(self.document.data.get("faults", ())):
-            path = ("faults", i)
+        for i, entry in enumerate(self.document.data.get("faults", ())):
+            path: Path_ = ("faults", i)
+            text, frequency = entry, None
+            if isinstance(entry, dict):
+                origin = self.origin(*path, "frequency", source=entry.get("source", ""))
+                path, text = (*path, "fault"), entry["fault"]
+                frequency = Frequency(entry["frequency"], origin)
             name, target = text.rstrip(")").split("(")
             fault = self.faults.get(name)
             if fault is None:
@@ -288,7 +294,7 @@ class ModuleReader(Reader):
                 continue
             if fault.acts_on == "signal" and self._has_no_sense(fault, kind.signals[target], path):
                 continue
-            use = FaultUse(name, target, self.document.place(*path))
+            use = FaultUse(name, target, self.document.place(*path), frequency)
             if use in uses:
                 self.report(path, "KB049", f"'{text}' stands twice", "keep one")
                 continue

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.effect import Effect, Usual
-from rulec.knowledge.module_type import Fluid, ModuleType
+from rulec.knowledge.module_type import FaultUse, Fluid, Frequency, ModuleType
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit, UnitTable
@@ -61,7 +61,10 @@ class Variant:
 
 @dataclass(frozen=True, kw_only=True)
 class FaultType:
-    """What a fault does; sign, gain, rule and matrix row are derived from it."""
+    """What a fault does; sign, gain, rule and matrix row are derived from it.
+
+    Without a `frequency` nobody said how often it comes.
+    """
 
     name: str
     title: str
@@ -72,6 +75,7 @@ class FaultType:
     text: str
     action: str
     origin: Origin
+    frequency: Frequency | None = None
 
     def title_at(self, target: str, variant: Variant) -> str:
         """Title of one variant of it, which acts on `target`."""
@@ -88,3 +92,8 @@ class Knowledge:
     modules: Mapping[str, ModuleType]
     fluids: Mapping[str, Fluid]
     effects: Mapping[str, Effect] = field(default_factory=dict)
+
+    def fault_in(self, use: FaultUse) -> FaultType:
+        """A fault as a module type has it: it may come more often there, or less."""
+        fault = self.faults[use.fault]
+        return replace(fault, frequency=use.frequency or fault.frequency)

@@ -125,12 +125,24 @@ class Reading:
 
 
 @dataclass(frozen=True)
+class Frequency:
+    """How often a fault comes beside others, in one of the words of the contract."""
+
+    word: str
+    origin: Origin
+
+
+@dataclass(frozen=True)
 class FaultUse:
-    """A fault that a module type can have, and what it acts on there."""
+    """A fault that a module type can have, and what it acts on there.
+
+    `frequency` is None where the module type does not say how often the fault comes in it.
+    """
 
     fault: str
     target: str
     place: Place = field(compare=False)
+    frequency: Frequency | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

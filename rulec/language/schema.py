@@ -80,6 +80,12 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
                 yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
             yield from _missing(document, path, part, error)
+        case "dependentRequired":
+            for key, needed in limit.items():
+                if key in value and any(name not in value for name in needed):
+                    message = f"'{key}' stands there without '{needed[0]}'"
+                    hint = f"add '{needed[0]}: ...'"
+                    yield Diagnostic(document.key(*path, key), "KB021", message, hint)
         case "type":
             message = f"{part} must be {_wanted(limit)}, not {_show(value)}"
             yield Diagnostic(where, "KB022", message, _type_hint(limit, value))

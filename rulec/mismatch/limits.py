@@ -904,6 +904,17 @@ SHORTEST_STEP = 60.0
 WORTH_A_STEP = 0.002
 """By how much a step must raise the probability of the truth. Origin: numerical."""
 
+WORTH_DOUBLED = 0.01
+"""By how much the probability of the truth must rise where all steps are held twice as long.
+Origin: assumed."""
+
+MOST_QUADRUPLED = 8
+"""Times that a step is held four times as long as before, where that is tried: to four hours if it
+takes a second at least. Origin: numerical."""
+
+SCATTER_NODES = 5
+"""Values of a deviate over which the probability of the truth is averaged. Origin: numerical."""
+
 DRAWN = 2000
 """Draws of what is read, for the certainty that an experiment can be expected to give: to a percent
 or two. Origin: numerical."""

@@ -129,10 +129,6 @@ def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
         text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
         remedy = "write the unit into the skeleton" + ", or import with --online" * found.online
         odd.append(Oddity(kind="unknown units", place=place, text=text, remedy=remedy))
-    elif found.doubt.startswith("code"):
-        text = f"{tag.name} is taken to be in {found.text}, but {found.doubt}"
-        remedy = "compare with the display of the device"
-        odd.append(Oddity(kind="doubtful units", place=place, text=text, remedy=remedy))
     if reading.proposal.against and not reading.repeats:
         odd.append(
             Oddity(

@@ -81,7 +81,6 @@ def _because(reading: Reading) -> str:
     whose = ["unit"] * reading.unit.is_default + ["range"] * reading.range_is_default
     if whose:
         parts.append(f"{' and '.join(whose)} by default, the controller may hold another")
-    parts += [f"unit: {reading.unit.doubt}"] if reading.unit.doubt else []
     parts += ["set by the operator"] if reading.is_input else []
     return _said("; ".join(parts))
 

@@ -15,20 +15,12 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnitCode:
-    """What a unit code means; `sure` is False where its meaning is not beyond doubt."""
-
-    unit: str
-    sure: bool
-
-
-@dataclass(frozen=True, kw_only=True)
 class Tables:
     """`classes` gives the role of each class of data assemblies, `values` where a role keeps its
     value, `listed` the titles of the others; `letters`, `words` and `first` say what is measured,
     `sensors` with what, `equipment` what an ECLASS code begins with."""
 
-    codes: Mapping[str, UnitCode]
+    codes: Mapping[str, str]
     spellings: Mapping[str, str]
     classes: Mapping[str, str]
     values: Mapping[str, Sequence[Mapping[str, Any]]]
@@ -45,9 +37,7 @@ class Tables:
 def tables() -> Tables:
     """All tables, read once."""
     units, kinds = _read("unit_codes.yaml"), _read("kinds.yaml")
-    codes = {str(code): UnitCode(unit=text, sure=True) for code, text in units["codes"].items()}
-    doubtful = units["doubtful"].items()
-    codes |= {str(code): UnitCode(unit=text, sure=False) for code, text in doubtful}
+    codes = {str(code): text for code, text in units["codes"].items()}
     roles = {name: role for role, names in kinds["classes"].items() for name in names}
     return Tables(codes=codes, spellings=units["spellings"], **{**kinds, "classes": roles})
 

@@ -12,13 +12,12 @@ from rulec.mtp.tables import tables
 @dataclass(frozen=True, kw_only=True)
 class FoundUnit:
     """A unit: `text` as the tables spell it, empty where it is not known, and `unit` as the
-    knowledge base has it, None where it lacks it. `raw` is what is known of it, `doubt` why it may
-    be wrong, `is_default` whether it is a default of the file, `online` whether a node holds it."""
+    knowledge base has it, None where it lacks it. `raw` is what is known of it, `is_default`
+    whether it is a default of the file, `online` whether a node holds it."""
 
     raw: str
     text: str
     unit: Unit | None
-    doubt: str
     is_default: bool
     online: bool
 
@@ -27,19 +26,14 @@ def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
     """What an attribute says of a unit, by a code or by a text."""
     raw = attribute.known.strip() if attribute is not None else ""
     key = raw[:-2] if raw.endswith(".0") else raw
-    code = tables().codes.get(key)
-    text, doubt = "", ""
-    if code is not None:
-        text = code.unit
-        doubt = "" if code.sure else f"code {key} is not beyond doubt"
-    elif key and not _is_number(key):
+    text = tables().codes.get(key, "")
+    if not text and key and not _is_number(key):
         spelled = tables().spellings.get(key, key)
         text = spelled if _parsed(spelled, units) is not None else ""
     return FoundUnit(
         raw=raw,
         text=text,
         unit=_parsed(text, units) if text else None,
-        doubt=doubt,
         is_default=attribute is not None and attribute.is_default,
         online=attribute is not None and attribute.node is not None,
     )

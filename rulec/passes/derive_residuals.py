@@ -10,6 +10,7 @@ from rulec.algebra.continuity import FixedFlow
 from rulec.algebra.span import Span
 from rulec.knowledge.plant import Module
 from rulec.language.written import signed_sum
+from rulec.limits import MOST_SUMMED
 from rulec.passes.link import Network
 
 Terms = tuple[tuple[int, str], ...]
@@ -83,6 +84,8 @@ def _own(module: Module) -> Iterator[Residual]:
 def _summed(module: Module, sums: Mapping[str, FixedFlow]) -> Iterator[Residual]:
     """The flow of a module by others, against its own observers."""
     for kind, flow in sums.items():
+        if len(flow.terms) > MOST_SUMMED:
+            continue
         others = tuple((sign, f"{name}.{kind}") for name, sign in flow.terms.items())
         for own in module.type.observers:
             terms = (*others, (-1, f"{module.name}.{own}"))

@@ -270,7 +270,7 @@ def _faults(
     observers: Mapping[str, sympy.Expr],
 ) -> Iterator[TypeFault]:
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
-        fault = knowledge.faults[use.fault]
+        fault = knowledge.fault_in(use)
         affects = _affected(kind, fault, use.target, symbols, observers)
         yield TypeFault(
             id=name,

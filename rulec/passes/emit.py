@@ -16,7 +16,7 @@ from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signatures
-from rulec.passes.link import Network
+from rulec.passes.link import Network, junctions
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
 
@@ -95,6 +95,11 @@ def emit(
         undo=assembly.undo.plan(),
         dynamics=balanced.dynamics,
         knowledge=_knowledge(plant),
+        unbalanced=tuple(
+            contract.Junction(b.outlets, b.inlets)
+            for b in junctions(plant)
+            if b not in network.balances
+        ),
     )
 
 
@@ -186,6 +191,7 @@ def _fault(
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
     slots = {"module": where.module, "where": where.target, "variant": variant.title}
+    often = fault.frequency
     return contract.FaultSpec(
         id=where.id,
         module=where.module,
@@ -203,6 +209,8 @@ def _fault(
         in_sensor=fault.acts_on == "signal",
         origin=_origin(fault.origin),
         unit=variant.unit,
+        frequency=often.word if often else contract.USUAL,
+        frequency_origin=_origin(often.origin) if often else "",
     )
 
 

@@ -53,7 +53,7 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     named |= dict(_named(still, knowledge))
     result = []
     for (use, variant), name in named.items():
-        fault, id_ = knowledge.faults[use.fault], f"{module.name}.{name}"
+        fault, id_ = knowledge.fault_in(use), f"{module.name}.{name}"
         places, law = _acting(module, fault, variant, use.target)
         result.append(
             StoreFault(

@@ -18,6 +18,7 @@ from rulec_runtime.commands.frame import quiet_option
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.output.write_file import write_text
+from rulec_runtime.report.made import made_now
 
 from rulec.cli import prove_options
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
@@ -70,7 +71,7 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
     if options.json:
         write_text(Path(options.json), run.to_json())
     if options.report:
-        write_text(Path(options.report), page(run))
+        write_text(Path(options.report), page(run, made_now("rulec")))
         out.print(styled("[dim]report: {}[/]", options.report))
     return 0
 

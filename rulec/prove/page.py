@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rulec_runtime.report.document import document, facts, numbered, section
+from rulec_runtime.report.document import Head, document, facts, numbered, section
+from rulec_runtime.report.made import Made
 from rulec_runtime.report.text import counted, number, safe
 
 from rulec.prove import tables
@@ -17,27 +18,22 @@ from rulec.prove.scores import Row, by, by_concealment, by_difficulty, plain, ta
 STYLE = """<style>
 .word { white-space: nowrap; }
 h3.after { margin: 1.4rem 0 .3rem; }
-@media (max-width: 40rem) { .slim td:not(.num) { max-width: 9.5rem; } .wide { display: none; }
-  .slim td:first-child { min-width: 6.5rem; max-width: 8.5rem; }
-  .slim td.word { max-width: 5.2rem; }
-  .slim td, .slim th { font-size: .82rem; padding-right: .6rem; } .word { white-space: normal; }
-  .heat tbody th { white-space: normal; max-width: 6.5rem; } }
+@media (max-width: 40rem) { .heat tbody th { white-space: normal; max-width: 6.5rem; } }
 .panel .count { fill: var(--soft); font-weight: 400; }
 .band.solid { fill-opacity: .85; }
 #curve .mark.all .odd { display: initial; }
 .heat thead th { vertical-align: bottom; }
-details { margin-top: 1rem; } summary { color: var(--soft); }
 .heat td { text-align: center; min-width: 1.9rem; }
 .heat td.right { --of: var(--c0); } .heat td.wrong { --of: var(--c1); }
 .heat td.other { --of: var(--c5); } .heat .rate { color: var(--soft); text-align: right; }
-.heat td[style] { background: color-mix(in srgb, var(--of) calc(var(--tint) * .6), transparent); }
+.heat td[style] { background: color-mix(in srgb, var(--of) calc(var(--tint) * .42), transparent); }
 .heat td.right { font-weight: 700; }
 .heat .turned { height: 9.5rem; vertical-align: bottom; padding: .2rem 0; }
 .heat .turned span { writing-mode: vertical-rl; transform: rotate(180deg); white-space: nowrap; }
 </style>"""
 
 
-def page(run: Run) -> str:
+def page(run: Run, made: Made | None = None) -> str:
     """Write the page; the same run gives the same text."""
     judged, rows = run.shown, table(run.shown)
     parts = [
@@ -50,10 +46,16 @@ def page(run: Run) -> str:
         ("By partition", tables.groups(by(run.judged, "partition"), "partition")),
         ("How this was measured", f'<div class="facts">{_measured(run)}</div>'),
     ]
-    first = STYLE + _status(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark(run)
+    first = STYLE + tables.goals(rows, table(plain(run.shown))) + _remark(run)
     sections = [first, *_pictures(judged), *(section(*part) for part in parts if part[1])]
-    title = "Proof on concealed effects"
-    return document(title, f"{run.partition} cases", "proof", "".join(sections))
+    head = Head(
+        kind="Proof on concealed effects",
+        verdict=headline(run, rows),
+        meaning=partition_words(run),
+        badge=_badge(rows),
+        made=made,
+    )
+    return document(head, "".join(sections))
 
 
 def headline(run: Run, rows: Sequence[Row]) -> str:
@@ -74,13 +76,9 @@ def partition_words(run: Run) -> str:
     return "The tool was improved on these very cases: they prove nothing yet."
 
 
-def _status(run: Run, rows: Sequence[Row]) -> str:
+def _badge(rows: Sequence[Row]) -> str:
     good = all(r.met for r in rows)
-    badge = '<span class="badge is-ok">✓</span>' if good else '<span class="badge is-F">✗</span>'
-    return (
-        f'<div class="status">{badge}<p><strong>{safe(headline(run, rows))}</strong>'
-        f'<span class="soft">{safe(partition_words(run))}</span></p></div>'
-    )
+    return '<span class="badge is-ok">✓</span>' if good else '<span class="badge is-F">✗</span>'
 
 
 def _remark(run: Run) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from rulec_runtime.report.tables import Cell, Column, columns, framed, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
 from rulec.prove.calibration import Told, reliability
@@ -31,12 +32,12 @@ PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
 
 def goals(rows: Sequence[Row], plainly: Sequence[Row]) -> str:
     """Every score, its goal, and in words whether it is met; `plainly` of what is plain to see."""
-    head = _head(
-        "score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right", ".plain to see"
+    of = columns(
+        *("score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right", ".plain to see")
     )
-    body = "".join(_goal(row, one) for row, one in zip(rows, plainly, strict=True))
+    body = [_goal(row, one) for row, one in zip(rows, plainly, strict=True)]
     note = f'<p class="soft">Plain to see: {safe(PLAIN)}.</p>'
-    return _table(head, body, "slim") + note
+    return table("scores and their goals", of, body) + note
 
 
 def of_count(row: Row) -> str:
@@ -44,17 +45,14 @@ def of_count(row: Row) -> str:
     return f"{value_of(row)} of {row.count}" if row.count else "–"
 
 
-def _goal(row: Row, plain: Row) -> str:
+def _goal(row: Row, plain: Row) -> list[str | Cell]:
     symbol, style = {True: ("✓", "agrees"), False: ("✗", "contradicts"), None: ("–", "soft")}[
         row.met
     ]
     hits = "" if row.hits is None or not row.count else number(row.hits, 5)
-    first, rest = (value_of(row), row.goal.text), (interval_of(row), str(row.count), hits)
-    return (
-        f"<tr><td>{safe(row.score)}</td>{''.join(map(_number, first))}"
-        f'<td class="{style} word">{symbol} {row.words}</td>{"".join(map(_number, rest))}'
-        f"{_number(of_count(plain))}</tr>"
-    )
+    words = Cell(f"{symbol} {row.words}", f"{style} word")
+    first = [safe(row.score), value_of(row), row.goal.text]
+    return [*first, words, interval_of(row), str(row.count), hits, of_count(plain)]
 
 
 def value_of(row: Row) -> str:
@@ -83,20 +81,20 @@ def heat(found: Confusion) -> str:
         found.rows, found.rates, found.counts, found.right, strict=True
     ):
         cells = (
-            _cell(int(c), c / counts.sum(), r > 0, column)
+            _tinted(int(c), c / counts.sum(), r > 0, column)
             for c, r, column in zip(counts, right, found.columns, strict=True)
         )
         body += (
             f'<tr><th scope="row">{safe(name)}</th><td class="rate">{percent(rate)}</td>'
             f"{''.join(cells)}</tr>"
         )
-    return (
-        f'<div class="scroll"><table class="matrix heat"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+    return framed(
+        "what was said of what was planted",
+        f'<table class="matrix heat"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>',
     )
 
 
-def _cell(count: int, share: float, right: bool, column: str) -> str:
+def _tinted(count: int, share: float, right: bool, column: str) -> str:
     if not count:
         return "<td></td>"
     style = "right" if right else "other" if column in OTHERS else "wrong"
@@ -107,12 +105,8 @@ def groups(found: Sequence[Group], title: str) -> str:
     """Shares by group, each with the number of cases it is of."""
     if not found:
         return ""
-    body = "".join(
-        f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}"
-        f"{_number(best_of(g))}</tr>"
-        for g in found
-    )
-    return _table(_head(title, ".cases", *(f".{name}" for name in PARTS)), body, "slim")
+    rows = ([safe(g.title), str(g.count), *map(_part, g.shares), best_of(g)] for g in found)
+    return table(title, columns(title, ".cases", *(f".{name}" for name in PARTS)), rows)
 
 
 def best_of(group: Group) -> str:
@@ -120,10 +114,10 @@ def best_of(group: Group) -> str:
     return " / ".join(percent(share) for share in group.best) if group.best else ""
 
 
-def _part(row: Row) -> str:
+def _part(row: Row) -> str | Cell:
     if not row.count:
-        return '<td class="num soft">–</td>'
-    return f'<td class="num">{percent(row.share)} <span class="soft">of {row.count}</span></td>'
+        return Cell("–", "soft")
+    return f'{percent(row.share)} <span class="soft">of {row.count}</span>'
 
 
 def probabilities(judged: Sequence[Judged]) -> str:
@@ -131,12 +125,8 @@ def probabilities(judged: Sequence[Judged]) -> str:
     found = reliability(judged)
     if not found:
         return ""
-    head = _head("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
-    body = "".join(
-        f"<tr><td>{first}</td>{''.join(map(_number, rest))}<td>{last}</td></tr>"
-        for first, *rest, last in map(told_cells, found)
-    )
-    return _table(head, body, "slim")
+    of = columns("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
+    return table("names by their probability", of, map(told_cells, found))
 
 
 def told_cells(told: Told) -> tuple[str, ...]:
@@ -155,12 +145,12 @@ def baselines(judged: Sequence[Judged]) -> str:
     ):
         rows = list(_rows_of(cases))
         if rows:
-            head = _head("model", ".cases", ".middle", ".middle half", "")
-            parts.append(f'<h3 class="after">{title}</h3>{_table(head, "".join(rows))}')
+            of = [*columns("model", ".cases", ".middle", ".middle half"), Column("", "wide")]
+            parts.append(f'<h3 class="after">{title}</h3>{table(title, of, rows)}')
     return "".join(parts)
 
 
-def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
+def _rows_of(judged: Sequence[Judged]) -> Iterator[tuple[str, ...]]:
     ratios = {"repaired": _over(judged, "repaired")}
     for name in sorted({n for j in judged for n in j.baselines}):
         known = [j.baselines.get(name) for j in judged]
@@ -171,9 +161,11 @@ def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
     for name, (middle, low, high) in quartiles.items():
         width = 100 * middle / largest if largest > 0 else 0.0
         yield (
-            f"<tr><td>{safe(name)}</td>{_number(str(len(ratios[name])))}{_number(fixed(middle, 2))}"
-            f"{_number(f'{fixed(low, 2)} to {fixed(high, 2)}')}"
-            f'<td class="wide"><i class="meter" style="width:{width:.1f}%"></i></td></tr>'
+            safe(name),
+            str(len(ratios[name])),
+            fixed(middle, 2),
+            f"{fixed(low, 2)} to {fixed(high, 2)}",
+            f'<i class="meter" style="width:{width:.1f}%"></i>',
         )
 
 
@@ -189,18 +181,16 @@ def worst_table(judged: Sequence[Judged]) -> str:
     found = worst(judged)
     if not found:
         return "<p>No case went wrong.</p>"
-    head = _head("case", "planted", "said", "wrong because", ".strength")
-    return _table(head, "".join(_bad(bad) for bad in found), "slim")
+    of = columns("case", "planted", "said", "wrong because", ".strength")
+    return table("the worst cases", of, map(_bad, found))
 
 
-def _bad(bad: Bad) -> str:
+def _bad(bad: Bad) -> tuple[str, ...]:
     j = bad.judged
     where = f'<br/><span class="soft">{safe(listed(j.concealed))}</span>' if j.concealed else ""
     strength = "" if j.clean else number(j.gain, 3)
-    return (
-        f"<tr><td>{safe(j.case)}{where}</td><td>{safe(planted_words(j))}</td>"
-        f"<td>{safe(said_words(j))}</td><td>{safe(bad.why)}</td>{_number(strength)}</tr>"
-    )
+    said = (planted_words(j), said_words(j), bad.why, strength)
+    return f"{safe(j.case)}{where}", *map(safe, said)
 
 
 def planted_words(judged: Judged) -> str:
@@ -212,21 +202,3 @@ def planted_words(judged: Judged) -> str:
 def said_words(judged: Judged) -> str:
     """Reported names, or the answer without one."""
     return listed(judged.said) if judged.said and not judged.error else answer_of(judged)
-
-
-def _number(text: str) -> str:
-    return f'<td class="num">{text}</td>'
-
-
-def _head(*titles: str) -> str:
-    """Titles of columns; those of numbers begin with a point."""
-    return "".join(
-        f'<th class="num">{t[1:]}</th>' if t.startswith(".") else f"<th>{t}</th>" for t in titles
-    )
-
-
-def _table(head: str, body: str, style: str = "") -> str:
-    return (
-        f'<div class="scroll"><table class="{style}"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )

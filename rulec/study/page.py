@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.report.document import document, facts, section
+from rulec_runtime.report.document import Head, document, facts, section
+from rulec_runtime.report.made import Made
+from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import safe
 
 from rulec.study.campaign import Settings
 from rulec.study.points import Points
-from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
+from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences, verdict
 from rulec.study.tally import Cell, Tally
 
 
@@ -20,12 +24,14 @@ def study_page(
     points: Points,
     settings: Settings,
     counts: Tally,
+    made: Made | None = None,
 ) -> str:
     """A study as HTML; the same study gives the same text.
 
     Parameters
     ----------
     types : module type per module.
+    made : when and by what; left out without.
     """
     told = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(counts))
     sections = [
@@ -33,7 +39,14 @@ def study_page(
         *_tables(types, counts),
         section("Where this comes from", facts(_facts(ruleset, points, settings))),
     ]
-    return document(ruleset.title, ruleset.plant, "study", "".join(sections))
+    head = Head(
+        kind="Study of a diagnosis",
+        verdict=verdict(counts),
+        facts=tuple(Subject(ruleset=ruleset).facts()),
+        made=made,
+        sketch=sketch(ruleset, {}),
+    )
+    return document(head, "".join(sections))
 
 
 def _tables(types: Mapping[str, str], counts: Tally) -> Iterator[str]:
@@ -42,22 +55,18 @@ def _tables(types: Mapping[str, str], counts: Tally) -> Iterator[str]:
         if rows:
             members = ", ".join(name for name, type_ in types.items() if type_ == kind)
             legend = f'<p class="soft">{safe(LEGEND)}</p>'
-            yield section(f"{safe(kind)} ({safe(members)})", _table(rows) + legend)
+            name = f"{kind} ({members})"
+            yield section(safe(name), _table(name, rows) + legend)
 
 
-def _table(rows: Sequence[Sequence[Cell]]) -> str:
-    head = "".join(f'<th class="num">{title}</th>' for title in TITLES)
-    body = "".join(_row(cell, first=not i) for cells in rows for i, cell in enumerate(cells))
-    return (
-        f'<div class="scroll"><table><thead><tr><th>fault</th>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
+def _table(name: str, rows: Sequence[Sequence[Cell]]) -> str:
+    of = columns("fault", *(f".{title}" for title in TITLES))
+    return table(name, of, (_row(cell) for cells in rows for cell in cells))
 
 
-def _row(cell: Cell, first: bool) -> str:
-    name = safe(cell.fault.title) if first else ""
+def _row(cell: Cell) -> list[str]:
     shown = (percent(cell.degree), str(cell.recordings), *figures_of(cell))
-    return f"<tr><td>{name}</td>{''.join(f'<td class=num>{safe(s)}</td>' for s in shown)}</tr>"
+    return [safe(s) for s in (cell.fault.title, *shown)]
 
 
 def _facts(
@@ -80,4 +89,3 @@ def _facts(
     held = [name for name in points.given if not signals[name].is_input]
     if held:
         yield "varied like inputs", [f"{', '.join(held)}: no equation determines them"]
-    yield "ruleset", [ruleset.sources]

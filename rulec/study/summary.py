@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from rulec_runtime.report.text import counted
+
 from rulec.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.judge import Kind
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
@@ -35,6 +37,17 @@ def reliable_from(cells: Sequence[Cell]) -> float | None:
             break
         smallest = cell.degree
     return smallest
+
+
+def verdict(tally: Tally) -> str:
+    """How many kinds of fault are found and named, and how often there is a false alarm."""
+    rows = [cells for cells in rows_of(tally).values() if cells[-1].recordings]
+    reliable = sum(reliable_from(cells) is not None for cells in rows)
+    healthy = tally.healthy
+    return (
+        f"Found and named: {reliable} of {counted(len(rows), 'kind')} of fault; "
+        f"{counted(healthy.alarms, 'false alarm')} in {healthy.recordings} healthy recordings"
+    )
 
 
 def sentences(tally: Tally) -> Iterator[str]:

@@ -523,6 +523,10 @@ assumed."""
 MENTION = 0.02
 """Causes less probable than this are not mentioned. Origin: assumed."""
 
+FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
+"""Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
+assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 
@@ -654,3 +658,16 @@ Origin: numerical."""
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
 standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""
+
+# What is kept for the next start ----------------------------------------------------------------
+
+MOST_KEPT_BYTES = 400_000_000
+"""Bytes of all compiled plants that are kept; beyond it the oldest go. A plant of abc's size takes
+0.1 MB. Origin: assumed."""
+
+# Integrator ------------------------------------------------------------------------------------
+
+KERNEL_WORTH = 12_000
+"""Steps that a tape is interpreted for before machine code is made of it: those take as long as
+making the code does, so that at most twice the least time is spent. Origin: measured by
+`python -m pytest tests/bench/test_integrator.py -s`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import statistics
 import subprocess
@@ -31,8 +32,7 @@ def written(family: str, size: int, folder: Path) -> Path:
     return folder
 
 
-CASES = [(family, size) for family in FAMILIES for size in SIZES] + [("side by side", 1000)]
-"""A chain of 1000 has 1.2 million rules: by the 3 GB of 400 modules that would take 20 GB."""
+CASES = [(family, size) for family in FAMILIES for size in (*SIZES, 1000)]
 
 
 @pytest.mark.parametrize(("family", "size"), CASES)
@@ -64,7 +64,7 @@ def seconds_of_passes(plant: Path) -> tuple[dict[str, float], Ruleset]:
     return found, known.ruleset
 
 
-STEPS = {"chain": (50, 100, 200), "side by side": (50, 200, 1000)}
+STEPS = {"chain": (50, 100, 200, 400), "side by side": (50, 200, 1000)}
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -80,7 +80,15 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
         results.add(what, total, "s")
         results.add("    per module", 1e3 * total / len(made.modules), "ms")
         results.add("    per rule", 1e6 * total / len(made.cells), "us")
+    abc = sum(seconds_of_passes(ROOT / "plants" / "abc")[0].values())
+    for size, (found, _) in table.items():
+        goal = {("chain", 200): 15.0}.get((family, size))
+        ratio = sum(found.values()) / abc
+        results.add(f"{family}, {size} modules, against plant abc", ratio, "", goal)
     small, large = (table[size] for size in (STEPS[family][0], STEPS[family][-1]))
+    times = sum(large[0].values()) / sum(small[0].values())
+    modules = len(large[1].modules) / len(small[1].modules)
+    results.add(f"{family}: exponent of growth", math.log(times) / math.log(modules), "")
     for name in large[0]:
         if large[0][name] > 0.5:
             ratio = large[0][name] / len(large[1].modules) / small[0][name]

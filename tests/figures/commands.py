@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import io
 import json
 import shlex
 import subprocess
@@ -9,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest import mock
 
 from tests.conftest import ROOT
 from tests.figures.ledger import Figure
@@ -35,11 +39,8 @@ class Measured:
 
 def output_of(command: str) -> Any:
     """Run a command of this project, and read its JSON; raises RuntimeError."""
-    words = shlex.split(command)
-    if words[:2] != ["python", "-m"]:
-        raise RuntimeError(f"no command that can be run: {command}")
     done = subprocess.run(
-        [sys.executable, *words[1:]],
+        [sys.executable, "-m", *_words(command)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -49,6 +50,24 @@ def output_of(command: str) -> Any:
     if done.returncode:
         raise RuntimeError(f"{command} failed:\n{done.stderr[-2000:]}")
     return json.loads(done.stdout)
+
+
+def output_here(command: str) -> Any:
+    """The same by the command's main, in this process, which has read and imported much already."""
+    module, *options = _words(command)
+    main = importlib.import_module(f"{module}.__main__").main
+    out = io.StringIO()
+    with mock.patch.object(sys, "argv", [module, *options]), contextlib.redirect_stdout(out):
+        main()
+    return json.loads(out.getvalue())
+
+
+def _words(command: str) -> list[str]:
+    """Module and options."""
+    words = shlex.split(command)
+    if words[:2] != ["python", "-m"]:
+        raise RuntimeError(f"no command that can be run: {command}")
+    return words[2:]
 
 
 def picked(form: Any, key: str) -> Measured:

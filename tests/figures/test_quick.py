@@ -1,4 +1,4 @@
-"""A small measurement of some figures, held against what is printed; half a minute."""
+"""A small measurement of some figures, held against what is printed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import recordings_folder
-from tests.figures.commands import output_of, picked, quick_verdict
+from tests.figures.commands import output_here, picked, quick_verdict
 from tests.figures.ledger import Figure, read_ledger
 
 QUICK = [f for f in read_ledger().figures.values() if f.quick]
@@ -17,7 +17,7 @@ QUICK = [f for f in read_ledger().figures.values() if f.quick]
 @functools.cache
 def output(command: str) -> Any:
     """What a command gives; once for all its figures."""
-    return output_of(command)
+    return output_here(command)
 
 
 @pytest.mark.parametrize("figure", QUICK, ids=lambda f: f.id)

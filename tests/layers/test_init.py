@@ -16,7 +16,7 @@ import referencing
 from jsonschema.validators import validator_for
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.language.document import read_document
 from rulec.language.schema import KINDS, kind_of
 from rulec.passes.pipeline import compile_plant

@@ -14,7 +14,7 @@ import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.effects.adopt import Adoption
 from rulec.effects.write_plant import knowledge_files
 from rulec.knowledge.read import read_plant

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.mtp import limits
 from rulec.mtp.read_package import read_packages
 from rulec.mtp.refused import MtpRefused

@@ -12,7 +12,7 @@ import yaml
 from rulec_runtime.live.sources.map import OPCUA, read_map
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.mtp.writer import (

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from rulec.language.units import unit_table
 from rulec.mtp.tables import tables
 from tests.conftest import ROOT
@@ -44,7 +44,7 @@ def test_units_of_the_tables_are_those_of_the_knowledge_base() -> None:
     data = yaml.safe_load((ROOT / "kb" / "units.yaml").read_text(encoding="utf-8"))
     units = unit_table(data)
     for code in ("1137", "1342", "1349", "1352", "1353", "1085", "1001", "1013", "1186", "1097"):
-        assert units.parse(tables().codes[code].unit)
+        assert units.parse(tables().codes[code])
     named = {*tables().letters.values(), *tables().words, *tables().first, *tables().sensors}
     assert named <= set(units.quantities)
     classes = {name for names in tables().sensors.values() for name in names}

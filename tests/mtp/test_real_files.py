@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main
-from rulec.commands.check import collect
+from rulec.commands.check_files import collect
 from tests.rig.mtp import compared, files, folder, seconds
 
 pytestmark = pytest.mark.skipif(not files(), reason=f"no real packages in {folder()}")

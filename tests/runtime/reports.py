@@ -12,6 +12,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.report.made import Made
 from rulec_runtime.report.page import report
 from rulec_runtime.report.series import Curves, curves_of
 from rulec_runtime.report.truth import Truth, read_truth
@@ -47,7 +48,8 @@ class Judged:
         return curves_of(self.recording, self.diagnosis, self.trace)
 
     def _named(self, name: str) -> str:
-        return report(self.recording, self.diagnosis, self.trace, name, self.truth)
+        made = Made("2026-09-22 08:15 UTC", "rulec-runtime 1.2.3")
+        return report(self.recording, self.diagnosis, self.trace, name, self.truth, made)
 
 
 def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:

@@ -10,7 +10,6 @@ import pytest
 from rulec_runtime.report.text import number
 
 from rulec.mismatch.answer.drawn import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
-from rulec.mismatch.answer.page import report
 from rulec.mismatch.result import Curves, Mismatch, Region
 from tests.runtime.mismatches import (
     ALL,
@@ -25,6 +24,7 @@ from tests.runtime.mismatches import (
     broken,
     curves,
 )
+from tests.runtime.pages import mismatch_page as report
 from tests.runtime.reports import caption, figures, tree
 
 UNKNOWN = re.compile(r"[ \"(]-?(?:nan|inf)\b")
@@ -58,16 +58,16 @@ def test_every_verdict_gives_a_sound_page(case: str) -> None:
 @pytest.mark.parametrize(
     ("mismatch", "expected"),
     [
-        (NAMED, ["time", "driver0", "driver1", "agreement"]),
+        (NAMED, ["driver0", "time", "driver1", "agreement"]),
         (FAULT, ["time", "driver0", "driver1", "agreement", "periods0"]),
-        (UNNAMED, ["time", "driver0", "driver1", "agreement", "hidden"]),
+        (UNNAMED, ["driver0", "time", "driver1", "agreement", "hidden"]),
         (NONE, ["time", "driver0", "driver1", "agreement"]),
         (CANNOT_JUDGE, []),
     ],
     ids=["named", "fault", "unnamed", "none", "cannot judge"],
 )
 def test_pictures_are_those_the_comparison_allows(mismatch: Mismatch, expected: list[str]) -> None:
-    """A fault has its periods, what is not recorded its course."""
+    """What it depends on is first; a fault has its periods, what is not recorded its course."""
     assert expected == figures(report(mismatch))
 
 
@@ -118,17 +118,18 @@ def test_hostile_texts_stay_text() -> None:
 
 
 def test_finding_comes_first() -> None:
-    """Order: what is missing, where, next, proof, pictures, numbers, origin."""
+    """Order: what is missing, where, next, what it depends on, proof, pictures, numbers, origin."""
     page = report(NAMED)
     places = [
         page.index(part)
         for part in (
-            NAMED.headline,
+            NAMED.headline.removesuffix("."),
             "Module A: the gap",
             "Where the mismatch sits",
             NAMED.next,
+            '<figure id="driver0"',
             "Proof</h2>",
-            "<figure",
+            '<figure id="time"',
             "Numbers</h2>",
             "Where this comes from</h2>",
         )
@@ -138,7 +139,7 @@ def test_finding_comes_first() -> None:
 
 def test_badge_has_symbol_and_letter() -> None:
     """The verdict is read by shape and letter, not by colour."""
-    badges = {m.verdict: tree(report(m)).find(".//main//span") for m in ALL.values()}
+    badges = {m.verdict: tree(report(m)).find(".//header//span") for m in ALL.values()}
     expected = {
         "named": "◆ M",
         "ambiguous": "▲ S",
@@ -165,7 +166,7 @@ def test_caption_over_time_is_computed() -> None:
 
     warm = c.drivers["A.T [degC]"] >= 45.0
     share = f"{round(100 * warm.mean())} %"
-    expected = f"Figure 1. In the shaded {share} {off(warm)}; outside it {off(~warm)}."
+    expected = f"Figure 2. In the shaded {share} {off(warm)}; outside it {off(~warm)}."
     assert expected == caption(report(NAMED), "time")
 
 
@@ -180,7 +181,7 @@ def test_caption_over_a_driver_is_computed() -> None:
         medians = [np.median(error[place == i]) for i in range(24) if (place == i).sum() >= 3]
         spans.append(number(float(max(medians) - min(medians)), 2))
     expected = (
-        f"Figure 2. Over {title} the median error spans {spans[0]} l/h before the repair and "
+        f"Figure 1. Over {title} the median error spans {spans[0]} l/h before the repair and "
         f"{spans[1]} l/h after it."
     )
     assert expected == caption(report(NAMED), "driver0")
@@ -194,7 +195,7 @@ def test_the_most_telling_driver_is_drawn_first() -> None:
         dataclasses.replace(NAMED, curves=dataclasses.replace(c, drivers={**more, **c.drivers}))
     )
     titles = [h.text for h in tree(page).findall(".//figure/h3")]
-    assert "Error over A.T [degC]" == titles[1]
+    assert "Error over A.T [degC]" == titles[0]
     assert 4 == sum((title or "").startswith("Error over") for title in titles)
 
 
@@ -247,7 +248,7 @@ def test_long_recordings_are_thinned_and_shown_in_detail() -> None:
     """A hundred thousand samples make a page of half a megabyte, with a window into them."""
     mismatch = dataclasses.replace(NAMED, curves=curves(100_000))
     page = report(mismatch)
-    assert ["time", "detail", "driver0", "driver1", "agreement"] == figures(page)
+    assert ["driver0", "time", "detail", "driver1", "agreement"] == figures(page)
     assert 600_000 > len(page)
     part = detail_of(drawn(mismatch))
     assert len(part.time) == WINDOW
@@ -268,7 +269,7 @@ def test_samples_out_of_order_or_without_time_are_sorted_out() -> None:
 def test_few_samples_make_a_page(samples: int) -> None:
     """A recording may have hardly any settled point."""
     page = report(dataclasses.replace(NAMED, curves=curves(samples)))
-    assert ["time", "driver0", "driver1", "agreement"] == figures(page)
+    assert ["driver0", "time", "driver1", "agreement"] == figures(page)
     assert [] == UNKNOWN.findall(page)
 
 

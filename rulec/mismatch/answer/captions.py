@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.report.text import counted, degree, number, percent, period
+from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.report.text import counted, degree, number, percent
+from rulec_runtime.report.time_axis import told
 
 from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
 from rulec.mismatch.answer.wording import growth_words
@@ -22,9 +24,9 @@ def say_time(drawn: Drawn) -> str:
     return f"In the shaded {share} {_off(drawn.at(inside))}; outside it {_off(drawn.at(outside))}."
 
 
-def say_detail(drawn: Drawn) -> str:
+def say_detail(drawn: Drawn, calendar: Calendar | None) -> str:
     """Where the window lies, and the errors in it."""
-    when = period(float(drawn.time[0]), float(drawn.time[-1]))
+    when = told(calendar, float(drawn.time[0]), float(drawn.time[-1]))
     return f"The part {when}, where most is at stake: {_off(drawn)}."
 
 
@@ -64,7 +66,7 @@ def say_agreement(drawn: Drawn) -> str:
     return f"95\u00a0% of the points lie nearer to the diagonal than: {'; '.join(parts)}."
 
 
-def say_periods(periods: Sequence[Period]) -> str:
+def say_periods(periods: Sequence[Period], calendar: Calendar | None) -> str:
     """How often, and the largest degree, or how it grows."""
     if any(p.growth for p in periods):
         return f"It {growth_words(periods[0])}."
@@ -72,7 +74,7 @@ def say_periods(periods: Sequence[Period]) -> str:
     return (
         f"{counted(len(periods), 'period')}; the largest degree is "
         f"{degree(worst.degree, worst.unit)}, "
-        f"{period(worst.since, worst.until)}."
+        f"{told(calendar, worst.since, worst.until)}."
     )
 
 

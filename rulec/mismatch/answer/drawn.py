@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +21,9 @@ BINS = 24
 
 FEWEST = 3
 """Points that a median needs."""
+
+NAME = re.compile(r"[A-Za-z_]\w*")
+"""A name in an equation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +154,19 @@ def telling_drivers(drawn: Drawn) -> list[str]:
         return span(medians)
 
     return sorted(drawn.drivers, key=moved, reverse=True)
+
+
+def followed_by(mismatch: Mismatch, drawn: Drawn) -> list[str]:
+    """Titles of the drivers that the mismatch depends on: those of what has no name, those by whose
+    readings it was located, and those in the equations of findings, the most telling first."""
+    titles = {title.partition(" [")[0]: title for title in telling_drivers(drawn)}
+    shapes = [at.shape.driver for at in mismatch.locations if at.shape is not None]
+    regions = [part.variable for at in mismatch.locations for part in at.region]
+    equations = {
+        f"{f.module}.{word}" for f in mismatch.findings for word in NAME.findall(f.equation)
+    }
+    found = [*shapes, *regions, *(name for name in titles if name in equations)]
+    return [titles[name] for name in dict.fromkeys(found) if name in titles]
 
 
 def span(values: Array) -> float:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
+from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.captions import (
@@ -20,7 +22,14 @@ from rulec.mismatch.answer.captions import (
     say_shape,
     say_time,
 )
-from rulec.mismatch.answer.drawn import Drawn, curves_of, detail_of, middle_by, telling_drivers
+from rulec.mismatch.answer.drawn import (
+    Drawn,
+    curves_of,
+    detail_of,
+    followed_by,
+    middle_by,
+    telling_drivers,
+)
 from rulec.mismatch.answer.wording import titled
 from rulec.mismatch.result import Finding, HiddenDriver, Location, Mismatch, Period, Shape
 
@@ -37,29 +46,36 @@ MODELS = (("repaired", "s0"), ("recalibrated", "s1"), ("shipped", "s5"))
 """Curves and their styles; the number of a style is that of its label."""
 
 
-def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
-    """All pictures that the comparison allows."""
+def pictures_of(
+    mismatch: Mismatch, calendar: Calendar | None = None
+) -> tuple[list[Figure], list[Figure]]:
+    """All pictures that the comparison allows: first those over what the mismatch depends on."""
     drawn = curves_of(mismatch)
     shapes = [(at, at.shape) for at in mismatch.locations if at.shape is not None]
     shapes = [(at, shape) for at, shape in shapes if shape.driver != TIME]
-    for i, (location, shape) in enumerate(shapes):
-        yield _left_out(location, shape, i)
+    first = [_left_out(location, shape, i) for i, (location, shape) in enumerate(shapes)]
+    then: list[Figure] = []
     if drawn is not None:
-        yield _over_time(drawn, "time", f"{drawn.signal} over time", say_time(drawn))
+        then.append(
+            _over_time(drawn, "time", f"{drawn.signal} over time", say_time(drawn), calendar)
+        )
         if len(drawn.time) > 2 * COLUMNS:
             part = detail_of(drawn)
-            yield _over_time(part, "detail", f"{drawn.signal} in detail", say_detail(part))
-        followed = {f"{shape.driver} [{shape.driver_unit}]" for _, shape in shapes}
-        titles = sorted(telling_drivers(drawn), key=lambda title: title not in followed)
+            title = f"{drawn.signal} in detail"
+            then.append(_over_time(part, "detail", title, say_detail(part, calendar), calendar))
+        followed = followed_by(mismatch, drawn)
+        titles = [*followed, *(t for t in telling_drivers(drawn) if t not in followed)]
         for i, title in enumerate(titles[:DRIVERS]):
-            yield _over_driver(drawn, i, title, drawn.drivers[title])
-        yield _agreement(drawn)
+            one = _over_driver(drawn, i, title, drawn.drivers[title])
+            (first if i == 0 and followed else then).append(one)
+        then.append(_agreement(drawn))
     for i, finding in enumerate(mismatch.findings):
         periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
         if periods:
-            yield _periods(drawn, finding, periods, i)
+            then.append(_periods(drawn, finding, periods, i, calendar))
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
-        yield _course(mismatch.hidden)
+        then.append(_course(mismatch.hidden, calendar))
+    return first, then
 
 
 def _left_out(location: Location, shape: Shape, index: int) -> Figure:
@@ -89,11 +105,14 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
     )
 
 
-def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:
+def _over_time(
+    drawn: Drawn, name: str, title: str, caption: str, calendar: Calendar | None
+) -> Figure:
     """Measured against the models, and below it what each leaves."""
     errors = [drawn.measured - drawn.repaired, drawn.measured - drawn.recalibrated]
-    upper = Panel(_time(drawn.time), _holding(drawn.measured, drawn.recalibrated), 240)
-    lower = Panel(_time(drawn.time), _holding(drawn.repaired_error, drawn.recalibrated_error), 130)
+    across = over(drawn.time, calendar)
+    upper = Panel(across, _holding(drawn.measured, drawn.recalibrated), 240)
+    lower = Panel(across, _holding(drawn.repaired_error, drawn.recalibrated_error), 130)
     lines: list[str] = []
     ends: list[float | None] = [None] * 6
     for model, style in reversed(MODELS):
@@ -107,19 +126,11 @@ def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:
         for values, style in zip(errors[::-1], ("s1", "s0"), strict=True)
     ]
     shades = [_shades(drawn, panel) for panel in (upper, lower)]
-    body = plot(
-        upper.drawn(title, f"{drawn.signal}{drawn.in_unit}", [*shades[0], *lines], [names], False),
-        False,
-    ) + plot(
-        lower.drawn(
-            f"error of {drawn.signal}",
-            f"measured less predicted{drawn.in_unit}",
-            [*shades[1], *left],
-            [],
-            True,
-        ),
-        True,
-    )
+    titles = (f"{drawn.signal}{drawn.in_unit}", f"measured less predicted{drawn.in_unit}")
+    above = upper.drawn(title, titles[0], [*shades[0], *lines], [names], False)
+    error = f"error of {drawn.signal}"
+    below = lower.drawn(error, titles[1], [*shades[1], *left], [], True)
+    body = time_plot(above, False, across, calendar) + time_plot(below, True, across, calendar)
     key = ["thin: measured"]
     key += ["shaded: where the mismatch was located"] if drawn.located.any() else []
     key += ["grey at the foot: held out"] if drawn.heldout.any() else []
@@ -193,30 +204,34 @@ def _agreement(drawn: Drawn) -> Figure:
     )
 
 
-def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], index: int) -> Figure:
+def _periods(
+    drawn: Drawn | None,
+    finding: Finding,
+    found: Sequence[Period],
+    index: int,
+    calendar: Calendar | None,
+) -> Figure:
     """Degree of a fault over time with its 95 % bounds."""
     periods = sorted(found, key=lambda p: p.since)
     time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
     degree = np.array([d for p in periods for d in (_at_first(p, p.degree), p.degree, np.nan)])
     spread = np.array([2 * u for p in periods for u in (_at_first(p, p.u), p.u, p.u)])
     span = np.concatenate([time, drawn.time]) if drawn is not None else time
-    panel = Panel(
-        _time(span),
-        _holding(degree - spread, degree + spread, np.zeros(1)),
-        150,
-    )
+    across = over(span, calendar)
+    panel = Panel(across, _holding(degree - spread, degree + spread, np.zeros(1)), 150)
     lines = [
         panel.band(time, degree - spread, degree + spread, "s0"),
         panel.curve(time, degree, "s0"),
     ]
     name = f"{finding.module}.{finding.name}"
-    body = plot(panel.drawn(name, f"{name}, degree [1]", lines, [], True), True)
+    svg = panel.drawn(name, f"{name}, degree [1]", lines, [], True)
+    body = time_plot(svg, True, across, calendar)
     return Figure(
         name=f"periods{index}",
         title=titled(finding),
         key="band: 95 % bounds",
         body=body,
-        caption=say_periods(periods),
+        caption=say_periods(periods, calendar),
     )
 
 
@@ -225,13 +240,15 @@ def _at_first(period: Period, value: float) -> float:
     return 0.0 if period.growth else value
 
 
-def _course(hidden: HiddenDriver) -> Figure:
+def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
     """Course of what is not recorded, as the place that it moves shows it."""
-    panel = Panel(_time(hidden.time), _holding(hidden.course), 170)
+    across = over(hidden.time, calendar)
+    panel = Panel(across, _holding(hidden.course), 170)
     line = panel.curve(*thin_series(hidden.time, hidden.course), "s0")
     name = f"{hidden.module}.{hidden.place}"
     unit = "" if hidden.unit == "1" else f" [{hidden.unit}]"
-    body = plot(panel.drawn(f"course at {name}", f"shift of {name}{unit}", [line], [], True), True)
+    svg = panel.drawn(f"course at {name}", f"shift of {name}{unit}", [line], [], True)
+    body = time_plot(svg, True, across, calendar)
     return Figure(
         name="hidden",
         title="Course of what is not recorded",
@@ -265,8 +282,3 @@ def _holding(*values: Array) -> Axis:
 def _end(panel: Panel, values: Array) -> float | None:
     finite = values[np.isfinite(values)]
     return float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None
-
-
-def _time(time: Sequence[float] | Array) -> Axis:
-    low, high = float(np.min(time)), float(np.max(time))
-    return axis(low, high if high > low else low + 1.0, 9, tight=True)

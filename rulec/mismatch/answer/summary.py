@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 
-from rulec_runtime.report.html_story import badge
 from rulec_runtime.report.text import safe
 
 from rulec.mismatch.answer.wording import (
@@ -17,16 +17,28 @@ from rulec.mismatch.answer.wording import (
 )
 from rulec.mismatch.result import Finding, Mismatch
 
+SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z])")
+"""Between two sentences."""
+
+
+def verdict(mismatch: Mismatch) -> tuple[str, str]:
+    """The verdict in one sentence, and what else is to be said at once."""
+    said = mismatch.headline or meaning(mismatch)
+    first, *rest = SENTENCE.split(said, maxsplit=1)
+    return first.removesuffix("."), " ".join([*rest, f"{meaning(mismatch)}."])
+
+
+def marks(mismatch: Mismatch) -> dict[str, str]:
+    """Modules in which something was found, with the letter of the verdict."""
+    style = letter(mismatch)
+    found = [name for f in mismatch.findings for name in (f.module, *f.members)]
+    return dict.fromkeys([*found, *(at.module for at in mismatch.locations)], style)
+
 
 def told_first(mismatch: Mismatch) -> str:
-    """Verdict and headline, a card per finding, the places, the next step."""
+    """A card per finding, the places, the next step."""
     style = letter(mismatch)
-    headline = mismatch.headline or meaning(mismatch)
-    parts = [
-        f'<div class="status">{badge(style)}<p><strong>{safe(headline)}</strong>'
-        f'<span class="soft">{safe(meaning(mismatch))}</span></p></div>'
-    ]
-    parts += [_card(style, f.text, _about(f)) for f in mismatch.findings]
+    parts = [_card(style, f.text, _about(f)) for f in mismatch.findings]
     if mismatch.locations:
         rows = [row for location in mismatch.locations for row in place_facts(location)]
         parts.append(_card(style, "Where the mismatch sits", rows))

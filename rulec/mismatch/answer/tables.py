@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from rulec_runtime.report.document import facts
+from rulec_runtime.report.tables import Column, columns, table
 from rulec_runtime.report.text import number, safe
 
 from rulec.mismatch.answer.wording import (
@@ -27,15 +28,14 @@ def proof_table(mismatch: Mismatch, fit: Fit) -> str:
     """Errors of the models on both parts of the recording, with bars for the held-out one."""
     rows = errors_of(fit, is_repaired(mismatch))
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
-    body = "".join(
-        f'<tr><td>{name}</td><td class="num">{number(seen)}</td>'
-        f'<td class="num">{number(kept)}</td><td class="wide">{_meter(kept, largest)}</td></tr>'
-        for name, seen, kept in rows
-    )
-    head = _head(("model", False), ("fitted", True), ("held out", True), ("", False))
     key = f"rms error of {fit.signal} in {fit.unit}; bars: on held-out blocks"
+    shown = table(
+        key,
+        [*columns("model", ".fitted", ".held out"), Column("", "wide")],
+        ((name, number(seen), number(kept), _meter(kept, largest)) for name, seen, kept in rows),
+    )
     words = proof(fit, is_repaired(mismatch))
-    return f'<p class="key">{safe(key)}</p>{_table(head, body)}<p class="after">{safe(words)}</p>'
+    return f'<p class="key">{safe(key)}</p>{shown}<p class="after">{safe(words)}</p>'
 
 
 def other_readings(mismatch: Mismatch) -> str:
@@ -43,15 +43,17 @@ def other_readings(mismatch: Mismatch) -> str:
     fits, repaired = other_fits(mismatch), is_repaired(mismatch)
     if not fits:
         return ""
-    body = "".join(
-        f"<tr><td>{safe(fit.signal)}</td>"
-        + "".join(f'<td class="num">{number(kept)}</td>' for _, _, kept in errors_of(fit, repaired))
-        + f"<td>{safe(fit.unit)}</td></tr>"
+    rows = (
+        (
+            safe(fit.signal),
+            *(number(kept) for _, _, kept in errors_of(fit, repaired)),
+            safe(fit.unit),
+        )
         for fit in fits
     )
-    names = [name for name, _, _ in errors_of(fits[0], repaired)]
-    head = _head(("signal", False), *((name, True) for name in names), ("unit", False))
-    return f'<h3 class="after">Other readings, held out</h3>{_table(head, body)}'
+    title = "Other readings, held out"
+    names = [f".{name}" for name, _, _ in errors_of(fits[0], repaired)]
+    return f'<h3 class="after">{title}</h3>{table(title, columns("signal", *names, "unit"), rows)}'
 
 
 def _meter(value: float, largest: float) -> str:
@@ -65,39 +67,29 @@ def rivals(mismatch: Mismatch) -> str:
     findings = [f for f in mismatch.findings if f.rivals]
     if not findings:
         return ""
-    body = "".join(row for finding in findings for row in _rivals_of(finding))
-    head = _head(("explanation", False), ("gain in log likelihood", True), ("", False))
+    rows = (row for finding in findings for row in _rivals_of(finding))
+    of = columns("explanation", ".gain in log likelihood", "")
     key = "rivals must lose, on blocks to which nothing was fitted"
-    return f'<h3 class="after">Rivals</h3><p class="key">{key}</p>{_table(head, body)}'
+    return f'<h3 class="after">Rivals</h3><p class="key">{key}</p>{table("rivals", of, rows)}'
 
 
-def _rivals_of(finding: Finding) -> Iterator[str]:
+def _rivals_of(finding: Finding) -> Iterator[tuple[str, str, str]]:
     rows = [(titled(finding), finding.gain, "found")]
     rows += [(rival.title, rival.gain, "lost") for rival in finding.rivals]
     for title, gain, outcome in rows:
         shown = f"<b>{safe(title)}</b>" if outcome == "found" else safe(title)
-        yield f'<tr><td>{shown}</td><td class="num">{number(gain)}</td><td>{outcome}</td></tr>'
+        yield shown, number(gain), outcome
 
 
 def parameters(mismatch: Mismatch) -> str:
     """Every parameter that a finding brings in, with its uncertainty."""
-    body = "".join(
-        f"<tr><td>{safe(label)}</td>"
-        f'<td class="num">{value_and_u(e)[0]}</td><td class="num">{value_and_u(e)[1]}</td>'
-        f'<td class="num">{interval(e)}</td><td>{safe("" if e.unit == "1" else e.unit)}</td></tr>'
+    rows = [
+        (safe(label), *value_and_u(e), interval(e), safe("" if e.unit == "1" else e.unit))
         for finding in mismatch.findings
         for label, e in labelled(finding)
-    )
-    if not body:
-        return ""
-    head = _head(
-        ("parameter", False),
-        ("value", True),
-        ("u", True),
-        ("95 % interval", True),
-        ("unit", False),
-    )
-    return _table(head, body)
+    ]
+    of = columns("parameter", ".value", ".u", ".95 % interval", "unit")
+    return table("parameters", of, rows) if rows else ""
 
 
 def doubts(mismatch: Mismatch) -> str:
@@ -115,24 +107,9 @@ def rows_used(mismatch: Mismatch) -> str:
     """What the rows of the recording served for, and why others were not used; all of them."""
     if not mismatch.evidence:
         return ""
-    body = "".join(
-        f'<tr><td class="num">{part.rows}</td><td>{"used" if part.used else "not used"}</td>'
-        f"<td>{safe(part.because)}</td></tr>"
+    rows = (
+        (safe(part.because), str(part.rows), "used" if part.used else "not used")
         for part in mismatch.evidence
     )
-    head = _head(("rows", True), ("", False), ("for, or because", False))
-    return f"<p>{safe(evidence_words(mismatch))}.</p>{_table(head, body)}"
-
-
-def _head(*columns: tuple[str, bool]) -> str:
-    return "".join(
-        f'<th class="num">{title}</th>' if right else f"<th>{title}</th>"
-        for title, right in columns
-    )
-
-
-def _table(head: str, body: str) -> str:
-    return (
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
+    of = columns("for, or because", ".rows", "")
+    return f"<p>{safe(evidence_words(mismatch))}.</p>{table('rows used', of, rows)}"

@@ -55,7 +55,8 @@ def _gained(told: Foretold, true: int, places: Sequence[int], random: np.random.
     rows = [np.flatnonzero(told.point == place) for place in places]
     at = np.concatenate([*rows, np.zeros(0, dtype=np.intp)])
     step = np.repeat(np.arange(len(places)), [len(own) for own in rows])
-    factors = [np.linalg.cholesky(own[np.ix_(at, at)]) for own in told.covariance]
+    every = range(len(told.covariance))
+    factors = [np.linalg.cholesky(told.between(i, at[:, None], at[None, :])) for i in every]
     drawn = random.standard_normal((len(at), limits.DRAWN))
     read = told.off[true][at, None] + factors[true] @ drawn
     likelihood = np.zeros((len(factors), len(places), limits.DRAWN))

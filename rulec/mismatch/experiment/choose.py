@@ -1,8 +1,15 @@
-"""Which operating points tell explanations apart best, one after the other.
+"""Which operating points tell explanations apart best, one after the other, and how long to hold
+each.
 
-A step is worth the probability that the true explanation has after it, if its odds against each
-other one grow by the expected log Bayes factor. Under two normal distributions of what is read,
-that is their divergence. How sure the true one can be expected to be is less: see `certainty.py`.
+A step is worth the probability that the true explanation has after it. Its odds against each other
+one grow by a log Bayes factor, of which the mean is known: under two normal distributions of what
+is read, that is their divergence. It scatters. What is read does, so that a factor of mean `f` has
+a variance of `2 f`, as between normal distributions of one covariance; and `rulec mismatch` weighs
+parts of the recording at random. With the mean alone some few steps would always seem to be enough.
+How sure the true one can be expected to be is told with readings drawn, in `certainty.py`, which
+takes longer.
+
+Steps that are held longer have less noise, and cost time: each doubling has to be worth it.
 
 Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
 Leibler 1951.
@@ -16,9 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.linalg import solve_triangular
+from scipy.special import gammaincinv
 
 from rulec.mismatch import limits
+from rulec.mismatch.experiment.divergence import divergences
 from rulec.mismatch.experiment.foretell import Foretold
 
 
@@ -51,60 +59,54 @@ def chosen(
     """
     places: list[int] = []
     count = len(odds)
-    factors = np.zeros((count, count))
-    worth = [certain(odds, factors)]
+    factors, weighed = np.zeros((count, count)), np.zeros((count, count))
+    worth, added = [certain(odds, factors, weighed)], list[Array]()
     every = sorted(set(foretold[0].point.tolist()).intersection(*(f.point for f in foretold)))
     if among is not None:
         every = [place for place in every if among[place]]
-    while len(places) < most:
-        trials = [
-            (place, factors_of(foretold, [*places, place]))
-            for place in every
-            if in_time([*places, place])
+    left = list(range(len(every)))
+    known = [divergences(told, true, every) for true, told in enumerate(foretold)]
+    while len(places) < most and left:
+        more = np.array([[pair.gains() for pair in row] for row in known])
+        sure = [
+            certain(odds, factors + own, weighed + own**2) if in_time([*places, every[at]]) else 0.0
+            for at, own in zip(left, np.moveaxis(more, 2, 0), strict=True)
         ]
-        best, told = max(trials, key=lambda trial: certain(odds, trial[1]), default=(-1, factors))
-        if best < 0 or certain(odds, told) < worth[-1] + limits.WORTH_A_STEP:
+        best = int(np.argmax(sure))
+        if not sure[best] > 0.0:
             break
-        places.append(best)
-        factors = told
-        worth.append(certain(odds, factors))
-    return Choice(tuple(places), tuple(worth), factors)
+        at = left.pop(best)
+        places.append(every[at])
+        added.append(more[:, :, best])
+        factors, weighed = factors + added[-1], weighed + added[-1] ** 2
+        worth.append(sure[best])
+        known = [[pair.with_place(at) for pair in row] for row in known]
+    # One step may tell nothing where two do.
+    kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
+    factors = np.sum([np.zeros((count, count)), *added[:kept]], axis=0)
+    return Choice(tuple(places[:kept]), tuple(worth[: kept + 1]), factors)
 
 
-def certain(odds: Array, factors: Array) -> float:
-    """Probability of the true explanation where factors are as large as they are expected to be."""
-    with np.errstate(divide="ignore"):
+NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
+"""Where a normal deviate is taken, and for which share of its draws each stands."""
+
+WEIGHTS = (np.arange(limits.SCATTER_NODES) + 0.5) / limits.SCATTER_NODES
+"""Shares of draws below which a weight is taken; each stands for as many."""
+
+
+def certain(odds: Array, factors: Array, weighed: Array) -> float:
+    """Probability that the true explanation can be expected to have.
+
+    `factors` are expected log Bayes factors, nats, `weighed` the sum of the squares of what each
+    step adds to them, shape (explanations, explanations) each. The mean weight of steps has a gamma
+    distribution if each has an exponential one and all add as much.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(odds)
-    after = logs[:, None] - logs[None, :] + factors
-    return float(np.sum(odds / np.exp(-after).sum(axis=1)))
-
-
-def factors_of(foretold: Sequence[Foretold], places: Sequence[int]) -> Array:
-    """Expected log Bayes factors by what is read at some places, shape (explanations,
-    explanations), nats."""
-    count = len(foretold)
-    factors = np.zeros((count, count))
-    for true, told in enumerate(foretold):
-        at = np.flatnonzero(np.isin(told.point, places))
-        parts = [_factor(told, at, number) for number in range(count)]
-        for other, (off, spread) in enumerate(parts):
-            if other != true:
-                factors[true, other] = _divergence(parts[true], (off, spread))
-    return np.maximum(factors, 0.0)
-
-
-Normal = tuple[Array, Array]
-"""Mean, shape (rows,), and lower factor of the covariance, shape (rows, rows)."""
-
-
-def _factor(told: Foretold, at: NDArray[np.intp], number: int) -> Normal:
-    factor = np.asarray(np.linalg.cholesky(told.covariance[number][np.ix_(at, at)]), dtype=float)
-    return told.off[number][at], factor
-
-
-def _divergence(true: Normal, other: Normal) -> float:
-    """Divergence of a normal distribution from another, nats."""
-    away = solve_triangular(other[1], true[0] - other[0], lower=True)
-    between = solve_triangular(other[1], true[1], lower=True)
-    grown = float(np.sum(np.log(np.diag(other[1]))) - np.sum(np.log(np.diag(true[1]))))
-    return grown + 0.5 * float(away @ away + np.sum(between**2) - len(away))
+        alike = np.where(weighed > 0.0, factors**2 / weighed, 1.0)
+    weights = gammaincinv(alike, WEIGHTS[:, None, None]) / alike
+    read = factors + NODES[:, None, None] * np.sqrt(2.0 * factors)
+    after = logs[:, None] - logs[None, :] + weights[:, None] * read[None]
+    with np.errstate(over="ignore"):
+        sure = (1.0 / np.exp(-after).sum(axis=3)).mean(axis=0)
+    return float(SHARES @ sure @ odds / SHARES.sum())

@@ -53,7 +53,10 @@ class Foretold:
     For each explanation in turn `off`, shape (rows,), is what its best values leave, in units of
     the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
     `spread` per output, shape (n,), SI, is the standard deviation of a reading if the explanation
-    is true, NaN where nothing is foretold; `flows` per module, shape (n,), m3/s.
+    is true, NaN where nothing is foretold, `noise` the part of it that is less in a longer mean,
+    and `shares` the variance of that part in `covariance`, of each explanation. `less` is the share
+    of it that is gone, as means are longer; `spread` is without it, `covariance` still with.
+    `flows` per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]
@@ -61,7 +64,29 @@ class Foretold:
     off: tuple[Array, ...]
     covariance: tuple[Array, ...]
     spread: Mapping[str, Array] = field(default_factory=dict)
+    noise: Mapping[str, Array] = field(default_factory=dict)
+    shares: tuple[float, ...] = ()
+    less: float = 0.0
     flows: Mapping[str, Array] = field(default_factory=dict)
+
+    def between(self, explanation: int, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Array:
+        """Covariance of some rows with others by an explanation, broadcast."""
+        gone = self.less * self.shares[explanation] if self.less else 0.0
+        found: Array = self.covariance[explanation][rows, others] - gone * (rows == others)
+        return found
+
+    def held(self, times: float) -> Foretold:
+        """Of means over so many times as many settled samples as one has at least.
+
+        Noise averages, as far as the samples themselves show it; what an explanation is off by
+        besides does not.
+        """
+        less = 1.0 - 1.0 / times
+        spread = {
+            name: np.sqrt(whole**2 - less * self.noise[name] ** 2)
+            for name, whole in self.spread.items()
+        }
+        return replace(self, less=less, spread=spread)
 
 
 def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
@@ -79,8 +104,17 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
     off, covariance = zip(*views, strict=True)
-    spread = _spread(rows, there, covariance[true])
-    return Foretold(readings, there.point, off, covariance, spread, _flows(rows.system, model))
+    shares = tuple(min(own.scale, 1.0) ** 2 for own in models)
+    return Foretold(
+        readings=readings,
+        point=there.point,
+        off=off,
+        covariance=covariance,
+        spread=_spread(rows, there, covariance[true]),
+        noise=_spread(rows, there, shares[true] * np.eye(len(there.point))),
+        shares=shares,
+        flows=_flows(rows.system, model),
+    )
 
 
 def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:

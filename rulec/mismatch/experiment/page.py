@@ -8,8 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.report.chart import SYMBOLS, Axis, Panel, axis
-from rulec_runtime.report.document import document, numbered, section
+from rulec_runtime.report.document import Head, document, numbered, section
 from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.html_story import badge
+from rulec_runtime.report.made import Made
+from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.tables import Column, table
 from rulec_runtime.report.text import percent, safe
 
 from rulec.mismatch import limits
@@ -23,18 +28,32 @@ FEWEST_SPREAD = 3
 """Explanations from which on they fill that width; fewer stand as near to one another."""
 
 
-def experiment_page(found: Experiment, ruleset: Ruleset) -> str:
+def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = None) -> str:
     """The page as HTML; the same experiment gives the same text."""
     standing = _items(
         "ol", (f"{in_words(one)} ({percent(one.probability)})" for one in found.standing)
     )
-    sections = [section("What can be told apart", f"<p>{safe(headline(found))}</p>{standing}")]
+    sections = [section("What may be true", standing)]
     if found.steps:
         sections.append(section("What to set", _set(found, ruleset)))
         sections.append(section("What is read", _read(found, ruleset)))
         sections.append(section("Pictures", "".join(numbered(_pictures(found, ruleset)))))
     sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
-    return document(ruleset.title, "the next experiment", "experiment", "".join(sections))
+    head = Head(
+        kind="Experiment",
+        verdict=headline(found).removesuffix("."),
+        badge=badge("M" if found.steps else "C"),
+        facts=tuple(Subject(ruleset=ruleset).facts()),
+        made=made,
+        sketch=sketch(ruleset, _marks(found, ruleset)),
+    )
+    return document(head, "".join(sections))
+
+
+def _marks(found: Experiment, ruleset: Ruleset) -> dict[str, str]:
+    """Modules about which the explanations differ."""
+    named = [name.partition(".")[0] for one in found.standing for name in one.names]
+    return {name: "S" for name in named if name in ruleset.modules}
 
 
 def _items(kind: str, lines: Iterable[str]) -> str:
@@ -57,7 +76,7 @@ def _set(found: Experiment, ruleset: Ruleset) -> str:
         hold = duration(step.until - step.since - step.ramp)
         sure = percent(found.certainty[place + 1])
         rows.append([[str(place + 1)], *([w] for w in way), [hold], inputs, [sure]])
-    return _table(columns, rows)
+    return _table("what to set", columns, rows)
 
 
 def _read(found: Experiment, ruleset: Ruleset) -> str:
@@ -72,25 +91,13 @@ def _read(found: Experiment, ruleset: Ruleset) -> str:
         names = [f"{signal.id} [{signal.unit}]" for signal in signals]
         values = [[as_read(signal, r, i) for signal, r in pairs] for i in range(count)]
         rows.append([[str(place + 1)], names, *values])
-    return _table(columns, rows)
+    return _table("what is read", columns, rows)
 
 
-def _table(columns: Mapping[str, bool], rows: Sequence[Sequence[Sequence[str]]]) -> str:
+def _table(name: str, of: Mapping[str, bool], rows: Sequence[Sequence[Sequence[str]]]) -> str:
     """Cells of some lines each, below titles of columns that tell whether these are numbers."""
-    numeric = [' class="num"' if number else "" for number in columns.values()]
-    head = "".join(
-        f"<th{style}>{title}</th>" for title, style in zip(columns, numeric, strict=True)
-    )
-    body = "".join(f"<tr>{''.join(_cells(row, numeric))}</tr>" for row in rows)
-    return (
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
-
-
-def _cells(row: Sequence[Sequence[str]], styles: Sequence[str]) -> Iterator[str]:
-    for lines, style in zip(row, styles, strict=True):
-        yield f"<td{style}>{'<br/>'.join(map(safe, lines))}</td>"
+    titles = [Column(title, "num" if numeric else "") for title, numeric in of.items()]
+    return table(name, titles, (["<br/>".join(map(safe, lines)) for lines in row] for row in rows))
 
 
 def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:

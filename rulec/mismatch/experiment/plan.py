@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import SETTLING
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import Recording
 
@@ -18,8 +19,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.choose import Choice
-from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.foretell import foretold
 from rulec.mismatch.experiment.reach import (
     Reach,
     limited_reach,
@@ -29,7 +29,7 @@ from rulec.mismatch.experiment.reach import (
 )
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
-from rulec.mismatch.experiment.within import Within, best_within, within
+from rulec.mismatch.experiment.within import Best, Within, best_within, within
 from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.standing import Again, refitted_again
@@ -67,12 +67,13 @@ def planned(
     limited = within(ruleset, places, reach, told)
     _check_time(limited, reach, seconds)
     odds = np.array([one.probability for one in again.sets])
-    best = best_within(told, odds / odds.sum(), most, seconds, limited)
+    settling = 0.0 if system.data.of_rows else SETTLING * sample
+    best = best_within(told, odds / odds.sum(), most, seconds, limited, settling)
     return Experiment(
         standing=again.sets,
         left_out=left_out,
-        steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
-        certainty=expected_certainty(told, odds, best.choice.places),
+        steps=_steps(best, system.data.noise, system.data.values),
+        certainty=expected_certainty(best.told, odds, best.choice.places),
         unlisted=max(1.0 - float(odds.sum()), 0.0),
         factors=best.choice.factors,
         set_by=reach.ranges,
@@ -165,12 +166,9 @@ def _read(ruleset: Ruleset, models: Sequence[Model]) -> frozenset[str]:
 
 
 def _steps(
-    choice: Choice,
-    told: Sequence[Foretold],
-    limited: Within,
-    noise: Mapping[str, Array],
-    recorded: Mapping[str, Array],
+    best: Best, noise: Mapping[str, Array], recorded: Mapping[str, Array]
 ) -> tuple[Step, ...]:
+    choice, told, limited = best.choice, best.told, best.limited
     steps: list[Step] = []
     since, places = 0.0, limited.places
     for place, (ramp, hold) in zip(choice.places, limited.times(choice.places), strict=True):

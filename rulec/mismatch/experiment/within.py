@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ class Within:
     `possible`, shape (n,): each explanation foretells it, and no reading leaves its sensor.
     `forbidden` per reading with limits, shape (n,): where it may leave them. `costs` names per
     place the inputs and modules that cost product. `unwatched` are readings with limits that no
-    explanation foretells.
+    explanation foretells. Each place is held `held` times as long as it has to be at least.
     """
 
     places: Places
@@ -34,6 +34,7 @@ class Within:
     forbidden: Mapping[str, NDArray[np.bool_]]
     costs: tuple[tuple[str, ...], ...]
     unwatched: tuple[str, ...]
+    held: int = 1
 
     @property
     def may_run(self) -> NDArray[np.bool_]:
@@ -46,7 +47,8 @@ class Within:
         """For each of some places in turn, how long the way there takes at least, and how long it
         is held, s."""
         ways = zip([len(self.places) - 1, *places], places, strict=False)
-        return [(self._ramp(before, place), self._hold()) for before, place in ways]
+        hold = self.held * self.shortest
+        return [(self._ramp(before, place), hold) for before, place in ways]
 
     def seconds(self, places: Sequence[int]) -> float:
         """How long some places take in turn, s."""
@@ -69,7 +71,9 @@ class Within:
             for values in [self.places.inputs.get(name, np.zeros(len(self.places)))]
         )
 
-    def _hold(self) -> float:
+    @property
+    def shortest(self) -> float:
+        """How long a place is held at least, s."""
         own = () if self.reach.allowed is None else self.reach.allowed.inputs.values()
         return max([self.reach.step, *(part.hold for part in own)])
 
@@ -137,35 +141,97 @@ def _moves(flow: Array | None, place: int) -> bool:
 
 @dataclass(frozen=True)
 class Best:
-    """Places that were chosen within limits, and what hinders better ones: readings whose limits
-    do, and whether time does."""
+    """Places that were chosen within limits, what each explanation foretells of means as long as
+    they are held, and what hinders better ones: readings whose limits do, and whether time does."""
 
     choice: Choice
+    told: Sequence[Foretold]
+    limited: Within
     hindering: tuple[str, ...]
     time_is_short: bool
 
 
 def best_within(
-    told: Sequence[Foretold], odds: Array, most: int, seconds: float, limited: Within
+    told: Sequence[Foretold],
+    odds: Array,
+    most: int,
+    seconds: float,
+    limited: Within,
+    settling: float,
 ) -> Best:
-    """The places that tell most within limits; such as cost no product where they tell as much."""
+    """The places that tell most within limits, and how long to hold them, of which readings take so
+    long to settle, s; such as cost no product where they tell as much."""
+    plans: dict[int, tuple[Sequence[Foretold], Within, Choice]] = {}
+
+    def worth(held: int) -> float:
+        """What the best places are worth where each is held so many times as long."""
+        if held not in plans:
+            longer = _held(told, limited, held, settling)
+            plans[held] = (*longer, _spared(*longer, odds, most, seconds))
+        return plans[held][2].worth[-1] - limits.WORTH_DOUBLED * math.log2(held)
+
+    longest = max(int(seconds // limited.seconds([0])), 1)
+    coarse = [4**i for i in range(limits.MOST_QUADRUPLED) if 4**i <= longest]
+    near = max(coarse, key=worth)
+    best = max((h for h in (near // 2, near, 2 * near) if 1 <= h <= longest), key=worth)
+    longer, within_, choice = plans[best]
+    short = len(choice.places) < most and bool(
+        chosen(longer, odds, most, among=within_.may_run).places[len(choice.places) :]
+    )
+    if 2 * best > longest:
+        free = _held(told, limited, 2 * best, settling)
+        more = chosen(free[0], odds, most, among=free[1].may_run)
+        short = short or more.worth[-1] > choice.worth[-1] + limits.WORTH_DOUBLED
+    hindering = _hindering(longer, odds, most, seconds, within_, choice)
+    return Best(choice, longer, within_, hindering, short)
+
+
+def _held(
+    told: Sequence[Foretold], limited: Within, held: int, settling: float
+) -> tuple[Sequence[Foretold], Within]:
+    """What is foretold where each place is held so many times as long as it has to be."""
+    limited = replace(limited, held=held)
+    least = limited.shortest - settling
+    times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
+    return [one.held(times) for one in told], limited
+
+
+def _spared(
+    told: Sequence[Foretold], limited: Within, odds: Array, most: int, seconds: float
+) -> Choice:
+    """The places that tell most, or such as cost no product if they tell as much."""
 
     def in_time(places: Sequence[int]) -> bool:
         return limited.seconds(places) <= seconds
 
     choice = chosen(told, odds, most, among=limited.may_run, in_time=in_time)
-    free = limited.may_run & np.array([not costs for costs in limited.costs])
     if any(limited.costs[place] for place in choice.places):
+        free = limited.may_run & np.array([not costs for costs in limited.costs])
         spared = chosen(told, odds, most, among=free, in_time=in_time)
         if spared.worth[-1] >= choice.worth[-1] - limits.WORTH_PRODUCT:
-            choice = spared
-    hindering: list[str] = []
-    if any(np.any(where & limited.possible) for where in limited.forbidden.values()):
-        wider = chosen(told, odds, most, among=limited.possible, in_time=in_time)
-        if wider.worth[-1] > choice.worth[-1] + limits.WORTH_A_STEP:
-            at = list(wider.places)
-            hindering = [name for name, where in limited.forbidden.items() if where[at].any()]
-    short = len(choice.places) < most and bool(
-        chosen(told, odds, most, among=limited.may_run).places[len(choice.places) :]
+            return spared
+    return choice
+
+
+def _hindering(
+    told: Sequence[Foretold],
+    odds: Array,
+    most: int,
+    seconds: float,
+    limited: Within,
+    choice: Choice,
+) -> tuple[str, ...]:
+    """Readings whose limits forbid places that tell more."""
+    if not any(np.any(where & limited.possible) for where in limited.forbidden.values()):
+        return ()
+    wider = chosen(
+        told,
+        odds,
+        most,
+        among=limited.possible,
+        in_time=lambda places: limited.seconds(places) <= seconds,
     )
-    return Best(choice, tuple(hindering), short)
+    if wider.worth[-1] <= choice.worth[-1] + limits.WORTH_A_STEP:
+        return ()
+    at = list(wider.places)
+    return tuple(name for name, where in limited.forbidden.items() if where[at].any())

@@ -10,6 +10,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
 
@@ -23,6 +26,10 @@ MISFIT = "~"
 
 UNCERTAINTIES = ("full scale", "reading", "value")
 """What the systematic uncertainty of a sensor is a share of, or a value."""
+
+
+USUAL = "usual"
+"""How often a fault comes of which nothing is said; the words are those of `FREQUENCY_ODDS`."""
 
 
 SELDOM = {"seldom": True}
@@ -144,6 +151,7 @@ class FaultSpec:
     these may leave the calibrated range because of the fault. `in_sensor` says that the reading
     itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
     With a `unit` the degree is a size that is added to the reading; else it is a share.
+    `frequency` says how often it comes beside other faults, as `frequency_origin` has it.
     """
 
     id: str
@@ -162,11 +170,18 @@ class FaultSpec:
     in_sensor: bool
     origin: str
     unit: str = field(default="", metadata=SELDOM)
+    frequency: str = field(default=USUAL, metadata=SELDOM)
+    frequency_origin: str = field(default="", metadata=SELDOM)
 
     @property
     def scale(self) -> float:
         """Degrees over this are shares: of what it acts on, or of the range of its sensor."""
         return self.highest if self.unit else 1.0
+
+    @property
+    def odds(self) -> float:
+        """Prior odds of it, over a fault that comes as usual."""
+        return limits.FREQUENCY_ODDS[self.frequency]
 
 
 @dataclass(frozen=True)
@@ -297,7 +312,8 @@ class KnowledgeSpec:
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant.
 
-    `knowledge` is empty where it comes from one folder alone.
+    `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
+    that store: what meets there is connected, and no flows balance.
     """
 
     format_version: int
@@ -323,10 +339,16 @@ class Ruleset:
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
     time_zone: str = field(default="", metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
+    unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
         return {f.id: f for f in self.faults}
+
+    @cached_property
+    def odds(self) -> Array:
+        """Prior odds of the faults, shape (faults,)."""
+        return np.array([f.odds for f in self.faults])
 
     @cached_property
     def observer_by_id(self) -> Mapping[str, ObserverSpec]:

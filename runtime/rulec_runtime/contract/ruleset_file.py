@@ -7,12 +7,14 @@ digest shows every change. Types and references are checked as well, whoever mad
 from __future__ import annotations
 
 import dataclasses
+import functools
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
@@ -76,6 +78,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
+        "frequency": list(limits.FREQUENCY_ODDS),
     }
     for kind, names in tables.items():
         if len(set(names)) < len(names):
@@ -123,6 +126,7 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield from (("observer", t.observer) for t in residual.terms)
     for fault in ruleset.faults:
         yield "module", fault.module
+        yield "frequency", fault.frequency
         yield from (("observer", o) for o in fault.affects)
         yield from (("signal", s) for s in fault.scales)
     for cell in ruleset.cells:
@@ -167,34 +171,92 @@ def _legal(operation: Any, number: int) -> bool:
 
 def _build(kind: Any, data: Any) -> Any:
     """Turn JSON data into the dataclass (or container) `kind`."""
+    return _builder(kind)(data)
+
+
+@functools.cache
+def _builder(kind: Any) -> Callable[[Any], Any]:
+    """What turns JSON data into `kind`: types are looked at once, not at every value."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
-        hints = _hints(kind)
+        return _group_builder(kind)
+    if origin is tuple:
+        if arguments[-1] is Ellipsis:
+            return _list_builder(arguments[0])
+        return _row_builder(arguments)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return _mapping_builder(arguments[1])
+    if origin in (types.UnionType, typing.Union):
+        whole = _builder(next(a for a in arguments if a is not types.NoneType))
+        return lambda data: None if data is None else whole(data)
+    if kind is float:
+        return _number
+    if kind in _WORDS:
+        return _plain_builder(kind)
+    return lambda data: data
+
+
+def _group_builder(kind: Any) -> Callable[[Any], Any]:
+    builders = {name: _builder(hint) for name, hint in _hints(kind).items()}
+    optional = _optional(kind)
+
+    def build(data: Any) -> Any:
         _expect(data, dict, "a group")
-        given = {n: h for n, h in hints.items() if n in data or n not in _optional(kind)}
-        missing = [name for name in given if name not in data]
+        missing = [n for n in builders if n not in data and n not in optional]
         if missing:
             raise Damaged(f"no '{missing[0]}'")
-        return kind(**{name: _build(hint, data[name]) for name, hint in given.items()})  # type: ignore[operator]
-    if origin is tuple:
+        return kind(**{n: b(data[n]) for n, b in builders.items() if n in data})
+
+    return build
+
+
+def _list_builder(kind: Any) -> Callable[[Any], Any]:
+    one = _builder(kind)
+
+    def build(data: Any) -> Any:
         _expect(data, list, "a list")
-        if arguments[-1] is Ellipsis:
-            return tuple(_build(arguments[0], item) for item in data)
-        if len(data) != len(arguments):
-            raise Damaged(f"{len(data)} entries where {len(arguments)} belong")
-        return tuple(_build(a, item) for a, item in zip(arguments, data, strict=True))
-    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return tuple(map(one, data))
+
+    return build
+
+
+def _row_builder(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
+    builders = [_builder(kind) for kind in kinds]
+
+    def build(data: Any) -> Any:
+        _expect(data, list, "a list")
+        if len(data) != len(builders):
+            raise Damaged(f"{len(data)} entries where {len(builders)} belong")
+        return tuple([one(item) for one, item in zip(builders, data, strict=True)])
+
+    return build
+
+
+def _mapping_builder(kind: Any) -> Callable[[Any], Any]:
+    one = _builder(kind)
+
+    def build(data: Any) -> Any:
         _expect(data, dict, "a group")
-        return {k: _build(arguments[1], v) for k, v in data.items()}
-    if origin in (types.UnionType, typing.Union):
-        whole = next(a for a in arguments if a is not types.NoneType)
-        return None if data is None else _build(whole, data)
-    if kind is float:
+        return {name: one(value) for name, value in data.items()}
+
+    return build
+
+
+def _plain_builder(kind: Any) -> Callable[[Any], Any]:
+    word = _WORDS[kind]
+
+    def build(data: Any) -> Any:
+        if type(data) is not kind:
+            _expect(data, kind, word)
+        return data
+
+    return build
+
+
+def _number(data: Any) -> float:
+    if type(data) is not float:
         _expect(data, (int, float), "a number")
-        return float(data)
-    if kind in _WORDS:
-        _expect(data, kind, _WORDS[kind])
-    return data
+    return float(data)
 
 
 _WORDS: dict[Any, str] = {str: "text", int: "a whole number", bool: "true or false"}
@@ -205,16 +267,11 @@ def _expect(data: Any, kind: Any, what: str) -> None:
         raise Damaged(f"{str(data)[:30]!r} where {what} belongs")
 
 
-_HINTS: dict[Any, dict[str, Any]] = {}
-
-
 def _optional(kind: Any) -> set[str]:
     """Fields that a file of the same version, but an older tool, may lack."""
     return {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
 
 
 def _hints(kind: Any) -> dict[str, Any]:
-    if kind not in _HINTS:
-        names = {f.name for f in dataclasses.fields(kind)}
-        _HINTS[kind] = {n: h for n, h in typing.get_type_hints(kind).items() if n in names}
-    return _HINTS[kind]
+    names = {f.name for f in dataclasses.fields(kind)}
+    return {n: h for n, h in typing.get_type_hints(kind).items() if n in names}

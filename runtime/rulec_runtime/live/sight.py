@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.live.episode import Episode, Kind
+from rulec_runtime.report.wording import actions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +37,7 @@ class Sight:
 def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
     """All that a diagnosis tells and that lasts."""
     for finding in diagnosis.findings:
-        yield _of_fault(finding)
+        yield _of_fault(diagnosis.ruleset, finding)
     for sensor in diagnosis.sensors:
         yield Episode(
             id=_id(sensor.id, sensor.since),
@@ -72,7 +74,7 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
                 )
 
 
-def _of_fault(finding: Finding) -> Episode:
+def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
     fault = finding.fault
     return Episode(
         id=_id(fault.id, finding.since),
@@ -84,7 +86,7 @@ def _of_fault(finding: Finding) -> Episode:
         until=finding.until,
         active=finding.active,
         text=finding.text,
-        action=fault.action,
+        action=actions(ruleset, finding),
         degree=finding.degree,
         lower=finding.lower,
         upper=finding.upper,

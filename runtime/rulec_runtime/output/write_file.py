@@ -49,6 +49,19 @@ def write_data(path: Path, data: bytes) -> None:
         raise
 
 
+def write_private(path: Path, data: bytes) -> None:
+    """Write a file that nobody else can read, as a whole or not at all."""
+    part = path.with_name(f".rulec-{secrets.token_hex(8)}.part")
+    try:
+        with os.fdopen(os.open(part, _NEW, 0o600), "wb") as file:
+            file.write(data)
+        os.replace(part, path)
+    except BaseException:
+        with suppress(OSError):
+            part.unlink()
+        raise
+
+
 @contextmanager
 def written(path: Path) -> Iterator[TextIO]:
     """A file to write to, packed if its name ends with .gz; it is there when all is written.

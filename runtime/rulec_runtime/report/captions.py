@@ -8,7 +8,8 @@ import numpy as np
 
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.report.series import Curves, persistent, sides_of
-from rulec_runtime.report.text import bounds, counted, degree, listed, number, percent, period
+from rulec_runtime.report.text import bounds, counted, degree, listed, number, percent
+from rulec_runtime.report.time_axis import told
 from rulec_runtime.report.truth import Cases
 from rulec_runtime.report.wording import worst_first
 
@@ -49,7 +50,7 @@ def say_estimates(curves: Curves) -> str:
     run = slice(first, last + 1)
     apart = float(np.mean(curves.apart(one, other)[run]))
     side = "above" if apart > 0 else "below"
-    when = period(curves.time[first], curves.time[last])
+    when = told(curves.calendar, float(curves.time[first]), float(curves.time[last]))
     again = f"; {counted(times - 1, 'other period')} shown lie beyond it" if times > 1 else ""
     return (
         f"The {one.short} estimate of {module} stands {number(abs(apart))} l/h {side} the "
@@ -128,7 +129,7 @@ def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
         parts.append(
             f"{finding.fault.id} reaches {degree(finding.degree, finding.fault.unit)} "
             f"({bounds(finding.lower, finding.upper)}) "
-            f"{period(finding.since, finding.until)}{often}"
+            f"{told(diagnosis.calendar, finding.since, finding.until)}{often}"
         )
     if missed:
         parts.append(f"truly present but never named: {_some(missed)}")

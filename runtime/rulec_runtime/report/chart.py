@@ -29,6 +29,13 @@ SYMBOLS = {
 """Shapes of marks, about the origin."""
 
 
+FEW = 4
+"""Ticks that all have a label, also where the page is narrow."""
+
+DECIMALS = 4
+"""Of a label; smaller numbers are written with a power of ten, as there is no room."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """A linear scale with its ticks."""
@@ -45,7 +52,23 @@ class Axis:
         """Texts of the ticks, all with as many digits as their distance needs."""
         step = self.ticks[1] - self.ticks[0] if len(self.ticks) > 1 else abs(self.ticks[0]) or 1.0
         decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
+        if decimals > DECIMALS:
+            return [_powered(t, step) for t in self.ticks]
         return [number(round(t, decimals), 15) for t in self.ticks]
+
+    def second_lines(self) -> list[tuple[str, bool]]:
+        """What stands below each label, and whether also where all ticks have labels; may be
+        empty."""
+        return []
+
+
+def _powered(tick: float, step: float) -> str:
+    """A small number such as 2e−5, to the digits that tell ticks at such steps apart."""
+    if abs(tick) < 0.5 * step:
+        return "0"
+    digits = max(0, int(np.floor(np.log10(abs(tick))) - np.floor(np.log10(step))))
+    mantissa, exponent = f"{tick:.{digits}e}".split("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
 
 def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
@@ -151,10 +174,14 @@ class Panel:
             f'<text class="{style}" x="{across:.2f}%" y="{down + shift:.1f}">{safe(words)}</text>'
         )
 
-    def beside(self, words: str, loud: bool) -> str:
-        """Words to the right of the panel, at half its height."""
+    def beside(self, words: str, more: str, loud: bool) -> str:
+        """Words to the right of the panel, at half its height; `more` where the page is wide."""
         style = "note loud" if loud else "note"
-        return f'<text class="{style}" x="100%" dx="8" y="{self.height / 2}">{safe(words)}</text>'
+        rest = f'<tspan class="more"> {safe(more)}</tspan>' if more else ""
+        return (
+            f'<text class="{style}" x="100%" dx="8" y="{self.height / 2}">{safe(words)}{rest}'
+            "</text>"
+        )
 
     def drawn(
         self, name: str, title: str, stretched: Sequence[str], fixed: Sequence[str], foot: bool
@@ -186,12 +213,17 @@ class Panel:
             zero = " zero" if value == 0 else ""
             yield f'<line class="grid{zero}" x2="100%" y1="{y:.1f}" y2="{y:.1f}"/>'
             yield f'<text class="tick y" x="-8" y="{y:.1f}">{label}</text>'
+        below, many = self.x.second_lines(), len(self.x.ticks) > FEW
         for i, (value, label) in enumerate(zip(self.x.ticks, self.x.labels(), strict=True)):
             x = 100 * float(self.x.share(value))
             yield f'<line class="grid" x1="{x:.2f}%" x2="{x:.2f}%" y2="{self.height}"/>'
             if foot:
-                style = "tick x odd" if i % 2 else "tick x"
+                style = "tick x odd" if i % 2 and many else "tick x"
                 yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 16}">{label}</text>'
+            if foot and below and below[i][0]:
+                words, first = below[i]
+                style += "" if first else " again"
+                yield f'<text class="{style}" x="{x:.2f}%" y="{self.height + 30}">{words}</text>'
 
 
 def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from rulec_runtime.report.captions import say_cases, say_shares
 from rulec_runtime.report.chart import Panel, axis
 from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.tables import framed
 from rulec_runtime.report.truth import DEGREES, ROWS, Cases, shares
 
 POINTS = 120
@@ -50,11 +51,12 @@ def draw_shares(cases: Cases) -> Figure:
         for centre, row in zip(ROWS, table, strict=True)
     ]
     foot = "".join(_cell(v, False) for v in (*table.sum(axis=0), table.sum()))
-    body = (
-        '<div class="scroll"><table class="shares"><thead><tr><th>discrepancy</th>'
+    body = framed(
+        "shares of cases by discrepancy and true degree",
+        '<table class="shares"><thead><tr><th>discrepancy</th>'
         f'<th colspan="{len(DEGREES) + 1}" scope="colgroup">true degree</th></tr>'
         f'<tr><th scope="col">diagnosed − true</th>{head}</tr></thead><tbody>{"".join(rows)}'
-        f'<tr class="total"><th scope="row">total</th>{foot}</tr></tbody></table></div>'
+        f'<tr class="total"><th scope="row">total</th>{foot}</tr></tbody></table>',
     )
     key = "share of cases; bins centred as written, outer ones open; a fault not named counts as 0"
     return Figure(

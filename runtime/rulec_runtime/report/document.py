@@ -1,28 +1,43 @@
-"""The frame of a report: one HTML file that needs nothing else, neither network nor scripts."""
+"""The frame of a page: one HTML file that needs nothing else, neither network nor scripts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 from rulec_runtime.report.chart import SYMBOLS
 from rulec_runtime.report.figure import Figure
+from rulec_runtime.report.made import Made
 from rulec_runtime.report.style import STYLE
 from rulec_runtime.report.text import safe
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 """Forbids the browser to load anything, should a name ever slip through unescaped."""
 
+LONG = 70
+"""Letters of a verdict from which on it is set smaller."""
 
-def document(title: str, name: str, what: str, body: str) -> str:
-    """A page as HTML.
 
-    Parameters
-    ----------
-    title : of the plant.
-    name : of the recording, as its reader knows it.
-    what : the page is, in one word.
-    body : sections as HTML.
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """What stands above everything else.
+
+    `kind` is that of the page, `verdict` what it says in one sentence, `badge` (HTML) the same as a
+    symbol, `meaning` the line below. `facts` say what it is about, `made` when and by what it was
+    made, `sketch` (HTML) shows the plant.
     """
+
+    kind: str
+    verdict: str
+    meaning: str = ""
+    badge: str = ""
+    facts: Sequence[tuple[str, str]] = ()
+    made: Made | None = None
+    sketch: str = ""
+
+
+def document(head: Head, body: str) -> str:
+    """A page as HTML; `body` are sections as HTML."""
     shapes = "".join(
         f'<symbol id="{k}" overflow="visible">{v}</symbol>' for k, v in SYMBOLS.items()
     )
@@ -30,10 +45,22 @@ def document(title: str, name: str, what: str, body: str) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"/>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>{safe(name)}: {what}</title><style>\n{STYLE}</style></head>\n<body>"
-        f'<svg class="symbols" aria-hidden="true">{shapes}</svg>'
-        f'<header><h1>{safe(title)}</h1><span class="soft">{safe(name)}</span></header>\n'
-        f"<main>{body}</main></body></html>\n"
+        f"<title>{safe(head.verdict)} ({safe(head.kind)})</title><style>\n{STYLE}</style></head>\n"
+        f'<body><svg class="symbols" aria-hidden="true">{shapes}</svg>'
+        f"{_header(head)}<main>{body}</main></body></html>\n"
+    )
+
+
+def _header(head: Head) -> str:
+    made = head.made
+    rows = [*head.facts, *([("Made", f"{made.when} by {made.tool}")] if made else [])]
+    below = f'<p class="soft">{safe(head.meaning)}</p>' if head.meaning else ""
+    long = ' class="long"' if len(head.verdict) > LONG else ""
+    about = facts((term, [text]) for term, text in rows)
+    return (
+        f'<header class="head"><p class="kind">{safe(head.kind)}</p>'
+        f'<div class="status">{head.badge}<div><h1{long}>{safe(head.verdict)}</h1>{below}</div>'
+        f'</div><div class="about">{about}{head.sketch}</div></header>\n'
     )
 
 
@@ -45,16 +72,16 @@ def section(title: str, body: str) -> str:
 def facts(rows: Iterable[tuple[str, Sequence[str]]]) -> str:
     """Terms with what is to be said of each; a term without anything is left out."""
     body = "".join(
-        f"<dt>{term}</dt>" + "".join(f"<dd>{safe(text)}</dd>" for text in texts)
+        f"<dt>{safe(term)}</dt>" + "".join(f"<dd>{safe(text)}</dd>" for text in texts)
         for term, texts in rows
         if texts
     )
     return f"<dl>{body}</dl>"
 
 
-def numbered(figures: Iterable[Figure]) -> Iterator[str]:
+def numbered(figures: Iterable[Figure], first: int = 1) -> Iterator[str]:
     """Figures with their numbers."""
-    for i, figure in enumerate(figures, 1):
+    for i, figure in enumerate(figures, first):
         style = " ".join(
             word for word, on in (("narrow", figure.narrow), ("tall", figure.tall)) if on
         )

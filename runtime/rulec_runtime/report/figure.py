@@ -20,7 +20,9 @@ class Figure:
     tall: bool = False
 
 
-def plot(svg: str, foot: bool, below: str = "time [s]") -> str:
-    """A panel with room for its axes; the last of a stack says what the horizontal axis is."""
+def plot(svg: str, foot: bool, below: str, deep: bool = False) -> str:
+    """A panel with room for its axes; the last of a stack says what the horizontal axis is, further
+    down where labels are `deep`."""
     label = f'<div class="below">{safe(below)}</div>' if foot else ""
-    return f'<div class="plot">{svg}{label}</div>'
+    style = "plot deep" if deep else "plot"
+    return f'<div class="{style}">{svg}{label}</div>'

@@ -13,11 +13,12 @@ from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases, draw_shares
-from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, persistent
 from rulec_runtime.report.text import counted, number
 from rulec_runtime.report.text import degree as degree_text
 from rulec_runtime.report.thin_curves import COLUMNS, thin_band, thin_marks, thin_series
+from rulec_runtime.report.time_axis import over, time_plot
 from rulec_runtime.report.truth import Cases, Truth, names_at
 from rulec_runtime.report.wording import worst_first
 
@@ -48,7 +49,8 @@ def draw_estimates(whole: Curves) -> Figure:
     curves = detail(whole)
     spread = limits.COVERAGE * curves.flows_u
     low, high = curves.flows - spread, curves.flows + spread
-    panel = Panel(_time(curves.time), _range(curves, low, high), 260)
+    across = over(curves.time, curves.calendar)
+    panel = Panel(across, _range(curves, low, high), 260)
     bands, lines, ends = [], [], []
     for i, flow in enumerate(curves.flows):
         bands.append(panel.band(*thin_band(curves.time, low[i], high[i]), f"s{i % 6}"))
@@ -59,7 +61,8 @@ def draw_estimates(whole: Curves) -> Figure:
     module = curves.sides[0].module
     drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
     svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
-    body = plot(svg, True) if np.isfinite(curves.flows).any() else ""
+    drawable = np.isfinite(curves.flows).any()
+    body = time_plot(svg, True, across, curves.calendar) if drawable else ""
     key = ["band: 95 % uncertainty"]
     key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
     key += [_part(curves)] if len(curves.time) < len(whole.time) else []
@@ -99,11 +102,9 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
     if _is_long(curves):
         # Transients are much larger than faults: over a long time they would hide everything.
         value, threshold = (np.where(curves.judged, part, np.nan) for part in (value, threshold))
-    panel = Panel(
-        _time(curves.time),
-        _range(curves, np.fmin(value, -threshold), np.fmax(value, threshold), 3),
-        76,
-    )
+    across = over(curves.time, curves.calendar)
+    shown = _range(curves, np.fmin(value, -threshold), np.fmax(value, threshold), 3)
+    panel = Panel(across, shown, 76)
     drawn = [
         _unjudged(panel, curves.time, curves.judged),
         panel.band(*thin_band(curves.time, -threshold, threshold), "zero"),
@@ -112,12 +113,14 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
     fired = curves.fired()[row]
     state = "brief" if fired.any() else "inside"
     state = state if curves.formed()[row] else "not judged"
-    fixed = [panel.beside(f"{number(times, 2)} × threshold" if times else state, bool(times))]
+    words = (f"{number(times, 2)} ×", "threshold") if times else (state, "")
+    fixed = [panel.beside(*words, bool(times))]
     for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
         index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
         fixed.append(panel.marks(curves.time[index], value[index], symbol, "fired"))
     name = curves.residuals[row].id
-    return plot(panel.drawn(name, f"{name} [l/h]", drawn, fixed, last), last)
+    svg = panel.drawn(name, f"{name} [l/h]", drawn, fixed, last)
+    return time_plot(svg, last, across, curves.calendar)
 
 
 def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure:
@@ -158,7 +161,8 @@ def _degree_panel(
     if truth is not None and name in truth.faults:
         true = truth.degree[truth.faults.index(name)]
     top = float(np.nanmax([np.fmax(high, true)], initial=0.05))
-    panel = Panel(_time(trace.time), axis(0.0, 1.1 * top, 4), 150)
+    across = over(trace.time, diagnosis.calendar)
+    panel = Panel(across, axis(0.0, 1.1 * top, 4), 150)
     drawn = [
         _unjudged(panel, trace.time, judged),
         panel.band(*thin_band(trace.time, low, high), "s0"),
@@ -175,7 +179,8 @@ def _degree_panel(
                 (f.since + f.until) / 2, f.upper, degree_text(f.degree, f.fault.unit), "value", -5
             )
         )
-    return plot(panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last), last)
+    svg = panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last)
+    return time_plot(svg, last, across, diagnosis.calendar)
 
 
 def _with_degree(trace: Trace) -> np.ndarray:
@@ -215,10 +220,3 @@ def _unjudged(panel: Panel, time: Array, judged: np.ndarray) -> str:
 def _grey(time: Array, judged: np.ndarray) -> list[str]:
     drawn = len(time) <= 2 * COLUMNS and not judged.all()
     return ["grey: not settled, or not judged"] if drawn else []
-
-
-def _time(time: Array) -> Axis:
-    low, high = float(time[0]), float(time[-1])
-    if low == high:
-        low, high = low - 1.0, high + 1.0
-    return axis(low, high, 9, tight=True)

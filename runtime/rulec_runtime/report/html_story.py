@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
@@ -12,7 +11,9 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
-from rulec_runtime.report.text import bounds, counted, degree, listed, percent, period, safe
+from rulec_runtime.report.tables import Cell, Column, columns, table
+from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
+from rulec_runtime.report.time_axis import told as period_told
 from rulec_runtime.report.wording import (
     KEPT,
     LEFT_OUT,
@@ -34,6 +35,7 @@ from rulec_runtime.report.wording import (
     rows_of,
     titled,
     told_residual,
+    why_first,
     worst_first,
 )
 
@@ -53,13 +55,8 @@ def badge(letter: str, small: bool = False) -> str:
 
 
 def told(diagnosis: Diagnosis) -> str:
-    """Status of the whole, and each fault with what to do about it."""
-    letter = diagnosis.status
-    parts = [
-        f'<div class="status">{badge(letter)}<p><strong>{safe(_lead(diagnosis))}</strong>'
-        f'<span class="soft">{safe(_meaning(diagnosis))}</span></p></div>'
-    ]
-    parts += [_sensor(diagnosis, found) for found in diagnosis.sensors]
+    """Each fault with what to do about it."""
+    parts = [_sensor(diagnosis, found) for found in diagnosis.sensors]
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
@@ -74,33 +71,6 @@ def told(diagnosis: Diagnosis) -> str:
             f"{remarks(diagnosis.unknown, diagnosis.calendar)}</div>"
         )
     return "".join(parts)
-
-
-def _lead(diagnosis: Diagnosis) -> str:
-    worst = worst_first(diagnosis.findings)
-    if diagnosis.sensors:
-        first = diagnosis.sensors[0]
-        more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
-        also = f", and {counted(more, 'other finding')}" if more else ""
-        return f"{first.condition.title}: {first.signal or 'time'}{also}"
-    if worst:
-        either = [name for name, p in worst[0].alternatives if p > limits.HEADLINE_RIVAL]
-        faults = diagnosis.ruleset.fault_by_id
-        title = " or ".join(titled(f) for f in (worst[0].fault, *(faults[n] for n in either)))
-        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
-        also = f", and {counted(more, 'other finding')}" if more else ""
-        return title[:1].upper() + title[1:] + also
-    if not diagnosis.judged:
-        return "Nothing could be judged"
-    if diagnosis.unknown:
-        return "Something is wrong, but nothing known explains it"
-    return "No fault found"
-
-
-def _meaning(diagnosis: Diagnosis) -> str:
-    share = diagnosis.judged / max(diagnosis.samples, 1)
-    meaning = STATUS[diagnosis.status][1]
-    return f"{meaning[:1].upper()}{meaning[1:]}; {percent(share)} of the recording was judged"
 
 
 def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
@@ -137,6 +107,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             for name, p in finding.alternatives
         ]
         rows.append(("Could also be", safe(listed(others))))
+        rows += [("Named first", safe(text)) for text in why_first(ruleset, finding)]
         apart = "; ".join(advice(ruleset, finding))
         if finding.step is not None:
             rows.append(("Next step", safe(finding.step.text)))
@@ -172,23 +143,22 @@ def _probability(diagnosis: Diagnosis, finding: Finding) -> str:
 def _summary(diagnosis: Diagnosis) -> str:
     """All findings in a table; of many, one row a fault."""
     rows = rows_of(diagnosis.findings, diagnosis.calendar)
-    body = "".join(_summary_row(row, diagnosis.mode != "paper") for row in rows)
-    return (
-        '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
-        '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">probability</th>'
-        f"</tr></thead><tbody>{body}</tbody></table></div>"
+    others = any(row.others for row in rows)
+    of = [Column("fault"), *columns(".degree", ".95 % bounds", ".when", ".probability")]
+    of += [Column("could also be")] if others else []
+    return table(
+        "all findings", of, (_summary_row(row, diagnosis.mode != "paper", others) for row in rows)
     )
 
 
-def _summary_row(row: Row, weighed: bool) -> str:
+def _summary_row(row: Row, weighed: bool, others: bool) -> list[Cell | str]:
     unit, low = row.fault.unit, row.degrees[0]
     found = degree(low, unit) if row.alike else _between(unit, *row.degrees)
     probability = percent(row.probability) if weighed else "–"
     cells = (found, _between(unit, *row.bounds), row.when, probability)
-    numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
-    return (
-        f"<tr><td>{badge(row.fault.status, True)}</td><td>{safe(row.fault.id)}</td>{numbers}</tr>"
-    )
+    more = [listed(row.others)] if others else []
+    name = f"{badge(row.fault.status, True)} {safe(row.fault.id)}"
+    return [name, *map(safe, (*cells, *more))]
 
 
 def _between(unit: str, low: float, high: float) -> str:
@@ -198,7 +168,8 @@ def _between(unit: str, low: float, high: float) -> str:
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
-        title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
+        when = period_told(diagnosis.calendar, finding.since, finding.until)
+        title = f"{finding.fault.id} {when}, where it shows most"
         why = ground_of(diagnosis.ruleset, finding)
         yield f'<div class="evidence"><h3>{safe(title)}</h3>{why}</div>'
 
@@ -216,44 +187,38 @@ def _read(ruleset: Ruleset, finding: Finding) -> str:
 
 def _residuals(ruleset: Ruleset, finding: Finding) -> str:
     ordered = evidence_first(finding)
-    body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:LISTED])
     left = len(ordered) - LISTED
     more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
     what, unit = "estimates that should agree", " [l/h]"
     if ruleset.dynamics is not None:
         what, unit = "readings that balances predict", ""
-    return (
-        f'<div class="scroll"><table><thead><tr><th>{what}</th>'
-        f'<th class="num">differ by{unit}</th><th class="num">threshold{unit}</th>'
-        '<th class="mid">fired</th><th class="mid">expected</th><th></th></tr></thead>'
-        f"<tbody>{body}</tbody></table></div>{more}"
-    )
+    of = [
+        *columns(what, f".differ by{unit}", f".threshold{unit}"),
+        *(Column("fired", "mid"), Column("expected", "mid"), Column("")),
+    ]
+    return table(what, of, (_residual_row(ruleset, finding, e) for e in ordered[:LISTED])) + more
 
 
-def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
+def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> list[Cell | str]:
     kind, words = agreement(ruleset, finding, e)
     row = told_residual(ruleset, e, LITRES)
     value, threshold = row.value.replace("-", "−"), row.threshold
     fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
-    return (
-        f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td>'
-        f'<td class="num">{threshold}</td>'
-        f'<td class="mid">{safe(fired)}</td><td class="mid">{safe(expected)}</td>'
-        f'<td class="{kind}">{safe(words)}</td></tr>'
-    )
+    first = map(safe, (e.residual, value, threshold, fired, expected))
+    return [*first, Cell(safe(words), kind)]
 
 
 def _estimates(ruleset: Ruleset, finding: Finding) -> str:
-    body = "".join(
-        f"<tr><td>{safe(e.equation)}</td>"
-        f'<td class="num">{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}</td>'
-        f"<td>{safe(', '.join(e.readings))}</td></tr>"
+    rows = (
+        (
+            safe(e.equation),
+            f"{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}",
+            safe(", ".join(e.readings)),
+        )
         for e in estimates(ruleset, finding)
     )
-    return (
-        '<div class="scroll"><table><thead><tr><th>estimate</th><th class="num">flow [l/h]</th>'
-        f"<th>from these readings</th></tr></thead><tbody>{body}</tbody></table></div>"
-    )
+    of = columns("estimate", ".flow [l/h]", "from these readings")
+    return table("estimates of flows", of, rows)
 
 
 def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:

@@ -11,6 +11,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.report.wording import actions, why_first
 
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -24,7 +25,7 @@ def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
         "status": diagnosis.status,
         "findings": [
             *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
-            *(_finding(f, diagnosis.calendar) for f in diagnosis.findings),
+            *(_finding(diagnosis.ruleset, f, diagnosis.calendar) for f in diagnosis.findings),
         ],
         "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
         "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
@@ -71,7 +72,7 @@ def _dates(since: float, until: float, calendar: Calendar | None) -> dict[str, s
     return {"since_time": calendar.iso(since), "until_time": calendar.iso(until)}
 
 
-def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
+def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
     return {
         "kind": "fault",
         "fault": finding.fault.id,
@@ -83,7 +84,11 @@ def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
         **({"unit": finding.fault.unit} if finding.fault.unit else {}),
         "probability": finding.probability,
         **_times(finding, calendar),
-        "alternatives": [{"fault": name, "probability": p} for name, p in finding.alternatives],
+        "alternatives": [
+            {"fault": name, "probability": p, "action": ruleset.fault_by_id[name].action}
+            for name, p in finding.alternatives
+        ],
+        **({"why_first": why} if (why := list(why_first(ruleset, finding))) else {}),
         "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
         "together": list(finding.together),
         **({"step": _step(finding.step)} if finding.step is not None else {}),
@@ -100,7 +105,7 @@ def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
             for e in finding.evidence
         ],
         "text": finding.text,
-        "action": finding.fault.action,
+        "action": actions(ruleset, finding),
     }
 
 

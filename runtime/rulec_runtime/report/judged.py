@@ -16,6 +16,7 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import read_results
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
+from rulec_runtime.report.made import made_now
 from rulec_runtime.report.page import report
 from rulec_runtime.report.truth import Truth
 
@@ -46,7 +47,8 @@ class Judged:
 
     def page(self) -> str:
         """The report, HTML."""
-        return report(self._sampled, self.diagnosis, self.trace, self.name, self.truth)
+        made = made_now("rulec-runtime")
+        return report(self._sampled, self.diagnosis, self.trace, self.name, self.truth, made)
 
     @property
     def _sampled(self) -> Recording:

@@ -1,41 +1,122 @@
-"""The fault-symptom matrix as an HTML table, the rows of the findings standing out."""
+"""The fault-symptom matrix as an HTML table: what each fault does, and what is told from what."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from string import ascii_lowercase
+
 from rulec_runtime.contract.degree import smallest_degree
-from rulec_runtime.contract.ruleset import Cell, FaultSpec, ResidualSpec
+from rulec_runtime.contract.ruleset import AmbiguousGroup, Cell, FaultSpec, ResidualSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import safe
+from rulec_runtime.report.wording import STATUS
 
 LARGEST = 600
 """Cells shown; of a larger matrix only rows and columns that concern the findings."""
 
+KINDS = {
+    "coincide": ("=", "cannot be told apart: same proportions in all residuals"),
+    "nested": ("⊂", "hard to tell apart: one signature is part of the other"),
+    "close": ("≈", "alike at small degrees: the difference hides in the noise"),
+}
+"""Kind of a group of faults that are alike, to its sign and what that means."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """Faults that a diagnosis found, and those that they could be as well."""
+
+    found: frozenset[str] = frozenset()
+    possible: frozenset[str] = frozenset()
+
+
+Groups = Sequence[tuple[str, AmbiguousGroup]]
+"""Groups of faults that are alike, each with its mark."""
+
 
 def matrix(diagnosis: Diagnosis) -> str:
-    """Rows are faults, columns residuals; below each sign the smallest detectable degree."""
-    faults, residuals, part = _chosen(diagnosis)
-    found = {f.fault.id for f in diagnosis.findings}
-    head = "".join(f'<th scope="col">{_broken(r.id)}</th>' for r in residuals)
-    body = "".join(_row(diagnosis, fault, residuals, fault.id in found) for fault in faults)
+    """The matrix with the findings of a diagnosis."""
+    found = frozenset(f.fault.id for f in diagnosis.findings)
+    possible = frozenset(name for f in diagnosis.findings for name, _ in f.alternatives)
+    return matrix_of(diagnosis.ruleset, Named(found, possible - found))
+
+
+def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
+    """Rows are faults, columns residuals; below each sign the smallest detectable degree.
+
+    Groups of faults that are alike are marked in a column of their own and told below the matrix.
+    """
+    faults, residuals, part = _chosen(ruleset, named, whole)
+    ids = {f.id for f in faults}
+    groups = [(m, g) for m, g in marked(ruleset) if ids & set(g.faults)]
+    alike = '<th scope="col">alike</th>' if groups else ""
+    head = alike + "".join(f'<th scope="col">{_broken(r.id)}</th>' for r in residuals)
+    body = "".join(_row(ruleset, fault, residuals, named, groups) for fault in faults)
     note = f'<p class="key">{safe(part)}</p>' if part else ""
-    return (
-        '<p class="key">+ rises, − falls, · no effect; below: smallest degree beyond the threshold'
-        f' at the reference point; bold rows: diagnosed here</p>{note}<div class="scroll">'
-        f'<table class="matrix"><thead><tr><th></th>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+    key = (
+        "+ rises, − falls, · no effect; below: smallest degree beyond the threshold at the "
+        "reference point"
     )
+    key += "; bold rows: diagnosed here" if named.found else ""
+    key += "; dashed rows: could also be" if named.possible else ""
+    key += "; alike: see below" if groups else ""
+    shown = framed(
+        "fault-symptom matrix",
+        f'<table class="matrix"><thead><tr><th scope="col">fault</th>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table>",
+    )
+    return f'<p class="key">{key}</p>{note}{shown}{_below(groups, named, whole)}'
 
 
-def _chosen(diagnosis: Diagnosis) -> tuple[tuple[FaultSpec, ...], tuple[ResidualSpec, ...], str]:
+def _below(groups: Groups, named: Named, whole: bool) -> str:
+    """Groups below the matrix: those of what was named, the others folded away."""
+    both = named.found | named.possible
+    near = [(m, g) for m, g in groups if whole or both & set(g.faults)]
+    far = [pair for pair in groups if pair not in near]
+    title = "Other faults that are alike" if near else "Faults that are alike"
+    folded = f"<details><summary>{title}</summary>{told_alike(far)}</details>" if far else ""
+    return told_alike(near) + folded
+
+
+def marked(ruleset: Ruleset) -> Groups:
+    """Groups of faults that are alike, with a sign of their kind and a letter each."""
+    letters = (*ascii_lowercase, *map("".join, product(ascii_lowercase, repeat=2)))
+    return [
+        (f"{KINDS.get(group.kind, ('~', ''))[0]}{letter}", group)
+        for letter, group in zip(letters, ruleset.ambiguous, strict=False)
+    ]
+
+
+def told_alike(groups: Groups) -> str:
+    """Groups with what would tell them apart, by their kind."""
+    parts = []
+    for kind, (sign, words) in KINDS.items():
+        own = [(m, g) for m, g in groups if g.kind == kind]
+        if own:
+            rows = "".join(
+                f'<dt><b class="alike">{safe(m)}</b> {safe(" / ".join(g.faults))}</dt>'
+                f"<dd>{safe(g.advice)}</dd>"
+                for m, g in own
+            )
+            parts.append(f'<h3 class="after">{safe(f"{sign} {words}")}</h3>')
+            parts.append(f'<dl class="remarks">{rows}</dl>')
+    return "".join(parts)
+
+
+def _chosen(
+    ruleset: Ruleset, named: Named, whole: bool
+) -> tuple[tuple[FaultSpec, ...], tuple[ResidualSpec, ...], str]:
     """Faults and residuals to show, and a remark if that is not all."""
-    ruleset = diagnosis.ruleset
-    if len(ruleset.faults) * len(ruleset.residuals) <= LARGEST:
+    if whole or len(ruleset.faults) * len(ruleset.residuals) <= LARGEST:
         return ruleset.faults, ruleset.residuals, ""
-    named = {f.fault.id for f in diagnosis.findings}
-    named |= {name for f in diagnosis.findings for name, _ in f.alternatives}
-    modules = {f.fault.module for f in diagnosis.findings} or {next(iter(ruleset.modules))}
-    faults = [f for f in ruleset.faults if f.id in named]
-    faults += [f for f in ruleset.faults if f.module in modules and f.id not in named]
+    both = named.found | named.possible
+    modules = {f.module for f in ruleset.faults if f.id in named.found}
+    modules = modules or {next(iter(ruleset.modules))}
+    faults = [f for f in ruleset.faults if f.id in both]
+    faults += [f for f in ruleset.faults if f.module in modules and f.id not in both]
     moved = {c.residual for f in faults for c in ruleset.cells_of_fault[f.id]}
     residuals = [r for r in ruleset.residuals if r.id in moved]
     residuals.sort(key=lambda r: r.module not in modules)
@@ -50,12 +131,28 @@ def _chosen(diagnosis: Diagnosis) -> tuple[tuple[FaultSpec, ...], tuple[Residual
 
 
 def _row(
-    diagnosis: Diagnosis, fault: FaultSpec, residuals: tuple[ResidualSpec, ...], found: bool
+    ruleset: Ruleset,
+    fault: FaultSpec,
+    residuals: Collection[ResidualSpec],
+    named: Named,
+    groups: Groups,
 ) -> str:
-    cells = {c.residual: c for c in diagnosis.ruleset.cells_of_fault[fault.id]}
-    body = "".join(_cell(fault, cells.get(r.id)) for r in residuals)
-    style = f' class="found is-{fault.status}"' if found else ""
-    return f'<tr{style}><th scope="row">{safe(fault.id)}</th>{body}</tr>'
+    cells: Mapping[str, Cell] = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
+    own = " ".join(f'<b class="alike">{safe(m)}</b>' for m, g in groups if fault.id in g.faults)
+    alike = f'<td class="kin">{own}</td>' if groups else ""
+    body = alike + "".join(_cell(fault, cells.get(r.id)) for r in residuals)
+    style, note = next(_standing(fault, named), ("", ""))
+    small = f"<small>{note}</small>" if note else ""
+    return f'<tr{style}><th scope="row">{safe(fault.id)}{small}</th>{body}</tr>'
+
+
+def _standing(fault: FaultSpec, named: Named) -> Iterator[tuple[str, str]]:
+    """How the row of a fault that a diagnosis names is set, and what is said of it."""
+    letter = fault.status
+    if fault.id in named.found:
+        yield f' class="found is-{letter}"', f"{STATUS[letter][0]} diagnosed"
+    if fault.id in named.possible:
+        yield f' class="possible is-{letter}"', "could also be"
 
 
 def _cell(fault: FaultSpec, cell: Cell | None) -> str:

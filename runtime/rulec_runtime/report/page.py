@@ -6,13 +6,17 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.report.document import document, facts, numbered, section
+from rulec_runtime.report.document import Head, document, facts, numbered, section
 from rulec_runtime.report.figures import figures_of
-from rulec_runtime.report.html_story import UNSEEN, evidence, remarks, told
+from rulec_runtime.report.html_story import UNSEEN, badge, evidence, remarks, told
+from rulec_runtime.report.made import Made
 from rulec_runtime.report.matrix import matrix
 from rulec_runtime.report.series import curves_of
-from rulec_runtime.report.text import counted, moment, percent
+from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.text import counted, percent
 from rulec_runtime.report.truth import Truth, cases_of
+from rulec_runtime.report.verdict import marks, meaning, verdict
 from rulec_runtime.report.wording import part_judged
 
 
@@ -22,6 +26,7 @@ def report(
     trace: Trace,
     name: str,
     truth: Truth | None = None,
+    made: Made | None = None,
 ) -> str:
     """Write a report; the same input gives the same text.
 
@@ -30,19 +35,30 @@ def report(
     trace : of the same recording, ruleset and mode as the diagnosis.
     name : of the recording, as its reader knows it.
     truth : what was truly wrong; without it there is nothing to compare with.
+    made : when and by what; left out without.
     """
     cases = cases_of(truth, trace, diagnosis.ruleset) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     figures = figures_of(diagnosis, curves, trace, truth, cases)
     because = "".join(evidence(diagnosis)) or _nothing(diagnosis)
+    compared = diagnosis.ruleset.residuals
     sections = [
         told(diagnosis),
         section("Why", because),
         section("Pictures", "".join(numbered(figures))),
-        section("What each fault would do", matrix(diagnosis)),
-        section("Where this comes from", _facts(recording, diagnosis, name, truth)),
+        *([section("What each fault would do", matrix(diagnosis))] if compared else []),
+        section("Where this comes from", _facts(diagnosis, truth)),
     ]
-    return document(diagnosis.ruleset.title, name, "diagnosis", "".join(sections))
+    head = Head(
+        kind="Diagnosis",
+        verdict=verdict(diagnosis),
+        meaning=meaning(diagnosis),
+        badge=badge(diagnosis.status),
+        facts=tuple(Subject.of(diagnosis.ruleset, recording, name).facts()),
+        made=made,
+        sketch=sketch(diagnosis.ruleset, marks(diagnosis)),
+    )
+    return document(head, "".join(sections))
 
 
 def _nothing(diagnosis: Diagnosis) -> str:
@@ -59,22 +75,15 @@ def _nothing(diagnosis: Diagnosis) -> str:
     )
 
 
-def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth | None) -> str:
-    """Plant, ruleset, recording, mode, what was not judged and why, remarks of the reader."""
+def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
+    """How much was judged, mode, what was not judged and why, remarks of the reader."""
     ruleset = diagnosis.ruleset
     share = diagnosis.judged / max(diagnosis.samples, 1)
-    start, end = moment(float(recording.time[0])), moment(float(recording.time[-1]))
     mode = {
         "default": "default: the whole residual vector with its uncertainties",
         "paper": "paper: Eqs. 17 to 19 of Wetterich, Kuhr, Pelz 2025 as printed",
     }[diagnosis.mode]
     rows = [
-        ("Plant", [f"{ruleset.plant}: {ruleset.title}"]),
-        ("Ruleset", [f"made of sources with the hash {ruleset.sources}"]),
-        (
-            "Recording",
-            [f"{name}, {counted(diagnosis.samples, 'sample')} from {start} s to {end} s"],
-        ),
         (
             "Judged",
             [f"{counted(diagnosis.judged, 'sample')} ({percent(share)}) {part_judged(ruleset)}"],

@@ -23,6 +23,7 @@ from rulec_runtime.diagnosis.steady.seen import (
 )
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import l_per_h, worst_first
 
@@ -74,6 +75,7 @@ class Curves:
         beyond its threshold.
     focus : period of the largest finding, s.
     learned : whether there is a baseline at all.
+    calendar : dates of the times, where the recording has them.
     """
 
     time: Array
@@ -86,6 +88,7 @@ class Curves:
     thresholds: Array
     focus: tuple[float, float] | None
     learned: bool
+    calendar: Calendar | None = None
 
     def at(self, chosen: slice) -> Curves:
         """Some of the samples, one behind the other."""
@@ -172,6 +175,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         factor * thresholds,
         _focus(diagnosis),
         learned,
+        diagnosis.calendar,
     )
 
 

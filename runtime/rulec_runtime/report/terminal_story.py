@@ -34,6 +34,7 @@ from rulec_runtime.report.wording import (
     remarks_of,
     rows_of,
     told_residual,
+    why_first,
     worst_first,
 )
 
@@ -141,6 +142,9 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
         rules.add(styled("[dim]{}[/]", cell.equation))
     rules.add(styled("[dim]{}[/]", finding.fault.origin))
+    if finding.fault.frequency_origin:
+        often = f"{finding.fault.frequency}: {finding.fault.frequency_origin}"
+        rules.add(styled("[dim]{}[/]", often))
     return tree
 
 
@@ -168,6 +172,8 @@ def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
     """What else fits, and what would tell the causes apart."""
     if finding.alternatives:
         doubt = tree.add(styled("[yellow]also possible:[/] {}", causes(finding.alternatives)))
+        for text in why_first(diagnosis.ruleset, finding):
+            doubt.add(text)
         for text in advice(diagnosis.ruleset, finding):
             doubt.add(text)
     elif diagnosis.mode == "paper":

@@ -105,8 +105,8 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
 
 @dataclass(frozen=True)
 class Row:
-    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, and mean
-    probability."""
+    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, mean
+    probability, and ids of what it could be as well."""
 
     fault: FaultSpec
     times: int
@@ -114,6 +114,7 @@ class Row:
     bounds: tuple[float, float]
     when: str
     probability: float
+    others: tuple[str, ...] = ()
 
     @property
     def alike(self) -> bool:
@@ -140,6 +141,7 @@ def _row(members: Sequence[Finding], calendar: Calendar | None) -> Row:
         bounds=(min(f.lower for f in members), max(f.upper for f in members)),
         when=f"{len(members)} times, {when}" if len(members) > 1 else when,
         probability=sum(f.probability for f in members) / len(members),
+        others=tuple(dict.fromkeys(name for f in members for name, _ in f.alternatives)),
     )
 
 
@@ -170,9 +172,30 @@ def headline(ruleset: Ruleset, finding: Finding) -> str:
 
 
 def actions(ruleset: Ruleset, finding: Finding) -> str:
-    """What to do: for the fault, and for what is nearly as probable."""
-    others = (ruleset.fault_by_id[name].action for name, _ in _as_probable(finding))
-    return "; or ".join(dict.fromkeys((finding.fault.action, *others)))
+    """What to do: for the fault and for each of its alternatives, the most probable first."""
+    if not finding.alternatives:
+        return finding.fault.action
+    found = [(finding.fault.id, finding.probability), *finding.alternatives]
+    causes_of: dict[str, list[str]] = {}
+    for name, _ in sorted(found, key=lambda one: -one[1]):
+        fault = ruleset.fault_by_id[name]
+        causes_of.setdefault(fault.action, []).append(titled(fault))
+    return "; or ".join(f"{action} ({' or '.join(c)})" for action, c in causes_of.items())
+
+
+def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
+    """Why this fault is named and not an alternative that comes more often, or less."""
+    fault = finding.fault
+    others = [ruleset.fault_by_id[name] for name, _ in finding.alternatives]
+    rarer = [f for f in others if f.odds < fault.odds]
+    if rarer:
+        both = "both fit" if len(others) == 1 else "all of them fit"
+        words = ", ".join(f"{f.id} is {f.frequency}" for f in (fault, *rarer))
+        yield f"{both}; {fault.id} is more usual, so it is named first ({words})"
+    for other in others:
+        if other.odds > fault.odds:
+            words = f"{other.id} is {other.frequency}, {fault.id} is {fault.frequency}"
+            yield f"{other.id} is more usual, but the readings favour {fault.id} ({words})"
 
 
 def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.simulation.kernel import Kernels
 from rulec_runtime.simulation.tape import TIME, Tape, tape_of
 
 __all__ = ["TIME", "Balances", "Course", "RanAway"]
@@ -53,6 +54,11 @@ class Balances:
     def _tape(self) -> tuple[Tape, int]:
         return tape_of(self._plan, self.states, self.inputs, self.outputs)
 
+    @cached_property
+    def _kernels(self) -> Kernels:
+        tape, _ = self._tape
+        return Kernels(tape, range(len(self._plan.inputs), tape.first))
+
     def run(
         self,
         time: Array,
@@ -74,7 +80,7 @@ class Balances:
         Raises `RanAway`.
         """
         # To load the integrator's compiler takes longer than to read a plant.
-        from rulec_runtime.simulation.integrator import integrate
+        from rulec_runtime.simulation.integrator import PIECES, integrate
 
         tape, _ = self._tape
         store, store_slopes = self._filled(values, seeds)
@@ -82,8 +88,10 @@ class Balances:
         shown = np.empty((n, count))
         slopes = np.empty((n, count, len(seeds)))
         states = np.empty((n, len(self.states)))
+        columns = store_slopes.shape[1]
         steps = integrate(
             tape,
+            self._kernels.kernel(columns),
             np.ascontiguousarray(held, dtype=np.bool_),
             np.ascontiguousarray(time, dtype=float),
             np.ascontiguousarray(inputs, dtype=float),
@@ -95,19 +103,22 @@ class Balances:
         )
         if steps < 0:
             raise RanAway
+        # The explicit method takes fewer, but where a state grows by itself.
+        self._kernels.count(columns, steps, implicit=steps > PIECES * n)
         return Course(shown, slopes, states, steps)
 
     def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:
         """Values and slopes with all that stays the same over a run filled in."""
-        from rulec_runtime.simulation.integrator import evaluate
+        from rulec_runtime.simulation.integrator import LANES, evaluate
 
         (tape, size), plan = self._tape, self._plan
-        store, slopes = np.zeros(size), np.zeros((size, len(seeds)))
+        columns = -(-len(seeds) // LANES) * LANES
+        store, slopes = np.zeros(size), np.zeros((size, columns))
         store[: len(plan.inputs)] = [values.get(name, 0.0) for name in plan.inputs]
         store[len(plan.inputs) : tape.first] = plan.constants
         for column, name in enumerate(seeds):
             if name in plan.inputs:
                 slopes[plan.inputs.index(name), column] = 1.0
         still = tape.codes[: tape.begin]
-        evaluate(tape.first, still, tape.left, tape.right, 0, store, slopes, len(seeds))
+        evaluate(tape.first, still, tape.left, tape.right, 0, store, slopes, columns)
         return store, slopes

@@ -1,4 +1,4 @@
-"""Where the compiled integrator is kept: compiling it takes 18 s, and no start should pay twice.
+"""Where the compiled integrator is kept: compiling it takes 25 s, and no start should pay twice.
 
 numba keeps it beside the source or in the user's cache folder. Where neither can be written, as
 in an installation of another user without a home, a folder of this user among the temporary files
@@ -31,7 +31,7 @@ def can_be_kept(source: str) -> bool:
         os.environ[CHOSEN] = str(own)
         return True
     say_aside(
-        "rulec: the integrator is compiled anew at every start, which takes about 18 s, as there "
+        "rulec: the integrator is compiled anew at every start, which takes about 25 s, as there "
         f"is no folder to keep it in; set {CHOSEN} to a folder that can be written"
     )
     return False

@@ -1,8 +1,9 @@
-"""The integrator: an interpreter of plans that numba compiles once, for all plants.
+"""The integrator: compiled by numba once, for all plants.
 
-A plan is data (see `contract.plan`), so no code is made for a plant, and an analysis may try
-hundreds of variants of a model without compiling any. Derivatives by chosen parameters are carried
-along exactly (forward mode).
+A plan is data (see `contract.plan`), which an interpreter reads: an analysis may try hundreds of
+variants of a model without compiling any. For variants that come often there is machine code
+(`kernel.py`), which does the same and gives the same numbers. Derivatives by chosen parameters are
+carried along exactly (forward mode).
 
 Source: Runge and Kutta's method of fourth order with a fixed step per sample, cut in a few pieces
 where the fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2); where
@@ -15,22 +16,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rulec_runtime.simulation.code_cache import can_be_kept
-from rulec_runtime.simulation.tape import Tape
+from rulec_runtime.simulation.tape import Kernel, Tape
 
 try:
     KEPT = can_be_kept(__file__)
     from numba import njit as compiled
+
+    from rulec_runtime.simulation import kernel_call
+
+    LANES = kernel_call.LANES
 except ImportError:  # an operator's station may do without numba: slow, but the same numbers
+    KEPT, LANES = False, 1
 
     def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
         """Leave the function as it is."""
         return lambda function: function
 
+
+"""Columns of slopes come in multiples of `LANES`: kernels work on so many at a time."""
 
 LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
@@ -66,11 +74,17 @@ TINY = 1e-14
 """Roots and logarithms see at least this: a tank that runs empty has no infinite slope. Origin:
 numerical."""
 
+STEEPEST = 300.0
+"""Exponents count up to this: beyond, numbers overflow. Origin: numerical."""
+
 HUGE = 1e150
 """A state beyond this ran away. Origin: numerical."""
 
 AT_REST = 1e-18
 """Square of a mode's share of what there is, below which it stands still. Origin: numerical."""
+
+UNCOUNTED: dict[str, Any] = {"_nrt": False}
+"""numba's option for code that allocates nothing: it need not count who holds an array."""
 
 STAGES = (4, 2)
 NODES = np.array([[0.0, 0.5, 0.5, 1.0], [0.0, 1.0, 0.0, 0.0]])
@@ -144,7 +158,7 @@ def evaluate(
         elif code == 10:
             v = 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
         elif code == 11:
-            v = math.exp(min(x, 300.0))
+            v = math.exp(min(x, STEEPEST))
             da = v
         elif code == 12:
             v = math.log(max(x, TINY))
@@ -163,39 +177,71 @@ def evaluate(
                 slopes[out, k] = da * slopes[a, k]
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
-    """Solve a small system for all columns, both in place (Gauss, with pivots)."""
-    n, width = right_side.shape
+@compiled(inline="always")
+def _interpret(tape: Tape, values: np.ndarray, slopes: np.ndarray) -> None:
+    first, codes, left, right, begin = tape[:5]
+    evaluate(first, codes, left, right, begin, values, slopes, slopes.shape[1])
+
+
+@compiled(inline="always")
+def _run(tape: Tape, kernel: Kernel, values: np.ndarray, slopes: np.ndarray) -> None:
+    """Run the moving operations, by machine code where there is some."""
+    if kernel.evaluate != 0:
+        kernel_call.evaluate(kernel.evaluate, values, slopes)
+    else:
+        _interpret(tape, values, slopes)
+
+
+@compiled(inline="always")
+def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
+    """Bring a small matrix to triangular form, in place (Gauss, with pivots).
+
+    `shares` and `pivots` are filled: what was taken of each row, and which rows were exchanged.
+    """
+    n = matrix.shape[0]
     for i in range(n):
         pivot = i
         for j in range(i + 1, n):
             if abs(matrix[j, i]) > abs(matrix[pivot, i]):
                 pivot = j
+        pivots[i] = pivot
         if pivot != i:
             for c in range(n):
                 matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+        if matrix[i, i] == 0.0:
+            matrix[i, i] = TINY
+        for j in range(i + 1, n):
+            share = matrix[j, i] / matrix[i, i]
+            shares[j, i] = share
+            if share != 0.0:
+                for c in range(i + 1, n):
+                    matrix[j, c] -= share * matrix[i, c]
+
+
+@compiled(inline="always")
+def _solve(
+    matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray, right_side: np.ndarray
+) -> None:
+    """Solve for all columns, in place, what `_factor` brought to triangular form."""
+    n, width = right_side.shape
+    for i in range(n):
+        pivot = pivots[i]
+        if pivot != i:
             for c in range(width):
                 swapped = right_side[i, c]
                 right_side[i, c] = right_side[pivot, c]
                 right_side[pivot, c] = swapped
-        lead = matrix[i, i]
-        if lead == 0.0:
-            lead = TINY
         for j in range(i + 1, n):
-            share = matrix[j, i] / lead
+            share = shares[j, i]
             if share != 0.0:
-                for c in range(i, n):
-                    matrix[j, c] -= share * matrix[i, c]
                 for c in range(width):
                     right_side[j, c] -= share * right_side[i, c]
     for i in range(n - 1, -1, -1):
-        lead = matrix[i, i] if matrix[i, i] != 0.0 else TINY
         for c in range(width):
             total = right_side[i, c]
             for j in range(i + 1, n):
                 total -= matrix[i, j] * right_side[j, c]
-            right_side[i, c] = total / lead
+            right_side[i, c] = total / matrix[i, i]
 
 
 @compiled(inline="always")
@@ -219,20 +265,17 @@ def _give(
 def _follow(
     values: np.ndarray,
     slopes: np.ndarray,
-    late: np.ndarray,
-    slots: np.ndarray,
-    after_slots: np.ndarray,
+    tape: Tape,
+    history: Past,
     when: float,
-    nodes: np.ndarray,
     count: int,
-    past: np.ndarray,
-    past_slopes: np.ndarray,
 ) -> None:
     """States with a dead time are what they followed so much earlier, in a line between nodes.
 
-    `late` numbers them. The first `count` of `nodes` (times, s) are known; before the first and
-    behind the last the past stands still.
+    The first `count` nodes are known; before the first and behind the last the past stands still.
     """
+    late, nodes, past, past_slopes = history[:4]
+    slots, after_slots = tape.states, tape.afters
     for j in range(late.shape[0]):
         slot, delay = slots[late[j]], after_slots[late[j]]
         then = when - max(values[delay], 0.0)
@@ -260,16 +303,15 @@ def _follow(
 def _aim(
     values: np.ndarray,
     slopes: np.ndarray,
+    tape: Tape,
     late: np.ndarray,
-    slots: np.ndarray,
-    rate_slots: np.ndarray,
-    after_slots: np.ndarray,
     weight: float,
     past: np.ndarray,
     past_slopes: np.ndarray,
     node: int,
 ) -> None:
     """Add what states with a dead time follow now, as a lag would, to a node of the past."""
+    slots, rate_slots, after_slots = tape.states, tape.rates, tape.afters
     for j in range(late.shape[0]):
         slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
         time_constant = max(values[after], TINY)
@@ -327,8 +369,8 @@ def _linearised(
             matrix[i, c] = -GAMMA * step * jacobian[rates[i], c]
         matrix[i, i] += 1.0
         if afters[i] >= 0:
-            matrix[i, :] = 0.0
-            matrix[i, i] = 1.0
+            for c in range(count):
+                matrix[i, c] = 1.0 if c == i else 0.0
             continue
         total = 0.0
         for c in range(count):
@@ -380,9 +422,461 @@ def _next_pieces(
     return False, stiff, pieces
 
 
+class Room(NamedTuple):
+    """What a run works with; arrays of one size for all its steps.
+
+    `x`, `dx` are the states and their slopes, `old`, `d_old` as they were at the last sample,
+    `peak` the largest values so far; `k`, `dk` the rates per stage, `given` inputs and clock per
+    stage. `matrix` to `jacobian` serve the implicit method.
+    """
+
+    x: np.ndarray
+    dx: np.ndarray
+    old: np.ndarray
+    d_old: np.ndarray
+    peak: np.ndarray
+    k: np.ndarray
+    dk: np.ndarray
+    given: np.ndarray
+    matrix: np.ndarray
+    shares: np.ndarray
+    pivots: np.ndarray
+    right_side: np.ndarray
+    jacobian: np.ndarray
+
+
+class Past(NamedTuple):
+    """What states with a dead time followed.
+
+    `late` numbers these states. At `nodes` (times, s) they followed `values`, shape (nodes, late),
+    with `slopes`: as it began, then one mean per step, in its middle, where the mean of what is
+    held from sample to sample lies. `mean` and `mean_slopes` are those of the step that is taken.
+    """
+
+    late: np.ndarray
+    nodes: np.ndarray
+    values: np.ndarray
+    slopes: np.ndarray
+    mean: np.ndarray
+    mean_slopes: np.ndarray
+
+
+@compiled(inline="always")
+def _room(tape: Tape, size: int, columns: int) -> Room:
+    count = tape.states.shape[0]
+    jacobian = np.zeros((size, -(-count // LANES) * LANES))
+    for i in range(count):
+        jacobian[tape.states[i], i] = 1.0
+    return Room(
+        np.zeros(count),
+        np.zeros((count, columns)),
+        np.zeros(count),
+        np.zeros((count, columns)),
+        np.zeros(count),
+        np.zeros((4, count)),
+        np.zeros((4, count, columns)),
+        np.zeros((4, tape.inputs.shape[0] + 1)),
+        np.zeros((count, count)),
+        np.zeros((count, count)),
+        np.zeros(count, np.int64),
+        np.zeros((count, 1 + columns)),
+        jacobian,
+    )
+
+
+@compiled(inline="always")
+def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
+    late = np.flatnonzero(tape.afters >= 0)
+    lates, columns = late.shape[0], room.dx.shape[1]
+    nodes = np.zeros(time.shape[0] + 1 if lates else 1)
+    values = np.zeros((nodes.shape[0], lates))
+    slopes = np.zeros((nodes.shape[0], lates, columns))
+    nodes[0] = time[0]
+    for j in range(lates):
+        values[0, j] = room.x[late[j]]
+        for c in range(columns):
+            slopes[0, j, c] = room.dx[late[j], c]
+    return Past(late, nodes, values, slopes, np.zeros((1, lates)), np.zeros((1, lates, columns)))
+
+
+@compiled(inline="always")
+def _begin(
+    tape: Tape,
+    kernel: Kernel,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    x: np.ndarray,
+    dx: np.ndarray,
+) -> None:
+    """States where they start; one may start where another one's start puts it."""
+    for _ in range(x.shape[0]):
+        _place(values, slopes, tape.states, x, dx)
+        _run(tape, kernel, values, slopes)
+        for i in range(x.shape[0]):
+            x[i] = values[tape.starts[i]]
+            for c in range(dx.shape[1]):
+                dx[i, c] = slopes[tape.starts[i], c]
+
+
+@compiled(inline="always")
+def _put(
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+    node: int,
+    known: bool,
+    mean: np.ndarray,
+    mean_slopes: np.ndarray,
+) -> None:
+    """Put the mean of a step at a node of the past, or nothing yet."""
+    for j in range(mean.shape[1]):
+        past[node, j] = mean[0, j] if known else 0.0
+        for c in range(mean_slopes.shape[2]):
+            past_slopes[node, j, c] = mean_slopes[0, j, c] if known else 0.0
+
+
+@compiled(inline="always")
+def _at_sample(
+    tape: Tape,
+    kernel: Kernel,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    room: Room,
+    past: Past,
+    time: np.ndarray,
+    s: int,
+) -> bool:
+    """All values at a sample, states within their limits; are these the rates to go on with?"""
+    x, dx, slots, late = room.x, room.dx, tape.states, past.late
+    n, lates, moved = time.shape[0], past.late.shape[0], False
+    for _ in range(2):
+        _place(values, slopes, slots, x, dx)
+        _run(tape, kernel, values, slopes)
+        moved = False
+        if lates and s < n - 1:
+            # Before the step is done, what is followed now stands for its mean.
+            past.nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
+            _put(past.values, past.slopes, s + 1, False, past.mean, past.mean_slopes)
+            _aim(values, slopes, tape, late, 1.0, past.values, past.slopes, s + 1)
+        if lates and s > 0:
+            _follow(values, slopes, tape, past, time[s], min(s + 2, n))
+            for j in range(lates):
+                slot = slots[late[j]]
+                moved = moved or abs(values[slot] - x[late[j]]) > 0.0
+                x[late[j]] = values[slot]
+                for c in range(dx.shape[1]):
+                    dx[late[j], c] = slopes[slot, c]
+        moved = _confine(values, slopes, tape.lows, tape.highs, values.shape[0], x, dx) or moved
+        if not moved:
+            break
+    return not moved and lates == 0
+
+
+@compiled(inline="always")
+def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
+    """Is a stage the first of a sample's step, or the last?"""
+    return (p == 0 and stage == 0) or (p == pieces - 1 and stage == stages - 1)
+
+
+@compiled(inline="always")
+def _to_stage(
+    tape: Tape,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    room: Room,
+    past: Past,
+    move: tuple[int, float],
+    when: tuple[float, int],
+) -> None:
+    """Values where a stage is; `move` is the stage whose rates lead there, and how far; `when` the
+    time, and how many nodes of the past are known."""
+    k, dk, slots = room.k, room.dk, tape.states
+    for i in range(slots.shape[0]):
+        values[slots[i]] = room.x[i] + move[1] * k[move[0], i]
+        for c in range(slopes.shape[1]):
+            slopes[slots[i], c] = room.dx[i, c] + move[1] * dk[move[0], i, c]
+    if tape.clock >= 0:
+        values[tape.clock] = when[0]
+    if past.late.shape[0]:
+        _follow(values, slopes, tape, past, when[0], when[1])
+
+
+@compiled(inline="always")
+def _explicit(
+    tape: Tape,
+    kernel: Kernel,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    room: Room,
+    past: Past,
+    held: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    s: int,
+    piece: tuple[int, int],
+    fresh: bool,
+) -> None:
+    """One piece by Runge and Kutta's method; where `fresh`, its first rates are there."""
+    x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
+    p, pieces = piece
+    length = time[s + 1] - time[s]
+    step = length / pieces
+    for stage in range(STAGES[0]):
+        at = (p + NODES[0, stage]) / pieces
+        now = time[s] + at * length
+        if stage > 0 or not fresh:
+            _give(values, tape.inputs, held, inputs, s, at)
+            before = max(stage - 1, 0)
+            scale = NODES[0, stage] * step
+            _to_stage(tape, values, slopes, room, past, (before, scale), (now, s + 2))
+            _run(tape, kernel, values, slopes)
+        if late.shape[0] and _is_end(p, pieces, stage, STAGES[0]):
+            _aim(values, slopes, tape, late, 0.5, past.mean, past.mean_slopes, 0)
+        if kernel.advance != 0:
+            break
+        for i in range(x.shape[0]):
+            k[stage, i] = values[rates[i]]
+            for c in range(dx.shape[1]):
+                dk[stage, i, c] = slopes[rates[i], c]
+        for j in range(late.shape[0]):
+            k[stage, late[j]] = 0.0
+            for c in range(dx.shape[1]):
+                dk[stage, late[j], c] = 0.0
+    if kernel.advance != 0:
+        last = tape.inputs.shape[0]
+        for stage in range(1, STAGES[0]):
+            at = (p + NODES[0, stage]) / pieces
+            for j in range(last):
+                u = inputs[s, j]
+                if not held[j]:
+                    u += at * (inputs[s + 1, j] - u)
+                room.given[stage, j] = u
+            room.given[stage, last] = time[s] + at * length
+        kernel_call.advance(kernel.advance, values, slopes, x, dx, k, room.given, step)
+    else:
+        for i in range(x.shape[0]):
+            for stage in range(STAGES[0]):
+                x[i] += step * WEIGHTS[stage] * k[stage, i]
+                for c in range(dx.shape[1]):
+                    dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
+
+
+@compiled(inline="always")
+def _implicit(
+    tape: Tape,
+    kernel: Kernel,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    room: Room,
+    past: Past,
+    held: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    s: int,
+    piece: tuple[int, int],
+) -> tuple[float, float]:
+    """One piece by the implicit method; the rate of the fastest mode, and the error."""
+    x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
+    right_side, count = room.right_side, room.x.shape[0]
+    p, pieces = piece
+    length = time[s + 1] - time[s]
+    step = length / pieces
+    rate, error = 0.0, 0.0
+    for stage in range(STAGES[1]):
+        at = (p + NODES[1, stage]) / pieces
+        now = time[s] + at * length
+        _give(values, tape.inputs, held, inputs, s, at)
+        scale = NODES[1, stage] * step
+        _to_stage(tape, values, slopes, room, past, (0, scale), (now, s + 2))
+        if stage == 0:
+            if kernel.jacobian != 0:
+                kernel_call.evaluate(kernel.jacobian, values, room.jacobian)
+            else:
+                _interpret(tape, values, room.jacobian)
+            rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
+            _factor(room.matrix, room.shares, room.pivots)
+        # With the Jacobian come the values.
+        if stage > 0 or slopes.shape[1] > 0:
+            _run(tape, kernel, values, slopes)
+        if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
+            _aim(values, slopes, tape, late, 0.5, past.mean, past.mean_slopes, 0)
+        for i in range(count):
+            right_side[i, 0] = values[rates[i]] - 2.0 * stage * k[0, i]
+            for c in range(dx.shape[1]):
+                right_side[i, 1 + c] = slopes[rates[i], c] - 2.0 * stage * dk[0, i, c]
+        for j in range(late.shape[0]):
+            for c in range(right_side.shape[1]):
+                right_side[late[j], c] = 0.0
+        _solve(room.matrix, room.shares, room.pivots, right_side)
+        for i in range(count):
+            k[stage, i] = right_side[i, 0]
+            for c in range(dx.shape[1]):
+                dk[stage, i, c] = right_side[i, 1 + c]
+    for i in range(count):
+        apart = abs(0.5 * step * (k[0, i] + k[1, i]))
+        error = max(error, apart / room.peak[i] if room.peak[i] > 0.0 else 0.0)
+        x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
+        for c in range(dx.shape[1]):
+            dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
+    return rate, error
+
+
+@compiled(inline="always")
+def _step(
+    tape: Tape,
+    kernel: Kernel,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    room: Room,
+    past: Past,
+    held: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    s: int,
+    fresh: bool,
+    stiff: bool,
+    pieces: int,
+) -> tuple[int, bool, int]:
+    """From one sample to the next, in as many pieces as it takes.
+
+    Returns how many steps were taken, and by which method and in how many pieces to go on.
+    """
+    x, dx, k, peak = room.x, room.dx, room.k, room.peak
+    length, taken = time[s + 1] - time[s], 0
+    for i in range(x.shape[0]):
+        peak[i] = max(peak[i], abs(x[i]))
+        room.old[i] = x[i]
+        for c in range(dx.shape[1]):
+            room.d_old[i, c] = dx[i, c]
+    while True:
+        if past.late.shape[0]:
+            _put(past.mean, past.mean_slopes, 0, False, past.mean, past.mean_slopes)
+        step = length / pieces
+        rate, error, bent, growing = 0.0, 0.0, 0.0, False
+        for p in range(pieces):
+            if stiff:
+                fastest, apart = _implicit(
+                    tape, kernel, values, slopes, room, past, held, time, inputs, s, (p, pieces)
+                )
+                rate, error = max(rate, fastest), max(error, apart)
+            else:
+                _explicit(
+                    tape,
+                    kernel,
+                    values,
+                    slopes,
+                    room,
+                    past,
+                    held,
+                    time,
+                    inputs,
+                    s,
+                    (p, pieces),
+                    fresh,
+                )
+                fastest, there, turn, bend = _seen_by_stages(k, peak, step)
+                rate, bent = max(rate, fastest), max(bent, bend)
+                growing = growing or (turn > 0.0 and rate * step > LIVELY)
+                # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
+                # z**5/120 of it.
+                error = max(error, (rate * step) ** 3 / 30.0 * there)
+            fresh = False
+            taken += 1
+            # Fixed limits hold within a step too; moving ones are seen at the next sample.
+            _confine(values, slopes, tape.lows, tape.highs, tape.first + tape.begin, x, dx)
+        again, stiff, pieces = _next_pieces(
+            stiff, pieces, rate * step > LIVELY, error, bent, growing
+        )
+        if not again:
+            break
+        for i in range(x.shape[0]):
+            x[i] = room.old[i]
+            for c in range(dx.shape[1]):
+                dx[i, c] = room.d_old[i, c]
+    if stiff:
+        if error < ROUGH / 8.0 and pieces > PIECES:
+            pieces //= 2
+        stiff = rate * length > 0.5 * LIVELY * PIECES
+        pieces = pieces if stiff else PIECES
+    elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
+        pieces //= 2
+    if past.late.shape[0]:
+        _put(past.values, past.slopes, s + 1, True, past.mean, past.mean_slopes)
+    return taken, stiff, pieces
+
+
+@compiled(inline="always")
+def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
+    """Is a state, or a slope of it, beyond all bounds?"""
+    for i in range(x.shape[0]):
+        if not abs(x[i]) < HUGE:
+            return True
+        for c in range(dx.shape[1]):
+            if not abs(dx[i, c]) < HUGE:
+                return True
+    return False
+
+
+@compiled(  # type: ignore[untyped-decorator] # numba tells no type of such an option
+    cache=KEPT, nogil=True, fastmath=False, error_model="numpy", **UNCOUNTED
+)
+def _over_samples(
+    tape: Tape,
+    kernel: Kernel,
+    held: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    outputs: np.ndarray,
+    output_slopes: np.ndarray,
+    states: np.ndarray,
+    room: Room,
+    past: Past,
+) -> int:
+    """From sample to sample; returns what `integrate` does.
+
+    To count who holds which array, at every line that hands one on, takes longer than a step does.
+    """
+    n, taken, pieces, stiff = time.shape[0], 0, 1, False
+    for s in range(n):
+        for j in range(tape.inputs.shape[0]):
+            values[tape.inputs[j]] = inputs[s, j]
+        if tape.clock >= 0:
+            values[tape.clock] = time[s]
+        fresh = _at_sample(tape, kernel, values, slopes, room, past, time, s)
+        for i in range(room.x.shape[0]):
+            states[s, i] = room.x[i]
+        for j in range(tape.outputs.shape[0]):
+            outputs[s, j] = values[tape.outputs[j]]
+            for c in range(output_slopes.shape[2]):
+                output_slopes[s, j, c] = slopes[tape.outputs[j], c]
+        if s == n - 1:
+            break
+        steps, stiff, pieces = _step(
+            tape,
+            kernel,
+            values,
+            slopes,
+            room,
+            past,
+            held,
+            time,
+            inputs,
+            s,
+            fresh,
+            stiff,
+            pieces,
+        )
+        taken += steps
+        if _ran_away(room.x, room.dx):
+            return -1
+    return taken
+
+
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     tape: Tape,
+    kernel: Kernel,
     held: np.ndarray,
     time: np.ndarray,
     inputs: np.ndarray,
@@ -396,201 +890,34 @@ def integrate(
 
     Parameters
     ----------
+    kernel : machine code of the tape for as many columns as `slopes` has, or none.
     held : per input, whether it keeps its value up to the next sample; others are interpolated.
     inputs : shape (n, inputs).
     values, slopes : one row per value of the plan, parameters, constants and what follows from
-        them alone (operations before `tape.begin`) filled in; (values,) and (values, width).
+        them alone (operations before `tape.begin`) filled in; (values,) and (values, columns),
+        columns a multiple of `LANES`, those beyond width 0.
     outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
     """
-    first, codes, left, right, begin, clock, slots, starts, rates, lows, highs, afters = tape[:12]
-    given, shown = tape[12:]
-    n, count, width = time.shape[0], slots.shape[0], slopes.shape[1]
-    x, dx = np.zeros(count), np.zeros((count, width))
-    matrix, work = np.zeros((count, count)), np.zeros((count, count))
-    right_side = np.zeros((count, 1 + width))
-    jacobian = np.zeros((values.shape[0], count))
-    peak = np.zeros(count)
-    for i in range(count):
-        jacobian[slots[i], i] = 1.0
-    k, dk = np.zeros((4, count)), np.zeros((4, count, width))
-    old, d_old = np.zeros(count), np.zeros((count, width))
-    taken, pieces, stiff = 0, 1, False
-    for j in range(given.shape[0]):
-        values[given[j]] = inputs[0, j]
-    if clock >= 0:
-        values[clock] = time[0]
-    # A state may start where another one's start puts it.
-    for _ in range(count):
-        _place(values, slopes, slots, x, dx)
-        evaluate(first, codes, left, right, begin, values, slopes, width)
-        for i in range(count):
-            x[i] = values[starts[i]]
-            for c in range(width):
-                dx[i, c] = slopes[starts[i], c]
-    # The past of what has a dead time: as it began, then one mean per step, in its middle, where
-    # the mean of what is held from sample to sample lies.
-    late = np.flatnonzero(afters >= 0)
-    lates = late.shape[0]
-    nodes = np.zeros(n + 1 if lates else 1)
-    past = np.zeros((nodes.shape[0], lates))
-    past_slopes = np.zeros((nodes.shape[0], lates, width))
-    mean, mean_slopes = np.zeros((1, lates)), np.zeros((1, lates, width))
-    nodes[0] = time[0]
-    for j in range(lates):
-        past[0, j] = x[late[j]]
-        for c in range(width):
-            past_slopes[0, j, c] = dx[late[j], c]
-    for s in range(n):
-        # What is shown at this sample, states within their limits.
-        for j in range(given.shape[0]):
-            values[given[j]] = inputs[s, j]
-        if clock >= 0:
-            values[clock] = time[s]
-        for _ in range(2):
-            _place(values, slopes, slots, x, dx)
-            evaluate(first, codes, left, right, begin, values, slopes, width)
-            moved = False
-            if lates and s < n - 1:
-                # Before the step is done, what is followed now stands for its mean.
-                nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
-                past[s + 1] = 0.0
-                past_slopes[s + 1] = 0.0
-                _aim(values, slopes, late, slots, rates, afters, 1.0, past, past_slopes, s + 1)
-            if lates and s > 0:
-                known = min(s + 2, n)
-                _follow(
-                    values, slopes, late, slots, afters, time[s], nodes, known, past, past_slopes
-                )
-                for j in range(lates):
-                    slot = slots[late[j]]
-                    moved = moved or abs(values[slot] - x[late[j]]) > 0.0
-                    x[late[j]] = values[slot]
-                    for c in range(width):
-                        dx[late[j], c] = slopes[slot, c]
-            moved = _confine(values, slopes, lows, highs, values.shape[0], x, dx) or moved
-            if not moved:
-                break
-        for i in range(count):
-            states[s, i] = x[i]
-        for j in range(shown.shape[0]):
-            outputs[s, j] = values[shown[j]]
-            for c in range(width):
-                output_slopes[s, j, c] = slopes[shown[j], c]
-        if s == n - 1:
-            break
-        length = time[s + 1] - time[s]
-        for i in range(count):
-            peak[i] = max(peak[i], abs(x[i]))
-            old[i] = x[i]
-            for c in range(width):
-                d_old[i, c] = dx[i, c]
-        while True:
-            mean[:] = 0.0
-            mean_slopes[:] = 0.0
-            step = length / pieces
-            method = 1 if stiff else 0
-            stages = STAGES[method]
-            rate, error, bent, growing = 0.0, 0.0, 0.0, False
-            for p in range(pieces):
-                for stage in range(stages):
-                    before = stage - 1 if stage > 0 and not stiff else 0
-                    scale = NODES[method, stage] * step
-                    for i in range(count):
-                        values[slots[i]] = x[i] + scale * k[before, i]
-                        for c in range(width):
-                            slopes[slots[i], c] = dx[i, c] + scale * dk[before, i, c]
-                    at = (p + NODES[method, stage]) / pieces
-                    now = time[s] + at * length
-                    _give(values, given, held, inputs, s, at)
-                    if clock >= 0:
-                        values[clock] = now
-                    if lates:
-                        _follow(
-                            values,
-                            slopes,
-                            late,
-                            slots,
-                            afters,
-                            now,
-                            nodes,
-                            s + 2,
-                            past,
-                            past_slopes,
-                        )
-                    if stiff and stage == 0:
-                        evaluate(first, codes, left, right, begin, values, jacobian, count)
-                        rate = max(rate, _linearised(jacobian, rates, afters, step, matrix))
-                    evaluate(first, codes, left, right, begin, values, slopes, width)
-                    ends = (p == 0 and stage == 0) or (p == pieces - 1 and stage == stages - 1)
-                    if lates and ends:
-                        _aim(values, slopes, late, slots, rates, afters, 0.5, mean, mean_slopes, 0)
-                    if stiff:
-                        for i in range(count):
-                            right_side[i, 0] = values[rates[i]] - 2.0 * stage * k[0, i]
-                            for c in range(width):
-                                slope = slopes[rates[i], c] - 2.0 * stage * dk[0, i, c]
-                                right_side[i, 1 + c] = slope
-                        for j in range(lates):
-                            right_side[late[j], :] = 0.0
-                        work[:, :] = matrix
-                        _solve(work, right_side)
-                        for i in range(count):
-                            k[stage, i] = right_side[i, 0]
-                            for c in range(width):
-                                dk[stage, i, c] = right_side[i, 1 + c]
-                        continue
-                    for i in range(count):
-                        k[stage, i] = values[rates[i]]
-                        for c in range(width):
-                            dk[stage, i, c] = slopes[rates[i], c]
-                    for j in range(lates):
-                        k[stage, late[j]] = 0.0
-                        dk[stage, late[j], :] = 0.0
-                if stiff:
-                    for i in range(count):
-                        apart = abs(0.5 * step * (k[0, i] + k[1, i]))
-                        error = max(error, apart / peak[i] if peak[i] > 0.0 else 0.0)
-                        x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
-                        for c in range(width):
-                            dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
-                else:
-                    fastest, there, turn, bend = _seen_by_stages(k, peak, step)
-                    rate, bent = max(rate, fastest), max(bent, bend)
-                    growing = growing or (turn > 0.0 and rate * step > LIVELY)
-                    # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
-                    # z**5/120 of it.
-                    error = max(error, (rate * step) ** 3 / 30.0 * there)
-                    for i in range(count):
-                        for stage in range(4):
-                            x[i] += step * WEIGHTS[stage] * k[stage, i]
-                            for c in range(width):
-                                dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
-                taken += 1
-                # Fixed limits hold within a step too; moving ones are seen at the next sample.
-                _confine(values, slopes, lows, highs, first + begin, x, dx)
-            again, stiff, pieces = _next_pieces(
-                stiff, pieces, rate * step > LIVELY, error, bent, growing
-            )
-            if not again:
-                break
-            for i in range(count):
-                x[i] = old[i]
-                for c in range(width):
-                    dx[i, c] = d_old[i, c]
-        if stiff:
-            if error < ROUGH / 8.0 and pieces > PIECES:
-                pieces //= 2
-            stiff = rate * length > 0.5 * LIVELY * PIECES
-            pieces = pieces if stiff else PIECES
-        elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
-            pieces //= 2
-        if lates:
-            past[s + 1] = mean[0]
-            past_slopes[s + 1] = mean_slopes[0]
-        for i in range(count):
-            if not abs(x[i]) < HUGE:
-                return -1
-            for c in range(width):
-                if not abs(dx[i, c]) < HUGE:
-                    return -1
-    return taken
+    room = _room(tape, values.shape[0], slopes.shape[1])
+    for j in range(tape.inputs.shape[0]):
+        values[tape.inputs[j]] = inputs[0, j]
+    if tape.clock >= 0:
+        values[tape.clock] = time[0]
+    _begin(tape, kernel, values, slopes, room.x, room.dx)
+    past = _past(tape, time, room)
+    return int(
+        _over_samples(
+            tape,
+            kernel,
+            held,
+            time,
+            inputs,
+            values,
+            slopes,
+            outputs,
+            output_slopes,
+            states,
+            room,
+            past,
+        )
+    )

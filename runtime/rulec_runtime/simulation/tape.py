@@ -42,6 +42,14 @@ class Tape(NamedTuple):
     outputs: Slots
 
 
+class Kernel(NamedTuple):
+    """Addresses of machine code that does what a tape says, 0 where there is none."""
+
+    evaluate: int
+    advance: int
+    jacobian: int
+
+
 def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:

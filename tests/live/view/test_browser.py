@@ -24,16 +24,21 @@ PICTURES = os.environ.get("RULEC_PICTURES")
 SIZES = [(width, scheme) for width in (1280, 390) for scheme in ("light", "dark")]
 
 CONTRAST = """(() => {
-  const channels = (text) => text.match(/[\\d.]+/g).map(Number);
+  const channels = (text) => text.match(/[\\d.]+/g).map(Number)
+    .map((c, i) => text.startsWith('color(') && i < 3 ? 255 * c : c);
   const light = (rgb) => rgb.slice(0, 3).map((c) => c / 255)
     .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
     .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
   const behind = (part) => {
+    const over = [];
     for (let p = part; p; p = p.parentElement) {
       const found = channels(getComputedStyle(p).backgroundColor);
-      if (found.length < 4 || found[3] > 0) return found;
+      over.push(found);
+      if (found.length < 4) break;
     }
-    return [255, 255, 255];
+    return over.reduceRight(
+      (below, [r, g, b, a = 1]) => [r, g, b].map((c, i) => a * c + (1 - a) * below[i]),
+      [255, 255, 255]);
   };
   const weak = [];
   const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);

@@ -19,21 +19,23 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.choose import certain, chosen, factors_of
+from rulec.mismatch.experiment.choose import certain, chosen
+from rulec.mismatch.experiment.divergence import divergences
 from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
 from rulec.mismatch.experiment.growing import known_with_onsets
 from rulec.mismatch.experiment.page import experiment_page
 from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
-from rulec.mismatch.experiment.result import Experiment, Reading, Step
 from rulec.mismatch.experiment.surroundings import surroundings
-from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import compiled
+from tests.runtime.mismatch.experiments import made_by_hand
 from tests.runtime.mismatch.made import rows_at
 
 HALVES = np.array([0.5, 0.5])
+NOTHING = np.zeros((2, 2)), np.zeros((2, 2))
+"""No factors, and no weights of steps."""
 
 
 def told(off: float, spread: float) -> list[Foretold]:
@@ -41,15 +43,62 @@ def told(off: float, spread: float) -> list[Foretold]:
     the second so far apart, the second explanation with so large a spread."""
     place = np.array([0, 1])
     covariance = (np.eye(2), np.diag([1.0, spread]))
-    first = Foretold({}, place, (np.zeros(2), np.array([0.0, off])), covariance)
-    second = Foretold({}, place, (np.array([0.0, -off]), np.zeros(2)), covariance)
+    shares = (0.5, 0.5)
+    first = Foretold({}, place, (np.zeros(2), np.array([0.0, off])), covariance, shares=shares)
+    second = Foretold({}, place, (np.array([0.0, -off]), np.zeros(2)), covariance, shares=shares)
     return [first, second]
+
+
+def factors_of(foretold: list[Foretold]) -> np.ndarray:
+    """Expected log Bayes factors by the second place alone."""
+    return np.array(
+        [[pair.gains()[0] for pair in divergences(own, i, [1])] for i, own in enumerate(foretold)]
+    )
+
+
+def test_factors_grow_place_by_place_to_that_of_all() -> None:
+    """The chain rule, against the divergence of all rows at once; one place has a row less."""
+    random = np.random.default_rng(0)
+    point = np.repeat(np.arange(5), 3)[:-1]
+    size = len(point)
+
+    def covariance() -> np.ndarray:
+        table = random.normal(size=(size, size))
+        return np.asarray(table @ table.T + np.eye(size))
+
+    foretold = [
+        Foretold(
+            {},
+            point,
+            tuple(random.normal(size=(3, size))),
+            tuple(covariance() for _ in range(3)),
+        )
+        for _ in range(3)
+    ]
+    choice = chosen(foretold, np.array([0.5, 0.3, 0.2]), 4)
+    assert len(choice.places) == 4
+    at = np.flatnonzero(np.isin(point, choice.places))
+    for true, own in enumerate(foretold):
+        for other in range(3):
+            first, second = (own.covariance[i][np.ix_(at, at)] for i in (true, other))
+            apart, inverse = (own.off[true] - own.off[other])[at], np.linalg.inv(second)
+            grown = np.linalg.slogdet(second)[1] - np.linalg.slogdet(first)[1]
+            whole = np.trace(inverse @ first) + apart @ inverse @ apart - len(at) + grown
+            assert choice.factors[true, other] == pytest.approx(0.5 * whole, abs=1e-9)
+
+
+def test_longer_means_have_less_noise_and_nothing_else_less() -> None:
+    """Half of the variance is noise here: of means nine times as long a ninth of it is left."""
+    longer = told(4.0, 1.0)[0].held(9.0)
+    rows = np.arange(2)
+    found = longer.between(0, rows[:, None], rows[None, :])
+    assert found == pytest.approx((0.5 + 0.5 / 9.0) * np.eye(2))
 
 
 @pytest.mark.parametrize(("off", "spread"), [(3.0, 1.0), (0.0, 4.0), (2.0, 2.0)])
 def test_a_factor_is_the_divergence_of_two_normal_distributions(off: float, spread: float) -> None:
     """Source: Kullback and Leibler 1951, for one dimension."""
-    factors = factors_of(told(off, spread), [1])
+    factors = factors_of(told(off, spread))
     forward = 0.5 * (math.log(spread) + (1.0 + off**2) / spread - 1.0)
     backward = 0.5 * (-math.log(spread) + (spread + off**2) - 1.0)
     assert factors[0, 1] == pytest.approx(forward)
@@ -58,19 +107,19 @@ def test_a_factor_is_the_divergence_of_two_normal_distributions(off: float, spre
 
 def test_certainty_runs_from_chance_to_one() -> None:
     """Without a factor it is that of the odds; with large ones the truth stands alone."""
-    assert certain(HALVES, np.zeros((2, 2))) == pytest.approx(0.5)
-    assert certain(HALVES, np.full((2, 2), 50.0) * (1 - np.eye(2))) == pytest.approx(1.0)
+    assert certain(HALVES, *NOTHING) == pytest.approx(0.5)
+    assert certain(HALVES, np.full((2, 2), 50.0) * (1 - np.eye(2)), NOTHING[1]) > 0.99
 
 
 def test_the_place_is_chosen_where_they_differ() -> None:
     """Where they are alike a step is worth nothing, and none is taken."""
     choice = chosen(told(4.0, 1.0), HALVES, 1)
     assert choice.places == (1,)
-    assert choice.worth[1] > 0.99
+    assert choice.worth[1] > 0.85
     assert chosen(told(0.0, 1.0), HALVES, 3).places == ()
 
 
-def test_what_can_be_expected_is_less_than_what_the_expected_factor_gives() -> None:
+def test_what_can_be_expected_counts_how_readings_and_weights_scatter() -> None:
     """One reading three deviations apart; by one dimension's integral, with the weight of a part
     drawn as an exponential distribution has it."""
     apart = 3.0
@@ -81,7 +130,8 @@ def test_what_can_be_expected_is_less_than_what_the_expected_factor_gives() -> N
     before, after = expected_certainty(told(apart, 1.0), HALVES, [1])
     assert before == pytest.approx(0.5)
     assert after == pytest.approx(mean, abs=0.01)
-    assert after < certain(HALVES, factors_of(told(apart, 1.0), [1]))
+    factors = factors_of(told(apart, 1.0))
+    assert certain(HALVES, factors, factors**2) == pytest.approx(after, abs=0.02)
 
 
 def test_what_is_not_listed_is_never_sure() -> None:
@@ -156,20 +206,21 @@ def test_limits_are_kept_and_told(
         encoding="utf-8",
     )
     file = str(ambiguous / "m.json")
-    more = ["--limits", str(limits), "--steps", "1", "--json", str(form)]
+    more = ["--limits", str(limits), "--steps", "3", "--json", str(form)]
     assert main(["experiment", file, *more]) == 0
     told = " ".join(capsys.readouterr().out.split())
     found: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
-    (step,) = found["steps"]
+    step = found["steps"][0]
     before = columns(ambiguous / "recording.csv")["B.n"][-1]
     assert 600 <= step["inputs"]["A.n"]["value"] <= 1200
     assert step["inputs"]["B.n"]["value"] == pytest.approx(before)
     assert step["costs_product"] == ["A.n"]
-    assert step["until"] - step["from"] == pytest.approx(step["ramp"] + 60.0)
+    times = (step["until"] - step["from"] - step["ramp"]) / 60.0
+    assert times == pytest.approx(2.0 ** round(math.log2(times)))
     read = next(r for r in step["readings"] if r["signal"] == "A.dp")
     assert all(v + u < 1.6 for v, u in zip(read["values"], read["u"], strict=True))
     assert found["limits"]["given"]
-    assert "Product is lost in step 1 (by A.n)." in told
+    assert "Product is lost in steps 1, 2 and 3 (by A.n)." in told
     assert "within the limits: A.n 600 to 1 200 rpm." in told
 
 
@@ -189,7 +240,7 @@ def test_fewer_steps_are_the_first_ones(ambiguous: Path, planned: Path, tmp_path
     )
     steps = [json.loads(form.read_text(encoding="utf-8"))["steps"] for form in (planned, first)]
     assert len(steps[0]) > len(steps[1]) == 1
-    assert steps[0][:1] == steps[1]
+    assert steps[0][0]["inputs"] == steps[1][0]["inputs"]
 
 
 @pytest.mark.parametrize(
@@ -294,45 +345,7 @@ def test_what_nobody_sets_stays_or_follows_the_load() -> None:
 
 def test_a_page_where_a_reading_is_foretold_in_some_steps_only() -> None:
     """Its picture has those steps; a way that takes no time has no column."""
-    ruleset = compiled("abc")
-    one = Standing(
-        names=(),
-        titles=("One",),
-        probability=0.5,
-        joined=(),
-        values={},
-        fixed={},
-        periods=(),
-        released=(),
-        trusted=(),
-        terms=(),
-    )
-    seen = (
-        Reading("A.dp", (1e5, 2e5), 9.0, (1e3, 1e3)),
-        Reading("C.dp", (1e5, 1e5), 0.0, (1.0, 1.0)),
-    )
-    steps = tuple(
-        Step(15.0 * place, 15.0 * (place + 1), {"A.n": 10.0}, {}, readings)
-        for place, readings in enumerate((seen, seen[1:]))
-    )
-    found = Experiment(
-        standing=(one, replace(one, titles=("Two",))),
-        left_out=(),
-        steps=steps,
-        certainty=(0.5, 0.9, 0.9),
-        unlisted=0.0,
-        factors=np.zeros((2, 2)),
-        set_by={"A.n": (5.0, 10.0)},
-        present={"A.n": 5.0},
-        limited=False,
-        hindering=(),
-        unwatched=(),
-        time_is_short=False,
-        sensors=(),
-        sample=1.0,
-        read=frozenset(),
-    )
-    page = experiment_page(found, ruleset)
+    page = experiment_page(made_by_hand(), compiled("abc"))
     pictures = page.split("<figure")[1:]
     assert [picture.count('href="#up"') for picture in pictures] == [1, 2]
     assert '<th class="num">way</th>' not in page

@@ -63,7 +63,8 @@ def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places)
         }
         spread = {name: np.abs(values) * 0.02 for name, values in readings.items()}
         covariance = (np.eye(len(point)), np.eye(len(point)))
-        told.append(Foretold(readings, point, (off[0], off[1]), covariance, spread))
+        own = Foretold(readings, point, (off[0], off[1]), covariance, spread, spread, (0.0, 0.0))
+        told.append(own)
     return told
 
 
@@ -126,7 +127,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
             before = place
         if number % 16 == 0:
             seconds = 1.5 * found.seconds(order[:1])
-            best = best_within(told, np.array([0.5, 0.5]), 2, seconds, found)
+            best = best_within(told, np.array([0.5, 0.5]), 2, seconds, found, 0.0)
             assert set(best.choice.places) <= set(may.tolist())
             assert found.seconds(best.choice.places) <= seconds
             steps += len(best.choice.places)
@@ -145,7 +146,8 @@ def _apart_by(first: float, second: float) -> list[Foretold]:
     """Two explanations that foretell one reading at each of two places, so far apart."""
     point, off, known = np.array([0, 1]), np.array([first, second]), (np.eye(2), np.eye(2))
     none = np.zeros(2)
-    return [Foretold({}, point, (none, off), known), Foretold({}, point, (-off, none), known)]
+    offs = ((none, off), (-off, none))
+    return [Foretold({}, point, own, known, shares=(0.0, 0.0)) for own in offs]
 
 
 def test_limits_that_forbid_a_better_step_are_told() -> None:
@@ -154,7 +156,7 @@ def test_limits_that_forbid_a_better_step_are_told() -> None:
     odds = np.array([0.5, 0.5])
     for forbids in (True, False):
         found = _two_places(((), ()), (False, forbids))
-        best = best_within(_apart_by(1.0, 3.0), odds, 1, 3600.0, found)
+        best = best_within(_apart_by(1.0, 3.0), odds, 1, 3600.0, found, 0.0)
         assert best.choice.places == ((0,) if forbids else (1,))
         assert best.hindering == (("A.dp",) if forbids else ())
         assert not best.time_is_short
@@ -163,16 +165,16 @@ def test_limits_that_forbid_a_better_step_are_told() -> None:
 def test_product_is_spared_where_another_step_tells_as_much() -> None:
     """It is lost where that tells clearly more."""
     odds, found = np.array([0.5, 0.5]), _two_places(((), ("A.n",)), (False, False))
-    assert best_within(_apart_by(4.0, 4.01), odds, 1, 3600.0, found).choice.places == (0,)
-    assert best_within(_apart_by(1.0, 4.0), odds, 1, 3600.0, found).choice.places == (1,)
+    assert best_within(_apart_by(4.0, 4.01), odds, 1, 3600.0, found, 0.0).choice.places == (0,)
+    assert best_within(_apart_by(1.0, 4.0), odds, 1, 3600.0, found, 0.0).choice.places == (1,)
 
 
 def test_no_time_for_more_is_told() -> None:
     """Two steps of a minute do not fit into one and a half."""
     odds, found = np.array([0.5, 0.5]), _two_places(((), ()), (False, False))
-    short = best_within(_apart_by(2.0, 2.0), odds, 2, 90.0, found)
+    short = best_within(_apart_by(2.0, 2.0), odds, 2, 90.0, found, 0.0)
     assert (len(short.choice.places), short.time_is_short) == (1, True)
-    long = best_within(_apart_by(2.0, 2.0), odds, 2, 120.0, found)
+    long = best_within(_apart_by(2.0, 2.0), odds, 2, 120.0, found, 0.0)
     assert (len(long.choice.places), long.time_is_short) == (2, False)
 
 

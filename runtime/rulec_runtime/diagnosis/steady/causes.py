@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation
+from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 
 
@@ -19,8 +21,8 @@ class Cause:
     """A named fault (index) with degree, 95 % bounds, probability, and when it is there.
 
     The bounds hold the degrees that it has in all plausible hypotheses.
-    `rivals` and `remote` are other causes with their probabilities, `together` the faults found
-    at the same time.
+    `rivals` and `remote` are other causes with their probabilities, as `rivals_of` gives them,
+    `together` the faults found at the same time.
     """
 
     fault: int
@@ -44,70 +46,118 @@ def fits_of_runs(seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
 def causes_of(seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]) -> list[Cause]:
     """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
     before."""
-    hypotheses = hypotheses_of(fits, seen.isolation.chance, known)
+    ruleset = seen.part.ruleset
+    hypotheses = hypotheses_of(fits, seen.isolation.chance, ruleset.odds, known)
     if not hypotheses:
-        hypotheses = [_average(seen.isolation, members)]
+        hypotheses = [_average(seen.isolation, members, ruleset.odds)]
     fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0
-    places = range(len(hypotheses[0].faults))
-    return [_cause(seen.part.ruleset, hypotheses, place, fitting) for place in places]
+    best = _named(ruleset, hypotheses)
+    return [_cause(ruleset, hypotheses, best, fault, fitting) for fault in best.faults]
+
+
+def _named(ruleset: Ruleset, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """The most probable hypothesis; of those that no reading tells from it, the most frequent."""
+    first = hypotheses[0]
+    groups = {frozenset(_twins(ruleset, f)) for f in first.faults}
+    alike = [
+        h
+        for h in hypotheses
+        if h.when == first.when
+        and len(h.faults) == len(first.faults)
+        and {frozenset(_twins(ruleset, f)) for f in h.faults} == groups
+    ]
+    return max(alike, key=lambda h: float(np.prod(ruleset.odds[list(h.faults)])))
 
 
 def _cause(
-    ruleset: Ruleset, hypotheses: Sequence[Hypothesis], place: int, fitting: np.ndarray
+    ruleset: Ruleset,
+    hypotheses: Sequence[Hypothesis],
+    best: Hypothesis,
+    fault: int,
+    fitting: np.ndarray,
 ) -> Cause:
-    """One fault of the best hypothesis, and what could be in its stead.
+    """One fault of the hypothesis that is named, and what could be in its stead.
 
     `fitting` flags the faults that fit some stretch of the run, shape (faults,).
     """
-    best = hypotheses[0]
-    fault = best.faults[place]
     own = [h for h in hypotheses if fault in h.faults]
     plausible = [h for h in own if h.probability >= limits.RIVAL * best.probability]
     spans = [h.bounds(fault) for h in plausible]
-    chance = sum(h.probability for h in own)
-    found = _others(hypotheses, best, fault)
+    found = _others(hypotheses, best, fault, lambda h: h.probability)
+    alone = _others(hypotheses, best, fault, lambda h: h.unprejudiced)
+    found[fault] = sum(h.probability for h in own)
+    alone[fault] = sum(h.unprejudiced for h in own)
     twins = {t for t in _twins(ruleset, fault) if t != fault and (t in found or fitting[t])}
     if twins:
-        # No reading tells them apart: whatever favours one of them is an assumption.
-        chance = (chance + sum(found.get(t, 0.0) for t in twins)) / (1 + len(twins))
-        found |= dict.fromkeys(sorted(twins), chance)
-    others = sorted((o for o in found.items() if o[1] > limits.MENTION), key=lambda o: -o[1])
-    rivals = tuple(o for o in others if o[1] >= limits.RIVAL * chance)
+        # No reading tells them apart: whatever else favours one of them is an assumption. Those
+        # that some stretches alone allow outrank nothing that all of them do.
+        group = [fault, *sorted(twins)]
+        odds = np.minimum(ruleset.odds[group], ruleset.odds[fault])
+        found |= _shared(found, group, odds)
+        alone |= _shared(alone, group, np.ones(len(group)))
+    named = Other(fault, found.pop(fault), alone[fault])
+    rivals, remote = rivals_of(named, [Other(f, p, alone[f]) for f, p in found.items()])
     return Cause(
         fault,
-        best.degrees[place],
+        best.degrees[best.faults.index(fault)],
         min(low for low, _ in spans),
         max(high for _, high in spans),
-        min(chance, 1.0),
+        min(named.probability, 1.0),
         rivals,
-        tuple(o for o in others if o not in rivals),
+        remote,
         tuple(f for f in best.faults if f != fault),
         best.when,
     )
 
 
-def _others(hypotheses: Sequence[Hypothesis], best: Hypothesis, fault: int) -> dict[int, float]:
+def _shared(chance: dict[int, float], group: Sequence[int], odds: np.ndarray) -> dict[int, float]:
+    """Probability of a group of faults together, shared out in proportion to their odds."""
+    total = sum(chance.get(f, 0.0) for f in group)
+    return dict(zip(group, (total * odds / odds.sum()).tolist(), strict=True))
+
+
+def _others(
+    hypotheses: Sequence[Hypothesis],
+    best: Hypothesis,
+    fault: int,
+    probability: Callable[[Hypothesis], float],
+) -> dict[int, float]:
     """What stands in a fault's stead in the other hypotheses, with its probability."""
     chance: dict[int, float] = {}
     for hypothesis in hypotheses:
         if fault not in hypothesis.faults:
             for other in set(hypothesis.faults) - set(best.faults):
-                chance[other] = chance.get(other, 0.0) + hypothesis.probability
+                chance[other] = chance.get(other, 0.0) + probability(hypothesis)
     return chance
 
 
 def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
     """Faults that move all residuals in the same proportion, the fault itself among them."""
-    name = ruleset.faults[fault].id
-    groups = [g.faults for g in ruleset.ambiguous if g.kind == "coincide" and name in g.faults]
-    return frozenset(i for i, f in enumerate(ruleset.faults) if any(f.id in g for g in groups))
+    if "twins" not in ruleset.kept:
+        ruleset.kept["twins"] = _all_twins(ruleset)
+    found: frozenset[int] = ruleset.kept["twins"][fault]
+    return found
 
 
-def _average(isolation: Isolation, members: Sequence[int]) -> Hypothesis:
+def _all_twins(ruleset: Ruleset) -> list[frozenset[int]]:
+    """The same of each fault; worked out once for a ruleset."""
+    place = {f.id: i for i, f in enumerate(ruleset.faults)}
+    found = [{i} for i in range(len(place))]
+    for group in ruleset.ambiguous:
+        members = {place[name] for name in group.faults if name in place}
+        if group.kind == "coincide":
+            for fault in members:
+                found[fault] |= members
+    return [frozenset(own) for own in found]
+
+
+def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Hypothesis:
     """Where no degree fits all stretches: the mean of what each says, with their scatter."""
     pair = tuple(int(i) for i in isolation.pair[members[0]])
     mean = isolation.probability[:, members].mean(axis=1)
-    faults = pair if pair[0] >= 0 else (int(np.argmax(mean)),)
+    weighed = mean * odds
+    faults = pair if pair[0] >= 0 else (int(np.argmax(weighed)),)
+    weighed *= mean.sum() / weighed.sum()
     degrees, spreads = [], []
     for fault in faults:
         each, u = isolation.degree[fault, members], isolation.u[fault, members]
@@ -116,6 +166,5 @@ def _average(isolation: Isolation, members: Sequence[int]) -> Hypothesis:
         degrees.append(degree)
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.
         spreads.append(float(np.hypot(np.min(u), np.sqrt(np.average((each - degree) ** 2)))))
-    return Hypothesis(
-        faults, tuple(degrees), tuple(spreads), float(mean[list(faults)].min()), ONSET
-    )
+    probability, unprejudiced = (float(p[list(faults)].min()) for p in (weighed, mean))
+    return Hypothesis(faults, tuple(degrees), tuple(spreads), probability, unprejudiced, ONSET)

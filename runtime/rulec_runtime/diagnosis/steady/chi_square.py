@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +30,10 @@ class ChiSquare:
     value: Array
     slope: Array
     curvature: Array
+
+    def of(self, flows: Sequence[int]) -> ChiSquare:
+        """The same where no other flows are moved."""
+        return ChiSquare(self.value, self.slope[flows], self.curvature[np.ix_(flows, flows)])
 
     def problems(self, chosen: np.ndarray) -> ChiSquare:
         """Some of the problems."""

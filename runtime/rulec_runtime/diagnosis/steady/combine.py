@@ -24,6 +24,7 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
 from rulec_runtime.recordings.scratch import let_go
@@ -34,12 +35,16 @@ ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Faults (indexes) with degree, standard uncertainty, probability, and when they are there."""
+    """Faults (indexes) with degree, standard uncertainty, probability, and when they are there.
+
+    `unprejudiced` is the probability if all faults came equally often.
+    """
 
     faults: tuple[int, ...]
     degrees: tuple[float, ...]
     u: tuple[float, ...]
     probability: float
+    unprejudiced: float
     when: str
 
     def bounds(self, fault: int) -> tuple[float, float]:
@@ -110,11 +115,12 @@ def fits_of(
 
 
 def hypotheses_of(
-    fits: Fits, chance: float, known: frozenset[int] = frozenset()
+    fits: Fits, chance: float, odds: Array, known: frozenset[int] = frozenset()
 ) -> list[Hypothesis]:
     """Hypotheses that fit all stretches of a run, the most probable first; none if none does.
 
-    `known` are faults found just before the run.
+    `odds` are the prior odds of the faults, shape (faults,); `known` are faults found just before
+    the run.
     """
     rank = fits.rank
     sound = [f for f in fits.tried if f.distance <= accepted(rank, len(f.faults), chance)]
@@ -123,19 +129,26 @@ def hypotheses_of(
     evidence = np.array([f.evidence for f in sound])
     evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in sound]
     evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in sound]
-    probability = shares(evidence[:, None])[:, 0]
-    order = np.argsort(-probability, kind="stable")
-    return [_hypothesis(sound[k], float(probability[k]), rank) for k in order if probability[k]]
+    prior = np.array([np.log(odds[list(f.faults)]).sum() for f in sound])
+    both = np.column_stack([shares(e[:, None])[:, 0] for e in (evidence + prior, evidence)])
+    order = np.argsort(-both[:, 0], kind="stable")
+    return [_hypothesis(sound[k], both[k], rank) for k in order.tolist() if both[k].all()]
 
 
-def _hypothesis(fit: Fit, probability: float, rank: int) -> Hypothesis:
+def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
     """Degrees with bounds; stretches that scatter more than they should widen them."""
     freedom = rank - len(fit.faults)
     wide = 1.0
     if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
         wide = float(np.sqrt(fit.distance / freedom))
+    posterior, unprejudiced = probability.tolist()
     return Hypothesis(
-        fit.faults, fit.degrees, tuple(wide * u for u in fit.u), probability, fit.when
+        fit.faults,
+        fit.degrees,
+        tuple(wide * u for u in fit.u),
+        posterior,
+        unprejudiced,
+        fit.when,
     )
 
 
@@ -170,7 +183,8 @@ def _fits_alike(
         earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
         tried.append(_explaining(earlier))
         test = test.at_other_times(np.hstack([later, earlier.present]))
-    fits = fit(test, [(f,) for f in ruleset.faults], np.hstack(tried))
+    limit = accepted(test.freedom, 1, isolation.chance)
+    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried)))
     found = [
         [
             one

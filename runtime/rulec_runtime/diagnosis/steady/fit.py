@@ -7,17 +7,15 @@ what a call of numpy costs is spent once for all of them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, solved
-from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Part, Undoing
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
-from rulec_runtime.diagnosis.steady.search import Place, finite, newton_step, spread_of, told_apart
+from rulec_runtime.diagnosis.steady.columns import Columns
+from rulec_runtime.diagnosis.steady.fault_inversion import Faults
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.starts import usual_starts
 
 
@@ -70,218 +68,8 @@ def fit(
     return found
 
 
-def least_left(test: HypothesisTest) -> Array:
-    """Chi-square that each fault of the ruleset leaves at least, shape (faults, n): that without
-    the flows that it touches, as if nothing were known of these.
-
-    No degree moves them better, nor does scaling their errors, or the tolerance of a law, leave
-    less. So a fault that leaves too much cannot fit, and need not be tried.
-    """
-    faults = [(fault,) for fault in test.ruleset.faults]
-    left = np.repeat(test.metric.value[None], len(faults), axis=0)
-    for part in test.portions():
-        metric = test.metric.problems(part)
-        every = np.arange(len(test.flows))[:, None] + np.zeros(len(metric.value), dtype=int)
-        chi = metric.moving(every) if len(test.members) == 1 else None
-        for i, fault in enumerate(faults):
-            places = [test.places[name] for name in test.touched(fault)]
-            if chi is not None and places:
-                own = chi.curvature[np.ix_(places, places)]
-                free = solved(own, chi.slope[places][:, None])[:, 0]
-                gain = np.einsum("in,in->n", chi.slope[places], free)
-                left[i, part] -= np.where(np.isfinite(gain), gain, np.inf)
-    return left
-
-
 def _portions(test: HypothesisTest, columns: int) -> Iterator[slice]:
     """Columns in portions whose matrices do not take much memory."""
     size = max(limits.TABLE // max(test.freedom**2, 1), 1)
     for low in range(0, columns, size):
         yield slice(low, low + size)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,); the test
-    has the problem of each column."""
-
-    test: HypothesisTest
-    hypotheses: Sequence[Faults]
-    which: np.ndarray
-
-    def outcome(self, metric: Metric, starts: Array) -> tuple[Array, Array, Array, Array]:
-        """Best degrees and their uncertainties, shape (faults, n), chi-square left and
-        log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
-        pure = metric.moving(self.places)
-        best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        # What a fault takes from a flow or adds to it, it takes from its errors as well.
-        pure = self.test.metric_of(self._scales(best.degree)).moving(self.places)
-        best = self._fit(pure, best.judged_by(pure))
-        # Degree and uncertainty are those of the pure law; only the question whether the law
-        # fits at all is asked with its tolerance.
-        widened = pure.tolerating(self._tolerance(best.degree))
-        left = self._fit(widened, best.judged_by(widened)).distance
-        information = pure.information(best.effect)
-        u = spread_of(information)
-        usable = np.isfinite(left) & np.isfinite(u).all(axis=0)
-        if len(u) > 1:
-            usable &= told_apart(information)
-        # The tolerance must not speak against a fault either: no price for the wider covariance.
-        evidence = np.where(usable, -0.5 * left, -np.inf)
-        distance = np.where(usable, left, np.inf) if len(u) > 1 else left
-        return best.degree, u, distance, evidence
-
-    def at(self, chosen: np.ndarray) -> Columns:
-        """Some of the columns."""
-        return replace(self, test=self.test.at(chosen), which=self.which[chosen])
-
-    @cached_property
-    def places(self) -> np.ndarray:
-        """Places of the touched flows of each column, shape (touched, n); -1 behind the last."""
-        table = np.full((self._most, len(self.hypotheses)), -1)
-        for i, names in enumerate(self._touched):
-            table[: len(names), i] = [self.test.places[name] for name in names]
-        return table[:, self.which]
-
-    @cached_property
-    def _touched(self) -> list[tuple[str, ...]]:
-        return [self.test.touched(faults) for faults in self.hypotheses]
-
-    @cached_property
-    def _most(self) -> int:
-        return max(map(len, self._touched))
-
-    @cached_property
-    def _range(self) -> tuple[Array, Array]:
-        """Lowest and highest degree, shape (faults, n)."""
-        lowest, highest = (self._of_faults(name) for name in ("lowest", "highest"))
-        return lowest, highest * (1.0 - limits.BELOW_HIGHEST)
-
-    def _of_faults(self, name: str) -> Array:
-        """A number of the faults of each column, shape (faults, n)."""
-        table = np.array([[getattr(f, name) for f in faults] for faults in self.hypotheses])
-        return table.astype(float).T[:, self.which]
-
-    @cached_property
-    def _undoing(self) -> Undoing:
-        test = self.test
-        shape = (self._most, *test.members.shape)
-        measured, kept = np.zeros(shape), np.zeros(shape)
-        edges = np.searchsorted(self.which, np.arange(len(self.hypotheses) + 1))
-        every = [
-            Part(faults, names, slice(first, last))
-            for faults, names, first, last in zip(
-                self.hypotheses, self._touched, edges, edges[1:], strict=False
-            )
-        ]
-        parts = [part for part in every if part.columns.stop > part.columns.start]
-        for part in parts:
-            own, count = test.at(part.columns), len(part.touched)
-            places = [test.places[name] for name in part.touched]
-            measured[:count, :, part.columns] = own.flows[places]
-            kept[:count, :, part.columns] = own.kept(part.faults, part.touched)
-        return Undoing(
-            ruleset=test.ruleset,
-            every=every,
-            parts=parts,
-            readings=test.readings(test.ruleset.undo.used_inputs),
-            measured=measured,
-            kept=kept,
-        )
-
-    def _everywhere(self, degree: Array) -> Array:
-        """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""
-        everywhere: Array = degree[..., None, :] * self.test.present
-        return everywhere
-
-    def _best_start(self, chi: ChiSquare, starts: Array) -> Array:
-        """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""
-        low, top = self._range
-        degree = np.clip(starts, low[:, None], top[:, None])
-        distance, _ = chi.at(_in_a_row(self._undoing.moved(self._everywhere(degree))))
-        best = np.argmin(finite(distance), axis=0)
-        chosen: Array = np.take_along_axis(degree, best[None, None], axis=1)[:, 0]
-        return chosen
-
-    def _place(self, chi: ChiSquare, degree: Array) -> Place:
-        """Chi-square with the faults undone at degrees, shape (faults, n)."""
-        moved, slopes = self._undoing.moved_and_slopes(self._everywhere(degree))
-        moved, effect = _in_a_row(moved), _in_a_row(slopes * self.test.present)
-        distance, slope = chi.at(moved)
-        return Place(degree, moved, slope, effect, finite(distance))
-
-    def _fit(self, chi: ChiSquare, begin: Place) -> Place:
-        """Degrees of least distance: Gauss-Newton with halved steps."""
-        columns, best, left = self, begin, np.arange(len(self.which))
-        share = np.ones(len(left))
-        found = begin.problems(left)
-        for _ in range(limits.FIT_STEPS):
-            low, top = columns._range
-            degree = np.clip(best.degree + share * newton_step(chi, best), low, top)
-            trial = columns._place(chi, degree)
-            better = trial.is_better(best)
-            moved = np.max(np.abs(degree - best.degree), axis=0, initial=0.0)
-            best = best.where(better, trial)
-            share = np.where(better, 1.0, 0.5 * share)
-            going = moved >= limits.FIT_CONVERGED
-            if not going.all():
-                found.enter(left[~going], best.problems(~going))
-                left, share, best = left[going], share[going], best.problems(going)
-                if not len(left):
-                    return found
-                columns, chi = columns.at(going), chi.problems(going)
-        found.enter(left, best)
-        return found
-
-    def _scales(self, degree: Array) -> Scales:
-        """Factors by which undoing the faults scales the errors of each usable flow.
-
-        Noise is that of the readings as they are: undoing scales it. A systematic error is that of
-        a sound sensor: a reading that a fault scales takes it along, and undone it is as before.
-        """
-        outside = 1.0 - self._of_faults("in_sensor")
-        noise = self._scale(degree)
-        return Scales(noise, noise if outside.all() else self._scale(degree * outside))
-
-    def _scale(self, degree: Array) -> Array:
-        """Undone over measured flow of each usable observer, shape (usable, points, n).
-
-        So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
-        """
-        flows = self.test.flows
-        scale = np.ones_like(flows)
-        moved = self._undoing.moved(self._everywhere(degree))
-        for part in self._undoing.parts:
-            for row, name in enumerate(part.touched):
-                place = self.test.places[name]
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    share = moved[row, :, part.columns] / flows[place, :, part.columns]
-                scale[place, :, part.columns] += share
-        most = limits.LARGEST_SCALE
-        return np.where(np.isfinite(scale), np.clip(scale, -most, most), 1.0)
-
-    def _tolerance(self, degree: Array) -> Array:
-        """Covariance of the touched flows by the tolerance of each fault, shape (flows, flows, n):
-        a real one never looks quite like its law.
-
-        Each observer's own part of an effect may be off by the tolerance, independently of the
-        other observers, but alike at all points of one problem.
-        """
-        count, tolerance = len(degree), self._of_faults("tolerance")
-        # As found, then without each of the faults.
-        tried = np.repeat(degree[:, None], count + 1, axis=1)
-        tried[range(count), range(1, count + 1)] = 0.0
-        moved = self._undoing.moved(self._everywhere(tried))
-        touched, _, points, n = moved.shape
-        same = np.tile(np.eye(touched), (points, points))[:, :, None]
-        covariance = np.zeros((points * touched, points * touched, n))
-        for i in range(count):
-            off = _in_a_row(tolerance[i] * (moved[:, 0] - moved[:, i + 1]))
-            covariance += same * off[:, None] * off
-        return covariance
-
-
-def _in_a_row(table: Array) -> Array:
-    """A table of touched flows, shape (touched, ..., points, n), as that of the problems, those of
-    one point after the other: shape (points * touched, ..., n)."""
-    return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])

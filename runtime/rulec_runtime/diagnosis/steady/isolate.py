@@ -18,7 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.fit import fit, least_left
+from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
@@ -28,6 +28,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
+from rulec_runtime.diagnosis.steady.screen import may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +44,11 @@ class Isolation:
         estimates cannot show the fault.
     distance : shape (faults, n), chi-square left when the fault is undone; inf if untestable.
     chance : probability of a false alarm that each point was given.
-    probability : shape (faults, n), among the hypotheses that fit; 0 for the others. Where
-        only two faults together explain a point, a fault has the sum over its pairs.
-    pair : shape (n, 2), the most probable two faults where only two together fit, else -1.
+    probability : shape (faults, n), among the hypotheses that fit; 0 for the others. All faults
+        count as equally frequent: stretches are held together by what they show. Where only two
+        faults together explain a point, a fault has the sum over its pairs.
+    pair : shape (n, 2), the most probable two faults where only two together fit, else -1; how
+        often faults come counts here.
     """
 
     judged: np.ndarray
@@ -184,7 +187,7 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
-    tried = None if all_tried else least_left(test) <= limits.ROUNDED_OTHERWISE * limit
+    tried = None if all_tried else may_fit(test, limit)
     fits = fit(test, [(fault,) for fault in test.ruleset.faults], tried)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
@@ -195,7 +198,7 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
     unexplained = np.asarray(~np.isfinite(evidence).any(axis=0) & within.all(axis=0))
     if unexplained.any() and rank > 2:
         pairs = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
-        _take_pairs(pairs, chosen[unexplained], result)
+        _take_pairs(pairs, chosen[unexplained], test.ruleset.odds, result)
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:
@@ -219,15 +222,19 @@ def _is_read(test: HypothesisTest, signal: str) -> bool:
     return any(usable and signal in observer.signals for observer, usable in observers)
 
 
-def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
-    """Enter what pairs explain: per fault the sum over its pairs, and the best pair's degree."""
+def _take_pairs(fits: PairFits, members: np.ndarray, odds: Array, result: Isolation) -> None:
+    """Enter what pairs explain: per fault the sum over its pairs, and the best pair's degree.
+
+    `odds` are the prior odds of the faults, shape (faults,).
+    """
     if not fits.pairs:
         return
     probability = shares(fits.evidence)
     places = np.array(fits.pairs)
     found = np.flatnonzero(probability.max(axis=0) > 0)
     points = members[found]
-    result.pair[points] = places[np.argmax(probability[:, found], axis=0)]
+    posterior = shares(fits.evidence + np.log(odds[places]).sum(axis=1)[:, None])
+    result.pair[points] = places[np.argmax(posterior[:, found], axis=0)]
     order = np.argsort(probability[:, found], axis=0, kind="stable")
     # The most probable pair of each fault comes last and stays; of a pair, its second fault.
     for side in (0, 1):

@@ -29,6 +29,7 @@ from rulec_runtime.diagnosis.steady.isolate import (
     shares,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 
 
@@ -52,7 +53,8 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
-    fits = fit(test, [(fault,) for fault in ruleset.faults], scores[:, None] > 0.0)
+    tried = may_fit(test, limit, scores[:, None] > 0.0)
+    fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
     if not np.isfinite(evidence).any():
         return None
@@ -96,6 +98,7 @@ def _best_change(test: HypothesisTest, limit: float) -> float:
     most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
     tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
     np.put_along_axis(tried, most, True, axis=0)
+    tried = may_fit(changed, limit, tried)
     fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
     return float(np.max(fits.evidence[fits.distance <= limit], initial=-np.inf))
 

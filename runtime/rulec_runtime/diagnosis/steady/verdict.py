@@ -41,7 +41,7 @@ def verdict_at(seen: Seen, point: int) -> Verdict:
             return Verdict("outside", (), _outside(ruleset, outside[0]))
         return Verdict("unknown", (), _unexplained(seen, point))
     pair = tuple(int(i) for i in isolation.pair[point])
-    return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")
+    return Verdict("fault", (int(np.argmax(chances * ruleset.odds)),) if pair[0] < 0 else pair, "")
 
 
 def why_blind(seen: Seen, point: int) -> str:

@@ -41,7 +41,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     """Judge a recording of a plant that stores."""
     windows = windows_of(recording, ruleset)
     found = weighed(ruleset, windows)
-    spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
+    spells = spells_of(found.judged, ruleset.fault_by_id)
     blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
     said = Found([], [], blind, latest_of(found.judge, found.judged))
     for place, spell in enumerate(spells):

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import shares
+from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 
 
@@ -50,11 +52,11 @@ class Spell:
         return _inside(self.members)
 
 
-def spells_of(judged: Sequence[Judged], order: Mapping[str, int]) -> list[Spell]:
-    """All spells of a recording; `order` is that of the faults in the ruleset."""
+def spells_of(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Spell]:
+    """All spells of a recording; `faults` by id, in the order of the ruleset."""
     found: list[Spell] = []
     for run in _runs(judged):
-        found += _explained(judged, run, order)
+        found += _explained(judged, run, faults)
     return found
 
 
@@ -70,12 +72,14 @@ def _runs(judged: Sequence[Judged]) -> Iterator[range]:
             first = i
 
 
-def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -> list[Spell]:
+def _explained(
+    judged: Sequence[Judged], run: range, faults: Mapping[str, FaultSpec]
+) -> list[Spell]:
     """One fault for all windows of a run if there is such a one; else one after the other. Where
     none of them persists, though the deviation does, nothing known fits."""
     needed = windows_needed(judged, run[0])
     if names := _fitting(judged, run):
-        return [_spell(judged, run, names, order, needed)]
+        return [_spell(judged, run, names, faults, needed)]
     found = []
     first = run.start
     while first < run.stop:
@@ -86,7 +90,7 @@ def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -
                 break
             common &= more
             last += 1
-        found.append(_spell(judged, range(first, last), common, order, needed))
+        found.append(_spell(judged, range(first, last), common, faults, needed))
         first = last
     if len(run) >= needed and all(spell.brief for spell in found):
         return [Spell(run.start, run.stop, None, False)]
@@ -100,12 +104,16 @@ def windows_needed(judged: Sequence[Judged], place: int) -> int:
 
 
 def _spell(
-    judged: Sequence[Judged], run: range, names: set[str], order: Mapping[str, int], needed: int
+    judged: Sequence[Judged],
+    run: range,
+    names: set[str],
+    faults: Mapping[str, FaultSpec],
+    needed: int,
 ) -> Spell:
     cause = None
     if names:
         throughout = _throughout(judged, run, names)
-        cause = _cause(judged, throughout, sorted(names, key=order.__getitem__))
+        cause = _cause(judged, throughout, [f for f in faults.values() if f.id in names])
     return Spell(run.start, run.stop, cause, len(run) < needed)
 
 
@@ -135,8 +143,9 @@ def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
     return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
 
 
-def _cause(judged: Sequence[Judged], inside: Sequence[int], names: Sequence[str]) -> Cause:
+def _cause(judged: Sequence[Judged], inside: Sequence[int], faults: Sequence[FaultSpec]) -> Cause:
     """The most probable of some faults; each sample counts once, though it is in two windows."""
+    names = [fault.id for fault in faults]
     weight = 0.5 if len(inside) > 1 else 1.0
     evidence = np.zeros((len(names), 1))
     for i in inside:
@@ -145,23 +154,16 @@ def _cause(judged: Sequence[Judged], inside: Sequence[int], names: Sequence[str]
         for row, name in enumerate(names):
             test = one.tests.get(name)
             evidence[row] -= 0.5 * weight * (test.chi if test else one.plain.chi)
-    probability = shares(np.round(evidence, limits.SPELL_DECIMALS))[:, 0]
-    best = int(np.argmax(probability))
-    top = float(probability[best])
+    evidence = np.round(evidence, limits.SPELL_DECIMALS)
+    prior = np.log([[fault.odds] for fault in faults])
+    posterior, unprejudiced = (shares(e)[:, 0].tolist() for e in (evidence + prior, evidence))
+    weighed = [Other(*one) for one in zip(names, posterior, unprejudiced, strict=True)]
+    best = int(np.argmax(posterior))
+    rivals, remote = rivals_of(weighed[best], weighed[:best] + weighed[best + 1 :])
     tests = [judged[i].tests[names[best]] for i in inside if names[best] in judged[i].tests]
     tests = [test for test in tests if test.fits] or tests
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
     degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
     # Lasting errors are the same in all windows: many of them tell no more than one.
     half = limits.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
-    others = [(n, float(p)) for n, p in zip(names, probability, strict=True) if n != names[best]]
-    others.sort(key=lambda other: -other[1])
-    return Cause(
-        names[best],
-        degree,
-        degree - half,
-        degree + half,
-        top,
-        tuple(o for o in others if o[1] >= limits.RIVAL * top),
-        tuple(o for o in others if limits.MENTION <= o[1] < limits.RIVAL * top),
-    )
+    return Cause(names[best], degree, degree - half, degree + half, posterior[best], rivals, remote)

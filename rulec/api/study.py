@@ -1,0 +1,235 @@
+"""`rulec.study`: what the diagnosis of a plant can do, before anybody trusts it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from rich.console import Console
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.report.made import made_now
+
+from rulec.api.frames import Columns, table_of
+from rulec.api.given import AnyPath, Plant, folder_of
+from rulec.api.result import Result
+from rulec.passes.perturb import true_plan
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
+from rulec.simulation.equations import equations_of
+from rulec.simulation.sensing import SensorErrors
+from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
+from rulec.study.json_form import study_form
+from rulec.study.page import study_page
+from rulec.study.points import Points, operating_points
+from rulec.study.pool import run_groups
+from rulec.study.story import show
+from rulec.study.tally import Tally, tally
+
+Draw = Callable[[np.random.Generator], Plan]
+
+JUDGING = "simulating and judging recordings"
+
+START = 1.0
+"""Seconds that starting the processes takes."""
+
+_CELLS = ("recordings", "found", "named", "shared", "covered", "error", "bias")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyResult(Result):
+    """What became of simulated recordings.
+
+    Tables: `faults` (a row per fault of a module type and degree, with counts of recordings), and
+    `confusions` (what was taken for what).
+    """
+
+    ruleset: Ruleset
+    types: Mapping[str, str]
+    points: Points
+    settings: Settings
+    counts: Tally
+
+    def __repr__(self) -> str:
+        recordings = sum(cell.recordings for cell in self.counts.cells)
+        return f"<StudyResult {self.ruleset.plant}: {recordings} faulty recordings>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The study as `rulec study --json` writes it; readings in SI."""
+        return study_form(self.ruleset, self.points, self.settings, self.counts)
+
+    def page(self) -> str:
+        """The study, one page of HTML."""
+        about = (self.ruleset, self.types, self.points, self.settings, self.counts)
+        return study_page(*about, made_now("rulec"))
+
+    def write_page(self, file: AnyPath) -> None:
+        """Write the page."""
+        write_text(Path(file), self.page())
+
+    def tell(self, out: Console) -> None:
+        """Print the findings in words, then a table per module type."""
+        show(out, self.ruleset, self.types, self.points, self.counts)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"faults": self._faults, "confusions": self._confusions}
+
+    def _faults(self) -> Columns:
+        cells = self.to_dict()["faults"]
+        names = ("type", "name", "title", "degree", *_CELLS)
+        return table_of(names, [tuple(cell[name] for name in names) for cell in cells])
+
+    def _confusions(self) -> Columns:
+        rows = [
+            (c.fault.type, c.fault.name, c.taken_for.type, c.taken_for.name, c.count, c.of)
+            for c in self.counts.confusions
+        ]
+        names = ("type", "name", "taken for type", "taken for", "count", "of")
+        return table_of(names, rows)
+
+
+def study(
+    plant: Plant,
+    *,
+    degrees: Sequence[float] = (0.1, 0.2, 0.3),
+    points: int = 3,
+    seeds: int = 3,
+    lead_in: int = 0,
+    mode: Literal["default", "paper"] = "default",
+    bounded: bool = False,
+    jobs: int = 1,
+    announce: Callable[[str], None] | None = None,
+    progress: Callable[[str, float, float], None] | None = None,
+) -> StudyResult:
+    """Simulate faults of a plant, diagnose the recordings, and count what became of them.
+
+    Parameters
+    ----------
+    plant : folder, plant.yaml, or what `rulec.compile` returned.
+    degrees : of every fault.
+    points : operating points.
+    seeds : plants drawn per fault.
+    lead_in : healthy samples before the fault.
+    mode : ``default`` or ``paper``, as of `rulec.diagnose`.
+    bounded : sensor errors stay inside the bounds of their class.
+    jobs : processes; a script that asks for several must be guarded by ``__name__ ==
+        "__main__"``.
+    announce : is told how large the study is, and how long it will take.
+    progress : is told what is being done, how many recordings are judged, and of how many.
+
+    Raises
+    ------
+    Refused
+        The plant has mistakes.
+    SimulationRefused
+        The plant cannot be simulated.
+    Misused
+        No fault has such a degree, or a number is too small.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> found = rulec.study("plants/abc", degrees=[0.3], points=1, seeds=1)  # doctest: +SKIP
+    >>> found.counts.healthy.alarms  # doctest: +SKIP
+    0
+    """
+    settings = _checked(degrees, points, seeds, lead_in, mode, bounded, jobs)
+    lacking = "a ruleset alone cannot say how the true plant may differ"
+    models = run_passes(Compilation(path=folder_of(plant, lacking)))
+    ruleset = models.ruleset
+    faults = [f.id for f in ruleset.faults]
+    if not any(degrees_of(ruleset, fault, settings) for fault in faults):
+        what = f"no fault of {ruleset.plant} has such a degree"
+        raise Misused(f"--degrees {_listed(degrees)}: {what}")
+    found = operating_points(equations_of(ruleset), settings.points)
+
+    def draw(random: np.random.Generator) -> Plan:
+        return true_plan(models, faults, random)
+
+    if announce is not None:
+        announce(_announced(ruleset, found, settings, jobs, draw))
+    done, size = 0, sum(size_of(ruleset, found, settings))
+
+    def advance(recordings: int) -> None:
+        nonlocal done
+        done += recordings
+        if progress is not None:
+            progress(JUDGING, done, size)
+
+    groups = groups_of(ruleset, settings, draw)
+    outcomes = run_groups(ruleset, found, settings, groups, jobs, advance)
+    types = {module.name: module.type.name for module in models.plant.modules.values()}
+    return StudyResult(
+        ruleset=ruleset,
+        types=types,
+        points=found,
+        settings=settings,
+        counts=tally(ruleset, types, outcomes, settings.samples, settings.lead_in),
+    )
+
+
+def _checked(
+    degrees: Sequence[float],
+    points: int,
+    seeds: int,
+    lead_in: int,
+    mode: str,
+    bounded: bool,
+    jobs: int,
+) -> Settings:
+    """Settings of a study; `Misused` with a message for a bad number."""
+    if not all(math.isfinite(d) and d > 0 for d in degrees):
+        what = "a degree is a number above 0 (0.1 is 10 %)"
+        raise Misused(f"--degrees {_listed(degrees)}: {what}")
+    for name, value, least in (
+        ("points", points, 1),
+        ("seeds", seeds, 1),
+        ("jobs", jobs, 1),
+        ("lead-in", lead_in, 0),
+    ):
+        if value < least:
+            raise Misused(f"--{name} {value}: give {least} or more")
+    return Settings(
+        degrees=tuple(sorted(set(degrees))),
+        points=points,
+        seeds=seeds,
+        mode=mode,
+        lead_in=lead_in,
+        errors=SensorErrors(bounded=bounded),
+    )
+
+
+def _listed(degrees: Sequence[float]) -> str:
+    return ",".join(f"{degree:g}" for degree in degrees)
+
+
+def _announced(ruleset: Ruleset, points: Points, settings: Settings, jobs: int, draw: Draw) -> str:
+    """Size of the study, and how long it will take, from a few of its recordings."""
+    faulty, healthy = size_of(ruleset, points, settings)
+    one = Points({name: values[:1] for name, values in points.given.items()}, 1)
+    largest = replace(settings, degrees=settings.degrees[-1:])
+    ids = [f.id for f in ruleset.faults]
+
+    def seconds(fault: str) -> float:
+        group = Group(fault, 0, 0, draw(np.random.default_rng(0)))
+        start = time.perf_counter()
+        list(run_group(ruleset, one, largest, group))
+        return time.perf_counter() - start
+
+    quiet = min(seconds("") for _ in range(2))
+    loud = float(np.mean([seconds(f) for f in ids[:: max(1, len(ids) // 3)]])) if ids else 0.0
+    total = START * (jobs > 1) + (quiet * healthy + loud * faulty) / jobs
+    where = f"{len(points)} operating point{'s' * (len(points) > 1)}"
+    lost = f" ({points.tried - len(points)} more have none)" if points.tried > len(points) else ""
+    return (
+        f"{ruleset.plant}: {faulty} faulty and {healthy} healthy recordings at {where}{lost}; "
+        f"about {max(total, 1.0):.0f} s on {jobs} process{'es' * (jobs > 1)}"
+    )

@@ -1,0 +1,99 @@
+"""What was made of a plant at an earlier start, as long as none of its sources has changed.
+
+A compiler that need not run need not be loaded either: nothing here imports a pass at its top.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
+from rulec_runtime.output.json_file import Damaged, parse_json
+from rulec_runtime.output.private_folder import keep, kept
+
+from rulec.knowledge.fingerprint import file_of, named_in, print_of_all, print_of_text
+from rulec.language.diagnostics import Refused
+
+
+def ruleset_of_plant(plant: Path) -> Ruleset:
+    """The ruleset of a plant, folder or file; compiled only if something has changed.
+
+    Raises `Refused` with all mistakes of the first bad pass.
+    """
+    known = _text(plant, "ruleset")
+    if known is not None:
+        try:
+            return parse_ruleset(parse_json(known))
+        except (Damaged, RulesetRefused):  # by a tool that wrote others; compile it again
+            pass
+    before = _print(plant)
+    from rulec.passes.pipeline import compile_plant
+
+    ruleset = compile_plant(plant)
+    _keep(plant, "ruleset", before, ruleset.to_json())
+    return ruleset
+
+
+def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any], whole: bool = False) -> Any:
+    """JSON data that follow from a plant alone: those of an earlier start, else `make` them.
+
+    None is made anew each time. `whole`: they follow from all YAML files in its folder.
+    """
+    known = _text(plant, kind, whole)
+    if known is not None:
+        try:
+            return parse_json(known)
+        except Damaged:
+            pass
+    before = _print(plant, whole)
+    made = make()
+    if made is not None:
+        _keep(plant, kind, before, json.dumps(made), whole)
+    return made
+
+
+def _text(plant: Path, kind: str, whole: bool = False) -> str | None:
+    """What is kept of a plant; None if it has changed or was never read."""
+    file = file_of(plant)
+    try:
+        names = kept(f"{print_of_text(file)}.names")
+        if names is None:
+            return None
+        found = kept(f"{print_of_all(file, json.loads(names), whole)}.{kind}")
+        return None if found is None else found.decode("utf-8")
+    except (OSError, ValueError, Refused):
+        return None
+
+
+def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]] | None:
+    """Hash of all sources of a plant, and what its file names; None if it has mistakes."""
+    from rulec.language.document import read_document
+
+    file = file_of(plant)
+    try:
+        document, _ = read_document(file)
+        if document is None or not isinstance(document.data, dict):
+            return None
+        names = named_in(document.data)
+        return print_of_all(file, names, whole), names
+    except (OSError, ValueError, Refused):
+        return None
+
+
+def _keep(
+    plant: Path,
+    kind: str,
+    before: tuple[str, dict[str, list[str]]] | None,
+    text: str,
+    whole: bool = False,
+) -> None:
+    """Keep what was made, unless a source changed meanwhile: nobody knows which was read then."""
+    if before is None or before != _print(plant, whole):
+        return
+    found, names = before
+    keep(f"{print_of_text(file_of(plant))}.names", json.dumps(names).encode())
+    keep(f"{found}.{kind}", text.encode("utf-8"))

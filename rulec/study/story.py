@@ -1,0 +1,49 @@
+"""A study as a story for the terminal: the findings in words, then a table per module type."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import styled
+
+from rulec.study.points import Points
+from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
+from rulec.study.tally import Cell, Tally
+
+
+def show(
+    out: Console,
+    ruleset: Ruleset,
+    types: Mapping[str, str],
+    points: Points,
+    counts: Tally,
+) -> None:
+    """The findings in words, then a table per module type."""
+    out.print(styled("\n[bold]{}[/]: what its diagnosis can do\n", ruleset.title))
+    for sentence in sentences(counts):
+        out.print(f"- {sentence}")
+    held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
+    if held:
+        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.")
+    for kind in dict.fromkeys(types.values()):
+        rows = {k: cells for k, cells in rows_of(counts).items() if k.type == kind}
+        if rows:
+            members = ", ".join(name for name, type_ in types.items() if type_ == kind)
+            out.print(styled("\n[bold]{}[/] ({})", kind, members))
+            out.print(_table(list(rows.values())))
+    out.print(styled("[dim]{}[/]", LEGEND))
+
+
+def _table(rows: list[list[Cell]]) -> Table:
+    table = Table(pad_edge=False, box=None, padding=(0, 1))
+    table.add_column("fault", no_wrap=True)
+    for title in TITLES:
+        table.add_column(title, justify="right", no_wrap=True)
+    for cells in rows:
+        for i, cell in enumerate(cells):
+            name = "" if i else cell.fault.title
+            table.add_row(name, percent(cell.degree), str(cell.recordings), *figures_of(cell))
+    return table

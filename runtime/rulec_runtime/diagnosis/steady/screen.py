@@ -1,0 +1,52 @@
+"""Faults that cannot fit need not be tried.
+
+What a fault leaves is no less than chi-square without the flows that it touches, as if nothing were
+known of these where it is there: no degree moves them better, nor does scaling their errors, or the
+tolerance of a law, leave less.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+
+
+def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
+    """Which faults of the ruleset may leave no more than this, shape (faults, n), of those that are
+    to be tried, flags of the same shape."""
+    shape = (len(test.ruleset.faults), len(test))
+    found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
+    for part in test.portions():
+        for i, left in _least_left(test.at(part), found[:, part]):
+            found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
+    return found
+
+
+def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Array]]:
+    """Per fault that is tried somewhere chi-square that it leaves at least, shape (n,)."""
+    found, (points, n) = [], test.members.shape
+    flows = np.arange(len(test.flows))[:, None] + np.zeros(n, dtype=int)
+    # At one point all flows are few enough to be worked out once for all faults.
+    every = test.metric.moving(flows) if points == 1 else None
+    for i in np.flatnonzero(tried.any(axis=1)):
+        places = [test.places[name] for name in test.touched((test.ruleset.faults[i],))]
+        if not places:
+            continue
+        chi = test.metric.moving(flows[places]) if every is None else every.of(places)
+        there = np.repeat(test.present, len(places), axis=0)
+        found.append((int(i), _without(chi, there)))
+    return found
+
+
+def _without(chi: ChiSquare, free: Array) -> Array:
+    """Chi-square when some of the flows, 1 in a table of shape (flows, n), may be anything."""
+    held = np.eye(len(free))[:, :, None] * (1.0 - free)
+    slope = chi.slope * free
+    moved = solved(chi.curvature * free[:, None] * free + held, slope[:, None])[:, 0]
+    gain = np.einsum("in,in->n", slope, moved)
+    # Where nothing is known of these flows, nothing can be said.
+    return np.where(np.isfinite(gain), chi.value - gain, -np.inf)

@@ -1,0 +1,138 @@
+"""Work that is kept for the next start, in a folder that is the user's alone.
+
+What is read back is data: bytes with their checksum, never code, and nothing is unpickled. A file
+counts only if this user wrote it here under this name; whatever else lies there is ignored, and
+written anew. Several processes may read and write at once: a file appears as a whole.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import stat
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from rulec_runtime import limits
+from rulec_runtime.output.terminal import say_aside
+from rulec_runtime.output.write_file import write_private
+
+CHOSEN, OFF = "RULEC_CACHE", "off"
+"""Environment variable that names the folder, and its value where nothing is to be kept."""
+
+_MARK = b"rulec kept 1"
+_HAS_OWNERS = hasattr(os, "geteuid")
+
+
+def kept(name: str) -> bytes | None:
+    """What was kept under a name; None where there is nothing, or nothing that can be trusted."""
+    folder = _folder()
+    if folder is None:
+        return None
+    file = folder / name
+    try:
+        if _why_not(folder.lstat()):
+            return None
+        data = _read(file)
+    except (OSError, ValueError):
+        return None
+    head, _, body = data.partition(b"\n")
+    if head != _head(name, body):
+        return None
+    with suppress(OSError):
+        os.utime(file)  # what is used stays longest
+    return body
+
+
+def keep(name: str, body: bytes) -> None:
+    """Keep bytes under a name, and remove the oldest where there are too many.
+
+    Where that cannot be done, it is said once, and the next start does the work again.
+    """
+    folder = _folder()
+    if folder is None or len(body) > limits.MOST_KEPT_BYTES // 2:
+        return
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        reason = _why_not(folder.lstat())
+        if not reason:
+            write_private(folder / name, _head(name, body) + b"\n" + body)
+            _remove_oldest(folder)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason:
+        _say(str(folder), reason)
+
+
+def _folder() -> Path | None:
+    """Where things are kept, whether it is there or not; None where nothing is to be kept."""
+    chosen = os.environ.get(CHOSEN, "")
+    if chosen == OFF:
+        return None
+    if chosen:
+        return Path(chosen) / "plants"
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA", "")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        # By the convention of XDG a relative path does not count.
+        usual = Path(base) if os.path.isabs(base) else Path.home() / ".cache"
+    except RuntimeError:  # a user without a home
+        return None
+    return usual / "rulec" / "plants"
+
+
+def _why_not(found: os.stat_result) -> str:
+    """Why a folder is not to be trusted; empty where it is."""
+    if not stat.S_ISDIR(found.st_mode):
+        return "it is a link or no folder"
+    if not _HAS_OWNERS:
+        return ""
+    if found.st_uid != os.geteuid():
+        return "it belongs to another user"
+    return "others may read or write it" if found.st_mode & 0o077 else ""
+
+
+def _read(file: Path) -> bytes:
+    """Content of a file of this user; raises OSError or ValueError for a link, or another's."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    with os.fdopen(os.open(file, flags | getattr(os, "O_BINARY", 0)), "rb") as stream:
+        found = os.fstat(stream.fileno())
+        foreign = _HAS_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & 0o022)
+        if foreign or not stat.S_ISREG(found.st_mode) or found.st_size > limits.MOST_KEPT_BYTES:
+            raise ValueError("no file of this folder")
+        return stream.read()
+
+
+def _head(name: str, body: bytes) -> bytes:
+    """First line of a file: whose it is, and the checksum of the rest."""
+    return b" ".join((_MARK, name.encode(), hashlib.sha256(body).hexdigest().encode()))
+
+
+def _remove_oldest(folder: Path) -> None:
+    """Also parts of files that a killed process left; others may remove at the same time."""
+    files = []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            with suppress(OSError):
+                if entry.is_file(follow_symlinks=False):
+                    found = entry.stat(follow_symlinks=False)
+                    files.append((found.st_mtime_ns, found.st_size, entry.path))
+    size = sum(bytes_ for _, bytes_, _ in files)
+    for _, bytes_, path in sorted(files):
+        if size <= limits.MOST_KEPT_BYTES:
+            return
+        with suppress(OSError):
+            os.unlink(path)
+        size -= bytes_
+
+
+@functools.cache
+def _say(folder: str, reason: str) -> None:
+    say_aside(
+        f"rulec: {folder} is not used ({reason}), so plants are compiled anew at every start; set "
+        f"{CHOSEN} to a folder that can be written, or to '{OFF}'"
+    )

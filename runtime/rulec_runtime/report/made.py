@@ -1,0 +1,35 @@
+"""When a page was made, and by what."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+
+EPOCH = "SOURCE_DATE_EPOCH"
+"""Seconds since 1970 that count as now, for those who want the same bytes again."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """Date and time with zone, and tool with version."""
+
+    when: str
+    tool: str
+
+
+def made_now(distribution: str) -> Made:
+    """This moment, and an installed distribution."""
+    given = os.environ.get(EPOCH, "")
+    if given.isascii() and given.isdigit() and len(given) <= 11:
+        now = datetime.fromtimestamp(int(given), UTC)
+    else:
+        now = datetime.now().astimezone()
+    try:
+        tool = f"{distribution} {version(distribution)}"
+    except PackageNotFoundError:
+        tool = distribution
+    zone = f"{now:%z}"
+    shown = f"UTC{zone[:3]}:{zone[3:5]}" if zone.strip("+-0") else "UTC"
+    return Made(f"{now:%Y-%m-%d %H:%M} {shown}", tool)

@@ -1,0 +1,175 @@
+"""Axes of time: dates where the recording has them, else seconds, minutes or hours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.wall_clock import DAY, HOUR, MINUTE, Calendar
+from rulec_runtime.report.chart import Axis, axis
+from rulec_runtime.report.figure import plot
+from rulec_runtime.report.text import period
+
+WANTED, WANTED_DATES = 9, 6
+"""Ticks of an axis; a date takes more room than a number."""
+
+UNITS = ((20 * HOUR, HOUR, "h"), (20 * MINUTE, MINUTE, "min"), (0.0, 1.0, "s"))
+"""From which length on an axis has which unit, s."""
+
+STEPS = (
+    *(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
+    *(m * MINUTE for m in (1, 2, 5, 10, 15, 30)),
+    *(h * HOUR for h in (1, 2, 3, 6, 12)),
+    *(d * DAY for d in (1, 2, 7, 14)),
+)
+"""Distances of dates, s; longer ones are counted in months."""
+
+MONTHS = (1, 2, 3, 6, 12, 24, 60, 120)
+MONTH = 30.44 * DAY
+
+
+@dataclass(frozen=True)
+class Scaled(Axis):
+    """Times in s, labelled in another unit."""
+
+    unit: float
+
+    def labels(self) -> list[str]:
+        ticks = tuple(tick / self.unit for tick in self.ticks)
+        return Axis(self.low / self.unit, self.high / self.unit, ticks).labels()
+
+
+@dataclass(frozen=True)
+class Dated(Axis):
+    """Times in s, labelled by the clock of the plant; below it the date where it is a new one."""
+
+    calendar: Calendar
+    form: str
+
+    def labels(self) -> list[str]:
+        return [self._shown(tick) for tick in self.ticks]
+
+    def second_lines(self) -> list[tuple[str, bool]]:
+        if self.form.startswith("%Y"):
+            return []
+        days = [f"{self._at(tick):%Y-%m-%d}" for tick in self.ticks]
+        # Where the page is narrow only every second tick is shown.
+        new = [i == 0 or day != days[i - 1] for i, day in enumerate(days)]
+        return [
+            (day if new[i] or (i % 2 == 0 and day != days[i - 2]) else "", new[i])
+            for i, day in enumerate(days)
+        ]
+
+    def _at(self, tick: float) -> datetime:
+        return self.calendar.at(round(tick, 3))
+
+    def _shown(self, tick: float) -> str:
+        text = format(self._at(tick), self.form)
+        return text[:-5] if self.form.endswith("%f") else text
+
+
+def time_axis(low: float, high: float, calendar: Calendar | None) -> Axis:
+    """An axis over times, s, that ends where the data end.
+
+    >>> time_axis(0.0, 7200.0, Calendar(1731628800.0)).labels()
+    ['00:00', '00:30', '01:00', '01:30', '02:00']
+    >>> time_axis(0.0, 3600.0, None).labels()
+    ['0', '10', '20', '30', '40', '50', '60']
+    """
+    if not high > low:
+        low, high = low - 1.0, high + 1.0
+    dated = None if calendar is None else _dated(low, high, calendar)
+    if dated is not None:
+        return dated
+    unit = _unit(low, high)[0]
+    made = axis(low / unit, high / unit, WANTED, tight=True)
+    return Scaled(low, high, tuple(tick * unit for tick in made.ticks), unit)
+
+
+def over(time: Array, calendar: Calendar | None) -> Axis:
+    """An axis over times, s, shape (n,), in any order."""
+    return time_axis(float(np.min(time)), float(np.max(time)), calendar)
+
+
+def named(shown: Axis, calendar: Calendar | None) -> str:
+    """What stands below an axis of time.
+
+    >>> named(time_axis(0.0, 3600.0, None), None)
+    'time [min]'
+    """
+    if isinstance(shown, Dated) and calendar is not None:
+        return f"time ({calendar.zone()})" if calendar.offsets else "time"
+    return f"time [{_unit(shown.low, shown.high)[1]}]"
+
+
+def time_plot(svg: str, foot: bool, across: Axis, calendar: Calendar | None) -> str:
+    """A panel over time with room for its axes."""
+    return plot(svg, foot, named(across, calendar), bool(across.second_lines()))
+
+
+def told(calendar: Calendar | None, since: float, until: float) -> str:
+    """A period in words, by dates where there are any.
+
+    >>> told(Calendar(86390.0), 0.0, 20.0)
+    'from 1970-01-01 23:59:50 to 1970-01-02 00:00:10'
+    """
+    if calendar is None or not np.isfinite([since, until]).all():
+        return period(since, until)
+    return f"from {calendar.clock(since)} to {calendar.clock(until, since)}"
+
+
+def _unit(low: float, high: float) -> tuple[float, str]:
+    return next((unit, name) for least, unit, name in UNITS if high - low >= least)
+
+
+def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
+    """Ticks at round times of the plant's clock; None where none is between the ends."""
+    step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
+    if (high - low) / STEPS[-1] > 2 * WANTED_DATES:
+        ticks, form = tuple(_months(low, high, calendar)), "%Y-%m"
+    else:
+        ticks = tuple(_rounds(low, high, calendar, step))
+        form = "%Y-%m-%d" if step >= DAY else "%H:%M" if step >= MINUTE else "%H:%M:%S"
+        form += ".%f" if step < 1.0 else ""
+    return Dated(low, high, ticks, calendar, form) if len(ticks) > 1 else None
+
+
+def _rounds(low: float, high: float, calendar: Calendar, step: float) -> Iterator[float]:
+    """Multiples of a step on the local clock, whose distance from UTC may change."""
+    first = np.ceil((_local(low, calendar) - 1e-6) / step)
+    for i in range(int(2 * (high - low) / step) + 4):
+        tick = _time(float((first + i) * step), low, calendar)
+        if tick > high:
+            return
+        if tick >= low - 1e-6:
+            yield tick
+
+
+def _months(low: float, high: float, calendar: Calendar) -> Iterator[float]:
+    each = min(MONTHS, key=lambda m: abs((high - low) / (m * MONTH) - WANTED_DATES))
+    begin, end = calendar.at(low), calendar.at(high)
+    for month in range(12 * begin.year, 12 * end.year + 12, each):
+        date = datetime(month // 12, month % 12 + 1, 1)
+        tick = _time((date - datetime(1970, 1, 1)).total_seconds(), low, calendar)
+        if low <= tick <= high:
+            yield tick
+
+
+def _local(time: float, calendar: Calendar) -> float:
+    """What the plant's clock shows, s since 1970."""
+    return calendar.start + time + _offset(time, calendar)
+
+
+def _time(local: float, near: float, calendar: Calendar) -> float:
+    """When the plant's clock shows this, s."""
+    time = local - calendar.start - _offset(near, calendar)
+    return local - calendar.start - _offset(time, calendar)
+
+
+def _offset(time: float, calendar: Calendar) -> float:
+    ahead = calendar.at(time).utcoffset()
+    return 0.0 if ahead is None else ahead.total_seconds()

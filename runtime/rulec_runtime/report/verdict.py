@@ -1,0 +1,81 @@
+"""The verdict of a diagnosis in one sentence, as the heading of its page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.report.text import counted, degree, fixed, percent
+from rulec_runtime.report.wording import STATUS, titled, worst_first
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """What is wrong, and how much of it; else that nothing is, or what is not known."""
+    worst = worst_first(diagnosis.findings)
+    if diagnosis.sensors:
+        first = diagnosis.sensors[0]
+        more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return f"{first.condition.title}: {first.signal or 'time'}{also}"
+    if worst:
+        either = [name for name, p in worst[0].alternatives if p > limits.HEADLINE_RIVAL]
+        faults = diagnosis.ruleset.fault_by_id
+        title = titled(worst[0].fault)
+        others = "".join(f" or {titled(faults[name])}" for name in either)
+        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        # Of two causes each would have a degree of its own.
+        size = "" if either else f": {size_of(worst[0])}"
+        return f"{title[:1].upper()}{title[1:]}{others}{size}{also}"
+    if not diagnosis.judged:
+        return "Nothing could be judged"
+    if diagnosis.unknown:
+        return "Something is wrong, but nothing known explains it"
+    return "No fault found"
+
+
+def size_of(finding: Finding) -> str:
+    """The degree with half the width of its 95 % bounds, both to the digits of the latter."""
+    value, unit = finding.degree, finding.fault.unit
+    half = max(finding.upper - value, value - finding.lower)
+    if not np.isfinite(half) or half <= 0.0:
+        return degree(value, unit) if unit else percent(value)
+    scale, shown = (1.0, f"\u00a0{unit}") if unit else (100.0, "\u00a0%")
+    value, half = scale * value, scale * half
+    digits = _decimals(half)
+    return f"{fixed(value, digits)}{shown} ± {fixed(half, digits)}{shown}"
+
+
+def _decimals(half: float) -> int:
+    """One digit of an uncertainty counts, two where the first one is 1."""
+    place = int(np.floor(np.log10(half)))
+    first = round(half / 10.0**place, 1)
+    return max(0, -place + (1 if first < 2.0 else 0))
+
+
+def meaning(diagnosis: Diagnosis) -> str:
+    """The letter in words, and how much was judged."""
+    share = diagnosis.judged / max(diagnosis.samples, 1)
+    words = STATUS[diagnosis.status][1]
+    return f"{words[:1].upper()}{words[1:]}; {percent(share)} of the recording was judged"
+
+
+def marks(diagnosis: Diagnosis) -> Mapping[str, str]:
+    """Modules with a finding, and its letter; the worst of several."""
+    found: dict[str, str] = {}
+    for f in diagnosis.findings:
+        _note(found, f.fault.module, f.fault.status)
+    for s in diagnosis.sensors:
+        _note(found, s.signal.partition(".")[0], s.condition.status)
+    return found
+
+
+def _note(found: dict[str, str], module: str, letter: str) -> None:
+    order = list(STATUS)
+    known = found.get(module)
+    if known is None or order.index(letter) < order.index(known):
+        found[module] = letter

@@ -1,0 +1,238 @@
+"""What each operation of a tape is as code for LLVM, its value and its derivatives.
+
+They do what `evaluate` in `integrator.py` does, operation by operation.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+LANES = 4
+"""Columns of slopes at a time: a register of AVX2 holds so many."""
+
+WIDE = f"<{LANES} x double>"
+
+ONE, MINUS = "one", "minus"
+"""Factors that need no multiplication."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of the integrator that the code needs: edges of functions, nodes and weights of the
+    stages; and the addresses of functions that LLVM has none of."""
+
+    tiny: float
+    steepest: float
+    nodes: tuple[float, ...]
+    weights: tuple[float, ...]
+    functions: Mapping[str, int]
+
+
+class Code:
+    """Lines of code; each result has a number."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._count = 0
+
+    def put(self, what: str) -> str:
+        """A line with a result; its name."""
+        self._count += 1
+        self.lines.append(f"  %r{self._count} = {what}")
+        return f"%r{self._count}"
+
+    def do(self, what: str) -> None:
+        """A line without a result."""
+        self.lines.append(f"  {what}")
+
+    def at(self, base: str, index: int | str) -> str:
+        """The address of a number of an array."""
+        return self.put(f"getelementptr double, ptr {base}, i64 {index}")
+
+    def load(self, base: str, index: int | str, kind: str = "double") -> str:
+        """A number of an array, or `LANES` of them."""
+        return self.put(f"load {kind}, ptr {self.at(base, index)}, align 8")
+
+    def store(self, value: str, base: str, index: int | str, kind: str = "double") -> None:
+        """Write a number, or `LANES` of them."""
+        self.do(f"store {kind} {value}, ptr {self.at(base, index)}, align 8")
+
+    def wide(self, value: str) -> str:
+        """A number in all lanes."""
+        one = self.put(f"insertelement {WIDE} poison, double {value}, i32 0")
+        return self.put(
+            f"shufflevector {WIDE} {one}, {WIDE} poison, <{LANES} x i32> zeroinitializer"
+        )
+
+    def calc(self, operation: str, a: str, b: str, kind: str = "double") -> str:
+        """An operation of two operands."""
+        return self.put(f"{operation} {kind} {a}, {b}")
+
+    def choose(self, if_: str, a: str, b: str) -> str:
+        """`a` where the condition holds, else `b`."""
+        return self.put(f"select i1 {if_}, double {a}, double {b}")
+
+    def call(self, function: int, *operands: str) -> str:
+        """The result of a function at an address."""
+        given = ", ".join(f"double {o}" for o in operands)
+        return self.put(f"call double inttoptr (i64 {function} to ptr)({given})")
+
+    def moved(self, base: str, scale: str, by: str | None, kind: str = "double") -> str:
+        """`base` and a multiple of something, which None has none of."""
+        if by is None:
+            return base
+        return self.calc("fadd", base, self.calc("fmul", scale, by, kind), kind)
+
+    def by_columns(self, columns: int, body: Callable[[], None]) -> None:
+        """A loop over columns, `LANES` at a time; the last one that a function may have."""
+        self.do("br label %columns")
+        self.lines.append("columns:")
+        self.do("%column = phi i64 [ 0, %start ], [ %next_column, %columns ]")
+        body()
+        self.do(f"%next_column = add i64 %column, {LANES}")
+        self.do(f"%more_columns = icmp ult i64 %next_column, {columns}")
+        self.do("br i1 %more_columns, label %columns, label %done")
+        self.lines.append("done:")
+
+    def function(self, name: str, parameters: str, frame: int) -> str:
+        """The whole function; `frame` numbers are kept on the stack."""
+        begin = [f"define void {name}({parameters}) {{", "start:"]
+        frame_ = f"  %frame = alloca double, i64 {max(frame, 1)}, align 8"
+        return "\n".join([*begin, frame_, *self.lines, "  ret void", "}"])
+
+
+def number(value: float) -> str:
+    """A number as LLVM writes it: its bits."""
+    return f"0x{int.from_bytes(struct.pack('>d', value)):016X}"
+
+
+def _add(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    return code.calc("fadd", x, y), ONE, ONE
+
+
+def _sub(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    return code.calc("fsub", x, y), ONE, MINUS
+
+
+def _mul(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    return code.calc("fmul", x, y), y, x
+
+
+def _div(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    none = code.calc("fcmp oeq", y, number(0.0))
+    y = code.choose(none, number(numbers.tiny), y)
+    v = code.calc("fdiv", x, y)
+    by_left = code.calc("fdiv", number(1.0), y) if by[0] else None
+    by_right = code.calc("fdiv", code.put(f"fneg double {v}"), y) if by[1] else None
+    return v, by_left, by_right
+
+
+def _pow(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    zero, one = number(0.0), number(1.0)
+    base = code.choose(code.calc("fcmp olt", x, zero), zero, x)
+    none = code.calc("fcmp oeq", base, zero)
+    raised = code.call(numbers.functions["pow"], base, y)
+    at_zero = code.choose(code.calc("fcmp ogt", y, zero), zero, one)
+    v = code.choose(none, at_zero, raised)
+    by_left = by_right = None
+    if by[0]:
+        steep = code.calc("fdiv", code.calc("fmul", y, v), base)
+        line = code.choose(code.calc("fcmp oeq", y, one), y, zero)
+        by_left = code.choose(none, line, steep)
+    if by[1]:
+        steep = code.calc("fmul", v, code.call(numbers.functions["log"], base))
+        by_right = code.choose(none, zero, steep)
+    return v, by_left, by_right
+
+
+def _either(comparison: str) -> Rule:
+    def rule(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+        zero, one = number(0.0), number(1.0)
+        left = code.calc(comparison, x, y)
+        by_left = code.choose(left, one, zero) if by[0] else None
+        by_right = code.choose(left, zero, one) if by[1] else None
+        return code.choose(left, x, y), by_left, by_right
+
+    return rule
+
+
+def _neg(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    return code.put(f"fneg double {x}"), MINUS, None
+
+
+def _sqrt(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    there = code.calc("fcmp ogt", x, number(numbers.tiny))
+    root = code.put(f"call double @llvm.sqrt.f64(double {x})")
+    by_left = None
+    if by[0]:
+        by_left = code.choose(there, code.calc("fdiv", number(0.5), root), number(0.0))
+    return code.choose(there, root, number(0.0)), by_left, None
+
+
+def _abs(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    up = code.calc("fcmp oge", x, number(0.0))
+    by_left = code.choose(up, number(1.0), number(-1.0)) if by[0] else None
+    return code.put(f"call double @llvm.fabs.f64(double {x})"), by_left, None
+
+
+def _sign(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    zero = number(0.0)
+    below = code.choose(code.calc("fcmp olt", x, zero), number(-1.0), zero)
+    return code.choose(code.calc("fcmp ogt", x, zero), number(1.0), below), None, None
+
+
+def _exp(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    most = number(numbers.steepest)
+    x = code.choose(code.calc("fcmp ogt", x, most), most, x)
+    v = code.call(numbers.functions["exp"], x)
+    return v, v, None
+
+
+def _log(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    least = number(numbers.tiny)
+    x = code.choose(code.calc("fcmp olt", x, least), least, x)
+    by_left = code.calc("fdiv", number(1.0), x) if by[0] else None
+    return code.call(numbers.functions["log"], x), by_left, None
+
+
+def _tanh(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
+    v = code.call(numbers.functions["tanh"], x)
+    by_left = code.calc("fsub", number(1.0), code.calc("fmul", v, v)) if by[0] else None
+    return v, by_left, None
+
+
+Wanted = tuple[bool, bool]
+"""Whether the derivatives by both operands are wanted."""
+
+Ruled = tuple[str, str | None, str | None]
+"""The value, and its derivatives by both operands."""
+
+Rule = Callable[[Code, Numbers, str, str, Wanted], Ruled]
+
+RULES: Mapping[str, Rule] = {
+    "add": _add,
+    "sub": _sub,
+    "mul": _mul,
+    "div": _div,
+    "pow": _pow,
+    "min": _either("fcmp ole"),
+    "max": _either("fcmp oge"),
+    "neg": _neg,
+    "sqrt": _sqrt,
+    "abs": _abs,
+    "sign": _sign,
+    "exp": _exp,
+    "log": _log,
+    "tanh": _tanh,
+}
+"""The operations, as `evaluate` in `integrator.py` has them."""
+
+DECLARED = (
+    "declare double @llvm.sqrt.f64(double)",
+    "declare double @llvm.fabs.f64(double)",
+)
+
+CALLED = frozenset({"pow", "exp", "log", "tanh"})
+"""Operations that are functions at an address; the derivative of `pow` needs `log` beside it."""

@@ -1,0 +1,80 @@
+"""A page of every kind, small and quickly made, with the verdict that it must have as heading."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.report.made import Made
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.verdict import verdict
+
+from rulec.commands.matrix_page import matrix_page
+from rulec.commands.matrix_page import verdict as matrix_verdict
+from rulec.mismatch.answer.page import report as mismatch_report
+from rulec.mismatch.answer.summary import verdict as mismatch_verdict
+from rulec.mismatch.experiment.page import experiment_page
+from rulec.mismatch.experiment.words import headline
+from rulec.mismatch.result import Mismatch
+from rulec.prove.page import headline as prove_headline
+from rulec.prove.page import page as prove_page
+from rulec.prove.scores import table
+from rulec.study.campaign import Settings
+from rulec.study.page import study_page
+from rulec.study.points import Points
+from rulec.study.summary import verdict as study_verdict
+from tests.conftest import compiled
+from tests.prove.made import run
+from tests.runtime.mismatch.experiments import made_by_hand
+from tests.runtime.mismatches import ALL
+from tests.runtime.reports import EXAMPLES, Judged, judge
+from tests.test_study import TYPES, counted
+
+MADE = Made("2026-09-22 08:15 UTC", "rulec 1.2.3")
+
+CALENDAR = Calendar(1789948760.0, ((0.0, 7200.0),))
+"""Time 0 is 2026-09-21 01:59:20 in a zone two hours before UTC."""
+
+
+def subject() -> Subject:
+    """Plant and recording of the mismatches made by hand."""
+    return Subject(ruleset=compiled("abc"), recording="warm.csv", samples=400, ends=(0.0, 399.0))
+
+
+def mismatch_page(mismatch: Mismatch) -> str:
+    """The page of a mismatch made by hand."""
+    return mismatch_report(mismatch, subject(), MADE)
+
+
+def dated(judged: Judged) -> Judged:
+    """The same with dates."""
+    return dataclasses.replace(
+        judged,
+        recording=dataclasses.replace(judged.recording, calendar=CALENDAR),
+        diagnosis=dataclasses.replace(judged.diagnosis, calendar=CALENDAR),
+    )
+
+
+def every_page() -> dict[str, tuple[str, str]]:
+    """Name to page and verdict."""
+    abc = compiled("abc")
+    leaking = dated(judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv"))
+    healthy = judge(EXAMPLES / "healthy.csv", abc)
+    points = Points({"A.n": np.array([10.0]), "B.n": np.array([10.0])}, 1)
+    study, proof, experiment = counted(), run(60), made_by_hand()
+    return {
+        "diagnosis": (leaking.page("leakage_A.csv"), verdict(leaking.diagnosis)),
+        "healthy": (healthy.page("healthy.csv"), verdict(healthy.diagnosis)),
+        **{
+            f"mismatch {name}": (mismatch_page(one), mismatch_verdict(one)[0])
+            for name, one in ALL.items()
+        },
+        "experiment": (
+            experiment_page(experiment, abc, MADE),
+            headline(experiment).removesuffix("."),
+        ),
+        "study": (study_page(abc, TYPES, points, Settings(), study, MADE), study_verdict(study)),
+        "matrix": (matrix_page(abc, MADE), matrix_verdict(abc)),
+        "proof": (prove_page(proof, MADE), prove_headline(proof, table(proof.shown))),
+    }

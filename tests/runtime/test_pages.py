@@ -1,0 +1,84 @@
+"""All pages in a real browser: on a telephone and a screen, by day and night."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.live.view.browser import CHROMIUM, Browser, browser
+from tests.live.view.test_browser import CONTRAST
+from tests.runtime.pages import every_page
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
+
+PICTURES = os.environ.get("RULEC_PICTURES")
+"""Folder for pictures of the pages, for people to look at."""
+
+CUT = """(() => {
+  const cut = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const part = walk.currentNode.parentElement;
+    if (!walk.currentNode.data.trim() || !part.checkVisibility()) continue;
+    if (part.closest('.scroll, title, thead, .symbols')) continue;
+    const range = document.createRange();
+    range.selectNodeContents(walk.currentNode);
+    const box = range.getBoundingClientRect();
+    if (box.width && (box.left < 0 || box.right > innerWidth)) cut.push(walk.currentNode.data);
+  }
+  return cut;
+})()"""
+"""Texts that stick out of the window, and are in no frame that scrolls."""
+
+WIDE = """[...document.querySelectorAll('.fold')].filter(
+  (table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
+"""Tables that should have become cards, and did not."""
+
+UNSPOKEN = """[...document.querySelectorAll('svg:not([aria-hidden])')].filter(
+  (svg) => !svg.closest('[role=img]')?.getAttribute('aria-label')).length"""
+"""Pictures without words for those who cannot see them."""
+
+HEADINGS = "[...document.querySelectorAll('h1')].map((heading) => heading.textContent)"
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+def test_every_page_fits_a_telephone_and_says_its_verdict_first(
+    chromium: Browser, tmp_path: Path
+) -> None:
+    """Nothing sticks out sideways, no text is cut, all of it can be read; nothing is loaded."""
+    pages = every_page()
+    wrong: list[tuple[str, str, object]] = []
+    for name, (page, verdict) in pages.items():
+        file = tmp_path / f"{name.replace(' ', '-')}.html"
+        file.write_text(page, encoding="utf-8")
+        chromium.look(390)
+        chromium.open(file.as_uri())
+        found = {
+            "sideways": chromium.run("document.documentElement.scrollWidth > 390"),
+            "cut": chromium.run(CUT),
+            "no cards": chromium.run(WIDE),
+            "unspoken": chromium.run(UNSPOKEN),
+            "weak by day": chromium.run(CONTRAST),
+        }
+        chromium.look(390, "dark")
+        found["weak by night"] = chromium.run(CONTRAST)
+        if [verdict] != chromium.run(HEADINGS):
+            wrong.append((name, "heading", verdict))
+        wrong += [(name, what, value) for what, value in found.items() if value]
+        if PICTURES:
+            for width, scheme in ((w, s) for w in (1280, 390) for s in ("light", "dark")):
+                chromium.look(width, scheme)
+                chromium.picture(Path(PICTURES) / f"{file.stem}-{width}-{scheme}.png")
+    assert [] == wrong
+    assert [] == chromium.complaints()
+    assert {f"{n.replace(' ', '-')}.html" for n in pages} == {
+        url.rsplit("/")[-1] for url in chromium.asked_for()
+    }
