@@ -27,7 +27,7 @@ from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.scratch import give_back, let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is there: in the run alone, also in the baseline, or in the baseline alone."""
@@ -111,6 +111,7 @@ def fits_of(
         for part in _portions(stacks):
             found |= _fits_alike(ruleset, observed, isolation, part)
             let_go(observed.valid, isolation.degree)
+        give_back()
     return [found[run] for run in range(len(runs))]
 
 
@@ -158,10 +159,10 @@ def _usable_baseline(observed: Observed, learned: np.ndarray, valid: np.ndarray)
 
 
 def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
-    """Stacks in portions whose matrices do not take much memory."""
+    """Stacks in portions whose matrices, each at three times, do not take much memory."""
     first = stacks[0]
     residuals = (len(first.learned) + len(first.points)) * int(first.valid.sum())
-    size = max(limits.TABLE // residuals**2, 1)
+    size = max(limits.TABLE // (3 * residuals**2), 1)
     for low in range(0, len(stacks), size):
         yield stacks[low : low + size]
 

@@ -18,7 +18,7 @@ from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
-from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
@@ -97,11 +97,15 @@ class Found:
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
+    give_back()
     verdicts = _verdicts(timeline, seen)
     found = Found([], [], _in_part(timeline, seen))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
-    runs = list(runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)))
+    runs = []
+    for run in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+        runs.append(run)
+        let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
     fits = iter(fits_of_runs(seen, faulty))
     for kind, members in runs:
@@ -147,6 +151,7 @@ def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     strongest = members[int(np.argmax(isolation.misfit[members]))]
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
+    let_go(isolation.misfit)
     return bool(timeline.samples[members].sum() < limits.PERSISTENCE and not far)
 
 

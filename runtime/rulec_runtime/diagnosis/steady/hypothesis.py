@@ -14,6 +14,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.chi_square import Metric, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.recordings.scratch import let_go
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,9 @@ class HypothesisTest:
     def readings(self, signals: Iterable[str]) -> dict[str, Array]:
         """Readings of those of some signals that the recording has, shape (points, n)."""
         values = self.observed.points.values
-        return {name: values[name][self.members] for name in signals if name in values}
+        found = {name: values[name][self.members] for name in signals if name in values}
+        let_go(*(values[name] for name in found))
+        return found
 
     @cached_property
     def places(self) -> dict[str, int]:

@@ -66,7 +66,9 @@ class Observed:
             return self
         outside = {name: flags[chosen] for name, flags in self.extrapolated.items()}
         some = part_of(self, POINTS_ALONG, chosen, len(self))
-        return replace(some, points=self.points.at(chosen), extrapolated=outside)
+        points = self.points.at(chosen)
+        let_go(*self.points.values.values(), *self.points.lag.values())
+        return replace(some, points=points, extrapolated=outside)
 
 
 POINTS_ALONG = {

@@ -79,6 +79,7 @@ def see_stretches(
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines, where
     samples are to be seen against them."""
+    give_back()
     points = points_of_stretches(recording, ruleset, stretches, noise)
     give_back()
     halves = halves_of(recording, ruleset, stretches)
@@ -157,6 +158,7 @@ def _see(
         if lasting is not None:
             # What was learned from these stretches is the fault.
             compared, baselines, isolation = plain, _nothing(plain), lasting
+    give_back()
     return Seen(
         part=part,
         points=points,
