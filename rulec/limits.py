@@ -173,14 +173,13 @@ IMMOVABLE = 1e-9
 MOST_SUMMED = 24
 """Modules whose flows one residual adds up at most, unless as many meet at one place; beyond it,
 what flows in is compared at each junction on the way, by those nearest to it, which tells the same:
-far sums follow from near ones.
-Shipped plants add up five at most. Origin: measured by `pytest tests/bench/test_compile.py`: a
-chain of 200 takes 24 times plant abc to compile with this bound, 64 without."""
+far sums follow from near ones. Shipped plants add up five at most. Origin: assumed, so that long
+chains compile (`pytest tests/bench/test_compile.py`)."""
 
 MOST_RULES = 24
 """Rules of a fault: of the residuals that it moves, those that show it at the smallest degree.
-Shipped plants have 14 at most. Origin: measured by `pytest tests/bench/test_compile.py`: a chain of
-200 takes 18 times plant abc to compile with this bound, 24 without."""
+Shipped plants have 14 at most. Origin: assumed, so that long chains compile
+(`pytest tests/bench/test_compile.py`)."""
 
 LONG_SUM = 3
 """Sums of more gradients than this are gathered first; it decides the size of the plan only.

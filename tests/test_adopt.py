@@ -285,7 +285,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("no json", "this is not JSON"),
+        ("no json", "it is not JSON"),
         ("{}", "there is no repair in this file"),
         ('{"repair": {"plant": "nowhere"}}', "broken (KeyError: 'parameters')"),
         (

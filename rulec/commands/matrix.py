@@ -18,7 +18,7 @@ from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.made import made_now
 
-from rulec.commands.matrix_page import matrix_page
+from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
 from rulec.separation.allowed import allowed_of
 from rulec.separation.pairs import Separated, separate_pairs
@@ -170,6 +170,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
         "that leaves the residual's threshold at the reference point"
     )
     out.print(styled("[dim]{}[/]", legend))
+    if told := left_out(ruleset):
+        out.print(styled("[dim]{}[/]", told))
     _show_ambiguous(out, ruleset)
     for name in ruleset.unobserved:
         out.print(styled("[yellow]![/] {}: no residual sees it", name))

@@ -15,6 +15,8 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import counted, listed, safe
 
+from rulec.limits import MOST_RULES
+
 SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
 
 SAME = "coincide"
@@ -35,7 +37,10 @@ def matrix_page(
     if stores is not None:
         sections.append(section("What each fault does to readings", _of_stores(stores)))
     if ruleset.residuals:
-        sections.append(section("What each fault does", matrix_of(ruleset, Named(), whole=True)))
+        told = left_out(ruleset)
+        note = f'<p class="key">{safe(told)}</p>' if told else ""
+        shown = matrix_of(ruleset, Named(), whole=True)
+        sections.append(section("What each fault does", shown + note))
     if ruleset.unobserved:
         names = safe(listed(ruleset.unobserved))
         sections.append(section("What no residual sees", f"<p>{names}</p>"))
@@ -48,6 +53,13 @@ def matrix_page(
         sketch=sketch(ruleset, {}),
     )
     return document(head, "".join(sections))
+
+
+def left_out(ruleset: Ruleset) -> str:
+    """What the matrix of a long plant does not show; empty where it shows all."""
+    if max(map(len, ruleset.cells_of_fault.values()), default=0) < MOST_RULES:
+        return ""
+    return f"a fault has the {MOST_RULES} residuals that tell it first; it may move others as well"
 
 
 def _of_stores(stores: Mapping[str, Any]) -> str:

@@ -161,7 +161,7 @@ def read_form(file: Path) -> dict[str, Any]:
     try:
         data = read_json(file)
     except Damaged as error:
-        message = f"{file}: this is not JSON ({error}); write it with rulec mismatch"
+        message = f"{file}: {error}; write it with rulec mismatch"
         raise AdoptRefused(message) from None
     if not isinstance(data, dict) or not isinstance(data.get("repair"), dict):
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")

@@ -668,6 +668,6 @@ MOST_KEPT_BYTES = 400_000_000
 # Integrator ------------------------------------------------------------------------------------
 
 KERNEL_WORTH = 12_000
-"""Steps that a tape is interpreted for before machine code is made of it: those take as long as
-making the code does, so that at most twice the least time is spent. Origin: measured by
-`python -m pytest tests/bench/test_integrator.py -s`."""
+"""Steps that a tape is interpreted for before machine code is made of it: about as long as making
+it takes. Origin: assumed, of the order of what `python -m pytest tests/bench/test_integrator.py -s`
+prints."""

@@ -20,6 +20,7 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.foretell import foretold
+from rulec.mismatch.experiment.hold import Best, best_within
 from rulec.mismatch.experiment.reach import (
     Reach,
     limited_reach,
@@ -29,7 +30,7 @@ from rulec.mismatch.experiment.reach import (
 )
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
-from rulec.mismatch.experiment.within import Best, Within, best_within, within
+from rulec.mismatch.experiment.within import Within, within
 from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.standing import Again, refitted_again

@@ -11,6 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.foretell import Foretold, Places
+from rulec.mismatch.experiment.hold import best_within
 from rulec.mismatch.experiment.reach import (
     Reach,
     limited_reach,
@@ -18,7 +19,7 @@ from rulec.mismatch.experiment.reach import (
     present_inputs,
     usual_reach,
 )
-from rulec.mismatch.experiment.within import Within, best_within, within
+from rulec.mismatch.experiment.within import Within, within
 from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
