@@ -221,20 +221,25 @@ def _limits(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _fleet(fleet: argparse.ArgumentParser) -> None:
-    fleet.add_argument("fleet", metavar="FLEET.yaml", help="plants, recordings, days, results")
-    fleet.add_argument(
+def _engine_options(command: argparse.ArgumentParser) -> None:
+    """Where many pieces of work are done."""
+    command.add_argument(
         "--engine",
         choices=("local", "dask"),
         default="local",
         help="local: processes of this machine; dask: a cluster of dask.distributed",
     )
-    fleet.add_argument("--jobs", type=int, metavar="N", help="processes; default: one per core")
-    fleet.add_argument(
+    command.add_argument("--jobs", type=int, metavar="N", help="processes; default: one per core")
+    command.add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="of a cluster that is there, as tcp://host:8786; default: one of this machine",
     )
+
+
+def _fleet(fleet: argparse.ArgumentParser) -> None:
+    fleet.add_argument("fleet", metavar="FLEET.yaml", help="plants, recordings, days, results")
+    _engine_options(fleet)
     fleet.add_argument(
         "--again", action="store_true", help="judge also what was judged before and is unchanged"
     )
@@ -317,7 +322,7 @@ def _study(study: argparse.ArgumentParser) -> None:
     ):
         text = f"{text}; default {default}"
         study.add_argument(name, type=int, default=default, metavar="N", help=text)
-    study.add_argument("--jobs", type=int, metavar="N", help="processes; default all processors")
+    _engine_options(study)
     study.add_argument("--mode", choices=("default", "paper"), default="default")
     study.add_argument(
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
@@ -374,7 +379,7 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
         help="with --rounds 2: besides the recipe the same inputs again, random ones and a sweep "
         "of equal length; three searches more per case",
     )
-    prove.add_argument("--jobs", type=int, metavar="N", help="processes; default all processors")
+    _engine_options(prove)
     prove.add_argument(
         "--keep", metavar="DIR", help="leave all files there; a run that was killed goes on there"
     )

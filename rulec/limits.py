@@ -482,14 +482,14 @@ SAME_CONSTANT = 1e-12
 """Share by which a constant of a plan may differ from a parameter that it is. Origin: numerical; a
 value goes to its unit and back."""
 
-# Fleets ----------------------------------------------------------------------------------------
+# Engines ---------------------------------------------------------------------------------------
 
-FLEET_AHEAD = 2
-"""Plant-days that wait for each process, so that none is idle. Origin: assumed."""
+WORK_AHEAD = 2
+"""Calls that wait for each process, so that none is idle. Origin: assumed."""
 
-FLEET_DEATHS = 3
-"""Processes that die at a plant-day before it is given up. Origin: assumed, as dask.distributed
+WORKER_DEATHS = 3
+"""Processes that die at a call before it is given up. Origin: assumed, as dask.distributed
 has it."""
 
-FLEET_CONNECT = 20
+SCHEDULER_CONNECT = 20
 """Seconds to wait for a scheduler. Origin: assumed."""

@@ -154,7 +154,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     def here(
         work: Callable[..., Any],
         todo: Sequence[tuple[Any, ...]],
-        jobs: int,
+        engine: object,
         told: Callable[[int], None],
     ) -> Iterator[Any]:
         for count, words in enumerate(todo, 1):

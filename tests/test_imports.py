@@ -53,6 +53,7 @@ ROOMS = (
     "rulec_runtime.commands",
     "rulec_runtime",
     "rulec.limits",
+    "rulec.engines",
     "rulec.language",
     "rulec.knowledge",
     "rulec.algebra",

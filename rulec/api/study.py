@@ -20,6 +20,7 @@ from rulec_runtime.report.made import made_now
 from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath, Plant, folder_of
 from rulec.api.result import Result
+from rulec.engines.engine import chosen
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
@@ -106,6 +107,8 @@ def study(
     mode: Literal["default", "paper"] = "default",
     bounded: bool = False,
     jobs: int = 1,
+    engine: Literal["local", "dask"] = "local",
+    scheduler: str | None = None,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[str, float, float], None] | None = None,
 ) -> StudyResult:
@@ -122,6 +125,9 @@ def study(
     bounded : sensor errors stay inside the bounds of their class.
     jobs : processes; a script that asks for several must be guarded by ``__name__ ==
         "__main__"``.
+    engine : ``local``: processes of this machine; ``dask``: workers of dask.distributed. The
+        results are the same.
+    scheduler : address of a cluster of dask that is there; without it one of this machine.
     announce : is told how large the study is, and how long it will take.
     progress : is told what is being done, how many recordings are judged, and of how many.
 
@@ -141,7 +147,8 @@ def study(
     >>> found.counts.healthy.alarms  # doctest: +SKIP
     0
     """
-    settings = _checked(degrees, points, seeds, lead_in, mode, bounded, jobs)
+    settings = _checked(degrees, points, seeds, lead_in, mode, bounded)
+    place = chosen(engine, jobs, scheduler)
     lacking = "a ruleset alone cannot say how the true plant may differ"
     models = run_passes(Compilation(path=folder_of(plant, lacking)))
     ruleset = models.ruleset
@@ -165,7 +172,7 @@ def study(
             progress(JUDGING, done, size)
 
     groups = groups_of(ruleset, settings, draw)
-    outcomes = run_groups(ruleset, found, settings, groups, jobs, advance)
+    outcomes = run_groups(ruleset, found, settings, groups, place, advance)
     types = {module.name: module.type.name for module in models.plant.modules.values()}
     return StudyResult(
         ruleset=ruleset,
@@ -183,7 +190,6 @@ def _checked(
     lead_in: int,
     mode: str,
     bounded: bool,
-    jobs: int,
 ) -> Settings:
     """Settings of a study; `Misused` with a message for a bad number."""
     if not all(math.isfinite(d) and d > 0 for d in degrees):
@@ -192,7 +198,6 @@ def _checked(
     for name, value, least in (
         ("points", points, 1),
         ("seeds", seeds, 1),
-        ("jobs", jobs, 1),
         ("lead-in", lead_in, 0),
     ):
         if value < least:

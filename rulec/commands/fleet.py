@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,12 +20,13 @@ from rulec_runtime.commands.destinations import (
 from rulec_runtime.fleet.plant_day import Row
 from rulec_runtime.fleet.task import Task
 from rulec_runtime.output.plural import plural
-from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.given import ruleset_of
+from rulec.engines.engine import chosen
 from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.judged import judged
 from rulec.fleet.page import fleet_page
 from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
@@ -42,11 +42,7 @@ SHOWN = 10
 def run(options: argparse.Namespace) -> int:
     """Judge what is not done yet, write tables and ranking."""
     check_outputs(options)
-    jobs = options.jobs if options.jobs is not None else os.cpu_count() or 1
-    if jobs < 1:
-        raise Misused(f"--jobs {jobs}: give 1 or more")
-    if options.scheduler is not None and options.engine != "dask":
-        raise Misused("--scheduler is an address for --engine dask")
+    engine = chosen(options.engine, options.jobs, options.scheduler)
     fleet = read_fleet(Path(options.fleet), ruleset_of)
     tasks = tasks_of(fleet)
     store = Store(fleet.results, fleet.plant_key, fleet.day_key)
@@ -57,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     with progress_of(options, JUDGING) as progress:
         if left:
             progress(JUDGING, done, len(tasks))
-            for task, row in _engine(options, fleet, left, jobs):
+            for task, row in judged(engine, left, fleet.rulesets):
                 store.keep(task, row)
                 done += 1
                 progress(JUDGING, done, len(tasks))
@@ -77,18 +73,6 @@ def _counted(tasks: Sequence[Task]) -> str:
         f"{plural(len(plants), 'plant', 'plants')} on {plural(len(days), 'day', 'days')}, "
         f"{plural(len(tasks), 'plant-day', 'plant-days')}"
     )
-
-
-def _engine(
-    options: argparse.Namespace, fleet: Fleet, tasks: Sequence[Task], jobs: int
-) -> Iterator[tuple[Task, Row]]:
-    if options.engine == "dask":
-        from rulec.fleet import dask_engine
-
-        return dask_engine.run(tasks, fleet.rulesets, jobs, options.scheduler)
-    from rulec.fleet import local
-
-    return local.run(tasks, fleet.rulesets, jobs)
 
 
 def _show(out: Console, plants: Sequence[Ranked], page: Path) -> None:

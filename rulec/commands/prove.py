@@ -50,7 +50,7 @@ def words_of(options: argparse.Namespace) -> list[str]:
     """The options as words again."""
     flags = ("quick", "final", "real", "hard", "baselines", "quiet")
     words = [f"--{name}" for name in flags if getattr(options, name)]
-    for name in ("seed", "only", "rounds", "jobs", "keep", "json", "report"):
+    for name in ("seed", "only", "rounds", "engine", "jobs", "scheduler", "keep", "json", "report"):
         value = getattr(options, name)
         if value not in (None, ""):
             words.append(f"--{name}={value}")

@@ -40,6 +40,8 @@ def run(options: argparse.Namespace) -> int:
             mode=options.mode,
             bounded=options.bounded,
             jobs=options.jobs if options.jobs is not None else os.cpu_count() or 1,
+            engine=options.engine,
+            scheduler=options.scheduler,
             announce=announce,
             progress=progress,
         )

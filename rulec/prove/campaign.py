@@ -8,19 +8,17 @@ those that were sealed.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
-import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rulec_runtime.output.write_file import write_text
 
+from rulec.engines.engine import Call, Engine, in_order
 from rulec.prove.aligned import driver_text
 from rulec.prove.analyst import FORM, analyse
-from rulec.prove.ending import end_with_parent, end_workers
 from rulec.prove.judge import judge
 from rulec.prove.kept import CASES, SEALS, tool_digest
 from rulec.prove.partition import Partition, Planned
@@ -39,7 +37,7 @@ class Changed(Exception):
     """The folder belongs to another run or tool, or answers are not what was sealed."""
 
 
-def sealed(partition: Partition, work: Path, jobs: int, on_progress: OnProgress) -> list[str]:
+def sealed(partition: Partition, work: Path, engine: Engine, on_progress: OnProgress) -> list[str]:
     """Make all cases; returns their hashes by number, empty where no plant shows the effect.
 
     Raises Changed where a folder was sealed with other answers.
@@ -49,7 +47,7 @@ def sealed(partition: Partition, work: Path, jobs: int, on_progress: OnProgress)
         return kept
     cases = partition.cases()
     todo = [(case, folder_of(work, i)) for i, case in enumerate(cases)]
-    made = list(spread(_seal, todo, jobs, lambda n: on_progress("sealing", n, len(todo))))
+    made = list(spread(_seal, todo, engine, lambda n: on_progress("sealing", n, len(todo))))
     _write_seals(work, [*_head(partition.digest), *made])
     return made
 
@@ -85,24 +83,24 @@ def digest_of(seals: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(seals).encode()).hexdigest()
 
 
-def analysed(work: Path, seals: Sequence[str], jobs: int, on_progress: OnProgress) -> None:
+def analysed(work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress) -> None:
     """Ask the tool about every case that has no answer of the tool yet."""
-    asked([folder_of(work, i) for i, seal in enumerate(seals) if seal], jobs, on_progress)
+    asked([folder_of(work, i) for i, seal in enumerate(seals) if seal], engine, on_progress)
 
 
-def asked(folders: Sequence[Path], jobs: int, on_progress: OnProgress) -> None:
+def asked(folders: Sequence[Path], engine: Engine, on_progress: OnProgress) -> None:
     """Ask the tool about every folder with a plant, a recording, and no answer of the tool yet."""
     todo = [(f,) for f in folders if not (f / FORM).exists()]
     done = len(folders) - len(todo)
     on_progress("analysing", done, len(folders))
     for _ in spread(
-        _analyse, todo, jobs, lambda n: on_progress("analysing", done + n, len(folders))
+        _analyse, todo, engine, lambda n: on_progress("analysing", done + n, len(folders))
     ):
         pass
 
 
 def judged(
-    partition: Partition, work: Path, seals: Sequence[str], jobs: int, on_progress: OnProgress
+    partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
 ) -> tuple[list[Judged], int]:
     """Open the answers and judge; also counts the baselines whose simulation ran away.
 
@@ -113,7 +111,7 @@ def judged(
         for i, case in enumerate(partition.cases())
         if seals[i]
     ]
-    found = list(spread(_judge, todo, jobs, lambda n: on_progress("judging", n, len(todo))))
+    found = list(spread(_judge, todo, engine, lambda n: on_progress("judging", n, len(todo))))
     return [j for j, _ in found], sum(away for _, away in found)
 
 
@@ -153,21 +151,10 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judg
 def spread(
     work: Callable[..., B],
     todo: Sequence[tuple[Any, ...]],
-    jobs: int,
+    engine: Engine,
     on_count: Callable[[int], None],
 ) -> Iterator[B]:
     """Results in the order of the list, from processes that share nothing with this one."""
-    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
-    found: dict[int, B] = {}
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, end_with_parent) as pool:
-        try:
-            asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
-            for count, future in enumerate(as_completed(asked), 1):
-                found[asked[future]] = future.result()
-                on_count(count)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            end_workers()
-            raise
-    return (found[i] for i in range(len(todo)))
+    counted = itertools.count(1)
+    calls = [Call(words) for words in todo]
+    yield from in_order(engine, work, calls, done=lambda _: on_count(next(counted)))

@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import os
 import tempfile
 import time
-from concurrent.futures.process import BrokenProcessPool
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,11 +14,13 @@ from rich.console import Console
 from rulec_runtime.commands.destinations import without_folder
 from rulec_runtime.commands.frame import quiet_option
 from rulec_runtime.output.progress import Progress
+from rulec_runtime.output.refusal import Misused, Refusal
 from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.report.made import made_now
 
 from rulec.cli import prove_options
+from rulec.engines.engine import Engine, chosen
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.kept import unusable
@@ -42,11 +42,11 @@ def main(words: list[str] | None = None) -> int:
     try:
         with interruptible(options.lifeline):
             return _asked(options, out, aside)
-    except Changed as refused:
+    except (Changed, Refusal) as refused:
         return _ended(aside, 1, str(refused))
     except OSError as error:
         return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
-    except (KeyboardInterrupt, BrokenProcessPool):
+    except KeyboardInterrupt:
         hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
         return _ended(aside, 130, f"interrupted; {hint}")
 
@@ -61,9 +61,9 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
     mistake = _mistake(options)
     if mistake is not None:
         return _ended(aside, 2, mistake)
-    options.jobs = options.jobs or os.cpu_count() or 1
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        work = Path(options.keep or temporary)
+        # Workers of a cluster have a working folder of their own.
+        work = Path(options.keep or temporary).absolute()
         if options.real:
             return _real(options, work, out, aside)
         run = _run(options, work, aside)
@@ -83,7 +83,7 @@ def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console)
         return _ended(aside, 1, "--real: the rigs are part of the source tree; run it in a clone")
     with Progress("rulec prove", "preparing", options.quiet, aside) as on_progress:
         found = rigs.answers(
-            rigs.recordings_folder(), work, options.only, options.jobs, on_progress
+            rigs.recordings_folder(), work, options.only, engine_of(options), on_progress
         )
     if options.only and not found[0]:
         return _ended(aside, 2, f"--only {options.only}: no recording that is here has this name")
@@ -98,8 +98,10 @@ def _mistake(options: argparse.Namespace) -> str | None:
     """What is wrong with the options; asked before the long work."""
     if options.final and register()["final"]["seed"] is None:
         return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
-    if options.jobs is not None and options.jobs < 1:
-        return f"--jobs {options.jobs}: at least one process is needed"
+    try:
+        engine_of(options)
+    except Misused as misused:
+        return str(misused)
     if options.real and options.report:
         return "--report: there is no page of real recordings, a table and --json only"
     if not options.real and not partition_of(options)[0].cases():
@@ -126,6 +128,11 @@ def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
     return None
 
 
+def engine_of(options: argparse.Namespace) -> Engine:
+    """Where the work is done; `Misused` for what makes no sense."""
+    return chosen(options.engine, options.jobs, options.scheduler)
+
+
 def parser() -> argparse.ArgumentParser:
     """Options of the command."""
     made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
@@ -149,18 +156,19 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
+    engine = engine_of(options)
     with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
-        seals = sealed(partition, work, options.jobs, on_progress)
+        seals = sealed(partition, work, engine, on_progress)
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
         aside.print(f"{made} answers sealed, hash {digest[:16]}")
-        analysed(work, seals, options.jobs, on_progress)
+        analysed(work, seals, engine, on_progress)
         arms = arms_of(options.baselines)
         if options.rounds > 1:
-            asked_again(partition, work, seals, arms, options.jobs, on_progress)
-        found, away = judged(partition, work, seals, options.jobs, on_progress)
+            asked_again(partition, work, seals, arms, engine, on_progress)
+        found, away = judged(partition, work, seals, engine, on_progress)
         further = (
-            judged_again(partition, work, seals, found, arms, options.jobs, on_progress)
+            judged_again(partition, work, seals, found, arms, engine, on_progress)
             if options.rounds > 1
             else []
         )

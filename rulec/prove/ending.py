@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
 import signal
 import sys
@@ -56,22 +55,3 @@ def _listen(left: threading.Event) -> None:
     while main is not None and not left.is_set():
         signal.pthread_kill(main, signal.SIGTERM)
         left.wait(INTERRUPT_AGAIN)
-
-
-def end_with_parent() -> None:
-    """To be called as a worker starts: it ends when its parent has, and leaves interrupts to it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlived, daemon=True).start()
-
-
-def _outlived() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def end_workers() -> None:
-    """End the workers of this process in the middle of what they do."""
-    for worker in multiprocessing.active_children():
-        worker.terminate()

@@ -13,6 +13,7 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
+from rulec.engines.engine import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan
@@ -37,7 +38,7 @@ def asked_again(
     work: Path,
     seals: Sequence[str],
     arms: Sequence[str],
-    jobs: int,
+    engine: Engine,
     on_progress: OnProgress,
 ) -> None:
     """Plan, run and ask about every case whose first answer leaves something open.
@@ -47,7 +48,7 @@ def asked_again(
 
     def done(work_: Callable[..., object], what: str, todo: list[tuple[Any, ...]]) -> None:
         on_progress(what, 0, len(todo))
-        for _ in campaign.spread(work_, todo, jobs, lambda n: on_progress(what, n, len(todo))):
+        for _ in campaign.spread(work_, todo, engine, lambda n: on_progress(what, n, len(todo))):
             pass
 
     folders = [folder_of(work, i) for i, seal in enumerate(seals) if seal]
@@ -68,14 +69,14 @@ def judged_again(
     seals: Sequence[str],
     first: Sequence[Judged],
     arms: Sequence[str],
-    jobs: int,
+    engine: Engine,
     on_progress: OnProgress,
 ) -> list[Further]:
     """Open the answers once more, and judge what was said of both recordings."""
     cases = [(case, i) for i, case in enumerate(partition.cases()) if seals[i]]
     todo = [(case, folder_of(work, i), j, arms) for (case, i), j in zip(cases, first, strict=True)]
     what = "judging again"
-    return list(campaign.spread(_judge, todo, jobs, lambda n: on_progress(what, n, len(todo))))
+    return list(campaign.spread(_judge, todo, engine, lambda n: on_progress(what, n, len(todo))))
 
 
 def recorded(folder: Path, arm: str) -> bool:

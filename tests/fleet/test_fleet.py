@@ -18,12 +18,15 @@ from rulec_runtime.fleet.task import Task
 
 from rulec.api.given import ruleset_of
 from rulec.cli import main
-from rulec.fleet import dask_engine, local
+from rulec.commands import fleet as command
+from rulec.engines.engine import DASK, Engine
+from rulec.fleet import judged as fleet_judged
 from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import ranked, verdict
-from rulec.limits import FLEET_DEATHS
+from rulec.limits import WORKER_DEATHS
 from tests.conftest import ROOT, compiled
 
 EXAMPLES = ROOT / "plants/abc/examples"
@@ -102,7 +105,7 @@ def test_a_killed_process_changes_nothing(fleet: Fleet, here: dict[Task, Row]) -
     def kill() -> None:
         os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
 
-    assert here == killed_once(local.run(tasks_of(fleet), fleet.rulesets, 2), kill)
+    assert here == killed_once(judged(Engine(jobs=2), tasks_of(fleet), fleet.rulesets), kill)
 
 
 def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[Task, Row]) -> None:
@@ -117,19 +120,19 @@ def test_a_killed_worker_of_a_cluster_changes_nothing(fleet: Fleet, here: dict[T
         def kill() -> None:
             os.kill(victim, signal.SIGKILL)
 
-        address = cluster.scheduler_address
-        found = killed_once(dask_engine.run(tasks_of(fleet), fleet.rulesets, 2, address), kill)
+        there = Engine(kind=DASK, scheduler=cluster.scheduler_address)
+        found = killed_once(judged(there, tasks_of(fleet), fleet.rulesets), kill)
     assert here == found
 
 
 def test_a_plant_day_that_kills_its_process_is_given_up(
     fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local, "judge_day", _ends)
+    monkeypatch.setattr(fleet_judged, "judge_day", _ends)
     (task, *_), rulesets = tasks_of(fleet), fleet.rulesets
-    ((_, row),) = local.run([task], rulesets, 1)
+    ((_, row),) = judged(Engine(), [task], rulesets)
     assert row["status"] == "unread"
-    assert f"{FLEET_DEATHS} processes died" in row["reason"]
+    assert f"{WORKER_DEATHS} processes died" in row["reason"]
 
 
 def _ends(task: Task, ruleset: str) -> Row:
@@ -144,24 +147,24 @@ def test_what_is_done_is_not_done_again(
 ) -> None:
     """A run that ends on the way goes on where it was, and the same work gives the same bytes."""
     known = {task.key: row for task, row in here.items()}
-    judged: list[Task] = []
+    done: list[Task] = []
 
-    def run(tasks: list[Task], *_: object) -> Iterator[tuple[Task, Row]]:
+    def run(_: object, tasks: list[Task], *more: object) -> Iterator[tuple[Task, Row]]:
         for task in tasks:
-            if len(judged) == 3:
-                judged.append(task)
+            if len(done) == 3:
+                done.append(task)
                 raise KeyboardInterrupt
-            judged.append(task)
+            done.append(task)
             yield task, known[task.key]
 
-    monkeypatch.setattr(local, "run", run)
+    monkeypatch.setattr(command, "judged", run)
     call = ["fleet", str(home / "fleet.yaml"), "--json", str(home / "told.json"), "-q"]
     assert main(call) == 130
     assert main(call) == 0
-    assert 3 + 1 + len(here) - 3 == len(judged)
+    assert 3 + 1 + len(here) - 3 == len(done)
     first = contents(home / "few.results")
     assert main(call) == 0
-    assert 3 + 1 + len(here) - 3 == len(judged)
+    assert 3 + 1 + len(here) - 3 == len(done)
     assert first == contents(home / "few.results")
     told = json.loads((home / "told.json").read_text())
     assert "2 of 4 plants need attention: P1 first" in told["verdict"]
@@ -172,7 +175,9 @@ def test_what_is_done_is_not_done_again(
     assert f">{told['verdict']}</h1>" in page
     file = home / "recordings/plant=P2/day=2026-01-02/healthy.csv"
     os.utime(file, ns=(1, 1))
-    monkeypatch.setattr(local, "run", lambda tasks, *_: [(t, known_as(here, t)) for t in tasks])
+    monkeypatch.setattr(
+        command, "judged", lambda _, tasks, *more: [(t, known_as(here, t)) for t in tasks]
+    )
     assert main(call[:2]) == 0
     assert "1 is done" not in capsys.readouterr().err
     days = home / "few.results/plant-days/day=2026-01-02/plant=P2"

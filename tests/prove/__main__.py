@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rulec.engines.engine import Engine
 from tests.conftest import recordings_folder
 from tests.prove.real import Answer, answers
 from tests.prove.tell_real import MODELS
@@ -40,7 +41,9 @@ def main() -> None:
     parser.add_argument("--json", choices=("-",), default="-", help="JSON is all there is")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:
-        found, _ = answers(recordings_folder(), Path(work), options.only, options.jobs, _quiet)
+        found, _ = answers(
+            recordings_folder(), Path(work), options.only, Engine(jobs=options.jobs), _quiet
+        )
     print(json.dumps(form(found), indent=1))
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rulec.engines.engine import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OnProgress, asked, owned
 from rulec.prove.kept import CASES
@@ -77,7 +78,7 @@ SOURCES = (
 
 
 def answers(
-    recordings: Path, work: Path, only: str, jobs: int, on_progress: OnProgress
+    recordings: Path, work: Path, only: str, engine: Engine, on_progress: OnProgress
 ) -> tuple[list[Answer], list[str]]:
     """Ask about every recording that is there; also what was skipped, and why.
 
@@ -92,7 +93,7 @@ def answers(
         on_progress("preparing", count, len(there))
     for plan in planned:
         _lay_out(plan)
-    asked([p.folder for p in planned], jobs, on_progress)
+    asked([p.folder for p in planned], engine, on_progress)
     return [_answer(p) for p in planned], skipped
 
 

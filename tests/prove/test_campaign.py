@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main as rulec
+from rulec.engines.engine import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
@@ -20,6 +21,9 @@ FEW = Partition("development", 1, quick=True, only="stationary-1-clean--1")
 """A few clean cases."""
 
 
+HERE = Engine(jobs=1)
+
+
 def quiet(what: str, done: int, all_: int) -> None:
     """Nobody watches."""
 
@@ -27,20 +31,20 @@ def quiet(what: str, done: int, all_: int) -> None:
 @pytest.mark.usefixtures("in_this_process")
 def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
     """What is sealed and answered stays; another run is refused."""
-    seals = sealed(FEW, tmp_path, 1, quiet)
+    seals = sealed(FEW, tmp_path, HERE, quiet)
     folders = sorted((tmp_path / "cases").iterdir())
     assert len(folders) == len(seals) >= 5
     for folder in folders[1:]:
         (folder / FORM).write_text(json.dumps({"verdict": "none", "seconds": 1.0}))
     before = (tmp_path / campaign.SEALS).read_bytes()
-    assert sealed(FEW, tmp_path, 1, quiet) == seals
-    analysed(tmp_path, seals, 1, quiet)
-    found, away = judged(FEW, tmp_path, seals, 1, quiet)
+    assert sealed(FEW, tmp_path, HERE, quiet) == seals
+    analysed(tmp_path, seals, HERE, quiet)
+    found, away = judged(FEW, tmp_path, seals, HERE, quiet)
     assert (len(seals), 0) == (len(found), away)
     assert [1.0] * len(seals) == [j.clean_right for j in found]
     assert before == (tmp_path / campaign.SEALS).read_bytes()
     with pytest.raises(Changed, match="another run"):
-        sealed(Partition("development", 2, quick=True, only=FEW.only), tmp_path, 1, quiet)
+        sealed(Partition("development", 2, quick=True, only=FEW.only), tmp_path, HERE, quiet)
 
 
 def test_a_run_does_not_go_on_with_another_tool(
@@ -56,12 +60,12 @@ def test_a_run_does_not_go_on_with_another_tool(
 @pytest.mark.usefixtures("in_this_process")
 def test_an_answer_that_was_changed_is_found(tmp_path: Path) -> None:
     """Its hash is not the one that was told beforehand."""
-    seals = sealed(FEW, tmp_path, 1, quiet)
+    seals = sealed(FEW, tmp_path, HERE, quiet)
     assert digest_of(seals) != digest_of(["0" * 64, *seals[1:]])
     for folder in (tmp_path / "cases").iterdir():
         (folder / FORM).write_text(json.dumps({"verdict": "none"}))
     with pytest.raises(Changed, match="not the one that was sealed"):
-        judged(FEW, tmp_path, ["0" * 64, *seals[1:]], 1, quiet)
+        judged(FEW, tmp_path, ["0" * 64, *seals[1:]], HERE, quiet)
 
 
 def test_what_the_tool_refuses_is_an_answer(tmp_path: Path) -> None:

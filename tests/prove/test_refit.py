@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rulec.engines.engine import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OPENED, judged, sealed
 from rulec.prove.kept import CASES
@@ -70,12 +71,12 @@ def test_a_name_is_lost_for_one_reason(one: Refitted, reason: str) -> None:
 @pytest.mark.usefixtures("in_this_process")
 def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
     """A name that a recorded answer lacks is found as lost; the search of today has it."""
-    seals = sealed(FIRST, tmp_path, 1, quiet)
+    seals = sealed(FIRST, tmp_path, Engine(), quiet)
     folder = min((tmp_path / CASES).iterdir())
     assert [] == lost_in(tmp_path)
     for each in (tmp_path / CASES).iterdir():
         (each / FORM).write_text(json.dumps(NOTHING), encoding="utf-8")
-    judged(FIRST, tmp_path, seals, 1, quiet)
+    judged(FIRST, tmp_path, seals, Engine(), quiet)
     assert (folder / OPENED).exists()
     assert folder in lost_in(tmp_path)
     one = refitted(folder)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
+from rulec.engines.engine import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND
@@ -240,7 +241,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     """What was recorded and answered is kept, what is not the sealed plant is not run, and all is
     judged from the files."""
     few, arms = Partition("development", 1, quick=True, only="fault-leak"), ("recipe",)
-    seals = sealed(few, tmp_path, 1, lambda *told: None)
+    seals = sealed(few, tmp_path, Engine(), lambda *told: None)
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
     recipe = {

@@ -1,8 +1,9 @@
 """What a plant-day of a fleet costs, and whether a killed worker changes anything.
 
-``python -m tests.rig.fleet --json -`` simulates plants for a day at 1 Hz (plant abc, set points
-that change every half hour, a fault from noon on in every tenth), judges them in two processes of
-this machine, then again on a cluster of dask with two workers, of which one is killed on the way.
+``python -m tests.rig.fleet --json -`` simulates plants for a day at 1 Hz (each with its own
+parameters and errors, set points that change every half hour, a fault from noon on in every tenth),
+judges them in two processes of this machine, then again on a cluster of dask with two workers, of
+which one is killed on the way.
 """
 
 from __future__ import annotations
@@ -15,47 +16,58 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.fleet.plant_day import Row
 from rulec_runtime.fleet.task import Task
 
 from rulec.api.given import ruleset_of
-from rulec.fleet import dask_engine, local
+from rulec.engines.engine import DASK, Engine
 from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
 from rulec.fleet.store import DONE, Store, tables
+from rulec.passes.perturb import true_plan
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate_with
-from tests.conftest import compiled
+from tests.conftest import ROOT
 
 JOBS, HELD, EVERY, DEGREE = 2, 1800, 10, 0.2
 
 
-def write_day(rules: Ruleset, folder: Path, number: int, seconds: int) -> None:
-    """A day of one plant as Parquet."""
+def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> str:
+    """A day of one plant as Parquet; gives its fault, empty where it has none.
+
+    Each plant is its own: parameters are drawn from their covariance, laws are off by their misfit,
+    sensors by their uncertainty. A set point is solved once, and each second has noise of its own.
+    """
     import pyarrow
     import pyarrow.parquet
 
-    random, equations = np.random.default_rng(number), equations_of(rules)
+    rules, random = models.ruleset, np.random.default_rng(number)
+    faults = [f.id for f in rules.faults]
+    truth = true_plan(models, faults, random)
+    equations, held = equations_of(replace(rules, undo=truth)), -(-seconds // HELD)
     given = {}
     for own in equations.given_signals:
-        share = random.uniform(0.85, 1.1, -(-seconds // HELD))
-        levels = own.offset + (own.reference - own.offset) * share
-        given[own.id] = np.repeat(levels, HELD)[:seconds]
-    degrees = {}
+        share = random.uniform(0.85, 1.1, held)
+        given[own.id] = own.offset + (own.reference - own.offset) * share
+    off = {o.id: o.misfit * random.standard_normal(held) for o in rules.observers}
+    fault, degrees = "", {}
     if number % EVERY == 0:
-        faults = [f.id for f in rules.faults if not f.in_sensor and not f.unit]
-        course = np.zeros(seconds)
-        course[seconds // 2 :] = DEGREE
-        degrees[faults[number // EVERY % len(faults)]] = course
-    simulated = simulate_with(equations, given, degrees)
-    values = sense(rules, simulated.values, SensorErrors(bounded=True), random)
+        possible = [f.id for f in rules.faults if not f.in_sensor and not f.unit]
+        fault = possible[number // EVERY % len(possible)]
+        degrees[fault] = np.where(np.arange(held) >= held // 2, DEGREE, 0.0)
+    simulated = simulate_with(equations, given, degrees, off)
+    true = {n: np.repeat(v, HELD)[:seconds] for n, v in simulated.values.items()}
+    values = sense(rules, true, SensorErrors(bounded=True), random)
     start = np.datetime64("2026-01-01", "ms")
     columns: dict[str, Any] = {"time": start + (1000 * np.arange(seconds)).astype("m8[ms]")}
     for name, own in rules.signal_by_id.items():
@@ -65,6 +77,7 @@ def write_day(rules: Ruleset, folder: Path, number: int, seconds: int) -> None:
     place = folder / f"plant=P{number:04d}" / "day=2026-01-01"
     place.mkdir(parents=True)
     pyarrow.parquet.write_table(pyarrow.table(columns), place / "day.parquet")
+    return fault
 
 
 def cpu() -> float:
@@ -77,7 +90,7 @@ def size_of(folder: Path) -> int:
     return sum(f.stat().st_size for f in folder.rglob("*") if f.is_file())
 
 
-def judged(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
+def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
     """All rows, kept as the command keeps them."""
     store, found = Store(fleet.results, fleet.plant_key, fleet.day_key), {}
     for task, row in results:
@@ -103,44 +116,52 @@ def on_a_cluster(fleet: Fleet, tasks: list[Task]) -> dict[Task, Row]:
         n_workers=JOBS, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
         victim = next(iter(cluster.workers.values())).pid
-        run = dask_engine.run(tasks, fleet.rulesets, JOBS, cluster.scheduler_address)
+        there = Engine(kind=DASK, scheduler=cluster.scheduler_address)
+        run = judged(there, tasks, fleet.rulesets)
         return dict(with_kill(run, lambda: os.kill(victim, signal.SIGKILL)))
 
 
 def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, Any]:
-    rules = compiled("abc")
-    (folder / "abc.json").write_text(rules.to_json(), encoding="utf-8")
-    for number in range(plants):
-        write_day(rules, folder / "recordings", number, seconds)
+    models = run_passes(Compilation(path=ROOT / "plants" / "abc"))
+    (folder / "abc.json").write_text(models.ruleset.to_json(), encoding="utf-8")
+    made = [write_day(models, folder / "recordings", number, seconds) for number in range(plants)]
     text = f"fleet: rig\nrecordings: recordings\njudged_by: abc.json\ntrace: {str(trace).lower()}\n"
     (folder / "fleet.yaml").write_text(text)
     fleet = read_fleet(folder / "fleet.yaml", ruleset_of)
     tasks = tasks_of(fleet)
     before, begun = cpu(), time.perf_counter()
-    found = judged(fleet, local.run(tasks, fleet.rulesets, JOBS))
+    found = kept(fleet, judged(Engine(jobs=JOBS), tasks, fleet.rulesets))
     used, lasted = cpu() - before, time.perf_counter() - begun
     rows = [*found.values()]
+    told = [{f["fault"] for f in row["findings"]} for row in rows]
+    faulty = [(own, names) for own, names in zip(made, told, strict=True) if own]
+    begun = time.perf_counter()
+    elsewhere = on_a_cluster(fleet, tasks)
     return {
         "plants": plants,
         "seconds": seconds,
         "cpu": used / plants,
         "per-minute": 60.0 * plants / used,
         "elapsed": lasted,
+        "elapsed-dask": time.perf_counter() - begun,
         "recordings": size_of(folder / "recordings") / plants,
         "results": size_of(fleet.results / DONE) / plants,
-        "faulty": sum(row["plant"][1:].isdigit() and bool(row["findings"]) for row in rows),
-        "same": on_a_cluster(fleet, tasks) == found,
+        "faulty": len(faulty),
+        "found": sum(own in names for own, names in faulty),
+        "alarms": sum(bool(names) for own, names in zip(made, told, strict=True) if not own),
+        "same": elsewhere == found,
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plants", type=int, default=50)
+    parser.add_argument("--plants", type=int, default=1000)
     parser.add_argument("--seconds", type=int, default=86_400)
     parser.add_argument("--trace", action="store_true")
+    parser.add_argument("--folder", default=None)
     parser.add_argument("--json", default="-")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="rulec-fleet-") as folder:
+    with tempfile.TemporaryDirectory(prefix="rulec-fleet-", dir=options.folder) as folder:
         told = measured(Path(folder), options.plants, options.seconds, options.trace)
     text = json.dumps(told, indent=1)
     print(text) if options.json == "-" else Path(options.json).write_text(text + "\n")

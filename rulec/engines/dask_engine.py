@@ -1,0 +1,91 @@
+"""Work on a cluster of dask.distributed: one that is there, or one of this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from importlib import import_module
+from typing import Any, TypeVar
+
+from rulec_runtime.output.refusal import Refusal
+
+from rulec.engines.engine import Call, Engine
+from rulec.limits import SCHEDULER_CONNECT, WORK_AHEAD, WORKER_DEATHS
+
+B = TypeVar("B")
+
+
+def run(
+    work: Callable[..., B],
+    calls: Sequence[Call],
+    shared: Mapping[str, str | bytes],
+    engine: Engine,
+    died: Callable[[int], B],
+) -> Iterator[tuple[int, B]]:
+    """Do all calls on the cluster of a scheduler, or with so many processes of this machine.
+
+    Where a worker dies, the scheduler has what it had in work done by another one.
+    """
+    try:
+        dask: Any = import_module("dask")
+        distributed: Any = import_module("distributed")
+    except ModuleNotFoundError:
+        raise Refusal("--engine dask needs dask.distributed: pip install 'rulec[fleet]'") from None
+    settings = {
+        "distributed.scheduler.allowed-failures": WORKER_DEATHS - 1,
+        "distributed.worker.daemon": True,
+    }
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+        client = _client(distributed, engine, stack)
+        # Tasks, and no data that is scattered: what died with a worker is made again.
+        there = {name: client.submit(type(value), value) for name, value in shared.items()}
+        waiting = list(reversed(range(len(calls))))
+        under_way: dict[str, int] = {}
+
+        def next_one() -> Any:
+            number = waiting.pop()
+            call = calls[number]
+            more = () if call.shared is None else (there[call.shared],)
+            future = client.submit(work, *call.words, *more, pure=False)
+            under_way[future.key] = number
+            return future
+
+        workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+        ahead = min(len(waiting), WORK_AHEAD * workers)
+        coming = distributed.as_completed([next_one() for _ in range(ahead)])
+        for future in coming:
+            number = under_way.pop(future.key)
+            yield number, _result(distributed, future, number, died)
+            if waiting:
+                coming.add(next_one())
+
+
+def _result(distributed: Any, future: Any, number: int, died: Callable[[int], B]) -> B:
+    try:
+        result: B = future.result()
+    except distributed.KilledWorker:
+        return died(number)
+    except ModuleNotFoundError as error:
+        raise Refusal(
+            f"workers of the cluster lack {error.name}; install there what is installed here, of "
+            "the same version"
+        ) from None
+    return result
+
+
+def _client(distributed: Any, engine: Engine, stack: ExitStack) -> Any:
+    address = engine.scheduler
+    if address is not None:
+        try:
+            return stack.enter_context(distributed.Client(address, timeout=SCHEDULER_CONNECT))
+        except (OSError, TimeoutError, ValueError) as error:
+            raise Refusal(
+                f"{address}: no scheduler of dask answers there ({error or 'no answer'})"
+            ) from None
+    cluster = stack.enter_context(
+        distributed.LocalCluster(
+            n_workers=engine.jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        )
+    )
+    return stack.enter_context(distributed.Client(cluster))

@@ -1,0 +1,93 @@
+"""Where work is done: in processes of this machine, or on a cluster of dask.distributed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeVar
+
+from rulec_runtime.output.refusal import Misused, Refusal
+
+from rulec.limits import WORKER_DEATHS
+
+LOCAL, DASK = "local", "dask"
+ENGINES = (LOCAL, DASK)
+
+B = TypeVar("B")
+
+
+@dataclass(frozen=True)
+class Call:
+    """A piece of work: own arguments, and the name of one that many calls share, if any.
+
+    What is shared is handed over behind the own arguments.
+    """
+
+    words: tuple[Any, ...]
+    shared: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """Which engine, with how many processes; the scheduler of a cluster that is there."""
+
+    kind: str = LOCAL
+    jobs: int = 1
+    scheduler: str | None = None
+
+
+def chosen(kind: str = LOCAL, jobs: int | None = None, scheduler: str | None = None) -> Engine:
+    """The engine that is asked for; a process per core where no number is given.
+
+    Raises `Misused` for what makes no sense.
+    """
+    if kind not in ENGINES:
+        raise Misused(f"--engine {kind}: give one of {', '.join(ENGINES)}")
+    if jobs is not None and jobs < 1:
+        raise Misused(f"--jobs {jobs}: give 1 or more")
+    if scheduler is not None and kind != DASK:
+        raise Misused("--scheduler is an address for --engine dask")
+    return Engine(kind=kind, jobs=jobs or os.cpu_count() or 1, scheduler=scheduler)
+
+
+def given_up(_: int) -> NoReturn:
+    """Refuse to go on without a piece of work."""
+    raise Refusal(f"{WORKER_DEATHS} processes died at the same work; is there enough memory?")
+
+
+def run(
+    engine: Engine,
+    work: Callable[..., B],
+    calls: Sequence[Call],
+    shared: Mapping[str, str | bytes] | None = None,
+    died: Callable[[int], B] = given_up,
+) -> Iterator[tuple[int, B]]:
+    """Do all calls; gives number and result of each as it is done, in no order.
+
+    Where a process dies, another one does what it had in work. A call at which processes died again
+    and again has the result that `died` gives. What a call raises ends the run, and so does an
+    interrupt; no process is left behind.
+    """
+    if engine.kind == DASK:
+        from rulec.engines import dask_engine
+
+        return dask_engine.run(work, calls, shared or {}, engine, died)
+    from rulec.engines import local
+
+    return local.run(work, calls, shared or {}, engine.jobs, died)
+
+
+def in_order(
+    engine: Engine,
+    work: Callable[..., B],
+    calls: Sequence[Call],
+    shared: Mapping[str, str | bytes] | None = None,
+    done: Callable[[B], None] = lambda _: None,
+) -> list[B]:
+    """Results in the order of the calls; `done` is told each as it comes."""
+    found: dict[int, B] = {}
+    for number, result in run(engine, work, calls, shared):
+        found[number] = result
+        done(result)
+    return [found[number] for number in range(len(calls))]

@@ -1,0 +1,134 @@
+"""Work in processes of this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
+from typing import Any, TypeVar
+
+from rulec.engines.engine import Call
+from rulec.limits import WORK_AHEAD, WORKER_DEATHS
+
+B = TypeVar("B")
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Matrices are small: threads of the linear algebra would only wait for each other."""
+
+
+def run(
+    work: Callable[..., B],
+    calls: Sequence[Call],
+    shared: Mapping[str, str | bytes],
+    jobs: int,
+    died: Callable[[int], B],
+) -> Iterator[tuple[int, B]]:
+    """Do all calls in so many processes, which share nothing with this one."""
+    waiting, deaths = list(reversed(range(len(calls)))), Counter[int]()
+    while waiting:
+        under_way: dict[Future[B], int] = {}
+        with _pool(jobs) as pool:
+            try:
+                with _interrupts_held():
+                    _fill(pool, work, calls, shared, waiting, under_way, jobs)
+                while under_way:
+                    done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        result = future.result()
+                        yield under_way.pop(future), result
+                    _fill(pool, work, calls, shared, waiting, under_way, jobs)
+            except BrokenProcessPool:
+                for future, number in under_way.items():
+                    if future.done() and future.exception() is None:
+                        yield number, future.result()
+                        continue
+                    deaths[number] += 1
+                    if deaths[number] >= WORKER_DEATHS:
+                        yield number, died(number)
+                    else:
+                        waiting.append(number)
+
+
+def _fill(
+    pool: ProcessPoolExecutor,
+    work: Callable[..., B],
+    calls: Sequence[Call],
+    shared: Mapping[str, str | bytes],
+    waiting: list[int],
+    under_way: dict[Future[B], int],
+    jobs: int,
+) -> None:
+    """Hand out what waits, as far as a few calls are ahead."""
+    while waiting and len(under_way) < WORK_AHEAD * jobs:
+        call = calls[waiting[-1]]
+        more: tuple[Any, ...] = () if call.shared is None else (shared[call.shared],)
+        future = pool.submit(work, *call.words, *more)
+        under_way[future] = waiting.pop()
+
+
+@contextlib.contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end in the middle of their work when this is left by an exception, and when
+    this process has ended."""
+    # Not forked: threads of the parent may hold a lock, and other systems cannot fork.
+    context = multiprocessing.get_context("spawn")
+    theirs, ours = context.Pipe(duplex=False)
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    pool = ProcessPoolExecutor(jobs, context, _start, (theirs,))
+    try:
+        yield pool
+    except BaseException:
+        ours.close()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        ours.close()
+        theirs.close()
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Processes started in here inherit that an interrupt is the parent's business.
+
+    The parent sees one that comes meanwhile behind this: a process that is interrupted, or whose
+    parent is, while it starts would print a traceback.
+    """
+    if threading.current_thread() is not threading.main_thread() or os.name != "posix":
+        yield
+        return
+    held: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+    if held:
+        raise KeyboardInterrupt
+
+
+def _start(lifeline: Connection) -> None:
+    """An interrupt is the parent's business; where its end of the lifeline closes, all is over."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_outlived, args=(lifeline,), daemon=True).start()
+
+
+def _outlived(lifeline: Connection) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        lifeline.recv_bytes()
+    os._exit(1)

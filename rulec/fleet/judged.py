@@ -1,0 +1,28 @@
+"""Judge plant-days, on whatever engine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from rulec_runtime.fleet.plant_day import Row, blank, judge_day
+from rulec_runtime.fleet.task import Task
+
+from rulec.engines.engine import Call, Engine, run
+from rulec.limits import WORKER_DEATHS
+
+
+def judged(
+    engine: Engine, tasks: Sequence[Task], rulesets: Mapping[str, str]
+) -> Iterator[tuple[Task, Row]]:
+    """Rows as they are done; `rulesets` holds their texts by their hashes.
+
+    A plant-day at which processes died again and again becomes a row that says so.
+    """
+    calls = [Call((task,), task.ruleset) for task in tasks]
+
+    def died(number: int) -> Row:
+        reason = f"{WORKER_DEATHS} processes died at it; is there enough memory?"
+        return blank(tasks[number]) | {"reason": reason}
+
+    for number, row in run(engine, judge_day, calls, rulesets, died):
+        yield tasks[number], row
