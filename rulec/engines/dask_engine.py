@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from rulec_runtime.output.refusal import Refusal
 
-from rulec.engines.engine import Call, Engine
+from rulec.engines.call import Call, Engine
 from rulec.limits import SCHEDULER_CONNECT, WORK_AHEAD, WORKER_DEATHS
 
 B = TypeVar("B")

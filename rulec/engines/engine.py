@@ -4,37 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar
+from typing import NoReturn, TypeVar
 
 from rulec_runtime.output.refusal import Misused, Refusal
 
+from rulec.engines.call import DASK, ENGINES, LOCAL, Call, Engine
 from rulec.limits import WORKER_DEATHS
 
-LOCAL, DASK = "local", "dask"
-ENGINES = (LOCAL, DASK)
-
 B = TypeVar("B")
-
-
-@dataclass(frozen=True)
-class Call:
-    """A piece of work: own arguments, and the name of one that many calls share, if any.
-
-    What is shared is handed over behind the own arguments.
-    """
-
-    words: tuple[Any, ...]
-    shared: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engine:
-    """Which engine, with how many processes; the scheduler of a cluster that is there."""
-
-    kind: str = LOCAL
-    jobs: int = 1
-    scheduler: str | None = None
 
 
 def chosen(kind: str = LOCAL, jobs: int | None = None, scheduler: str | None = None) -> Engine:

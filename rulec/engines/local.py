@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
-from rulec.engines.engine import Call
+from rulec.engines.call import Call
 from rulec.limits import WORK_AHEAD, WORKER_DEATHS
 
 B = TypeVar("B")

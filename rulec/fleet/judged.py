@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from rulec_runtime.fleet.plant_day import Row, blank, judge_day
 from rulec_runtime.fleet.task import Task
 
-from rulec.engines.engine import Call, Engine, run
+from rulec.engines.call import Call, Engine
+from rulec.engines.engine import run
 from rulec.limits import WORKER_DEATHS
 
 

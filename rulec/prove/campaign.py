@@ -16,7 +16,8 @@ from typing import Any, TypeVar
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.engines.engine import Call, Engine, in_order
+from rulec.engines.call import Call, Engine
+from rulec.engines.engine import in_order
 from rulec.prove.aligned import driver_text
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.judge import judge

@@ -20,7 +20,8 @@ from rulec_runtime.output.write_file import write_text
 from rulec_runtime.report.made import made_now
 
 from rulec.cli import prove_options
-from rulec.engines.engine import Engine, chosen
+from rulec.engines.call import Engine
+from rulec.engines.engine import chosen
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.kept import unusable

@@ -13,7 +13,7 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan

@@ -8,7 +8,8 @@ from functools import lru_cache
 
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.engines.engine import LOCAL, Call, Engine, in_order
+from rulec.engines.call import LOCAL, Call, Engine
+from rulec.engines.engine import in_order
 from rulec.study.campaign import Group, Settings, run_group
 from rulec.study.judge import Outcome
 from rulec.study.points import Points

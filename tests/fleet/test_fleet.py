@@ -19,7 +19,7 @@ from rulec_runtime.fleet.task import Task
 from rulec.api.given import ruleset_of
 from rulec.cli import main
 from rulec.commands import fleet as command
-from rulec.engines.engine import DASK, Engine
+from rulec.engines.call import DASK, Engine
 from rulec.fleet import judged as fleet_judged
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.judged import judged

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from tests.conftest import recordings_folder
 from tests.prove.real import Answer, answers
 from tests.prove.tell_real import MODELS

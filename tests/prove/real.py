@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OnProgress, asked, owned
 from rulec.prove.kept import CASES

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main as rulec
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OPENED, judged, sealed
 from rulec.prove.kept import CASES

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
-from rulec.engines.engine import Engine
+from rulec.engines.call import Engine
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND

@@ -25,7 +25,7 @@ from rulec_runtime.fleet.plant_day import Row
 from rulec_runtime.fleet.task import Task
 
 from rulec.api.given import ruleset_of
-from rulec.engines.engine import DASK, Engine
+from rulec.engines.call import DASK, Engine
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
