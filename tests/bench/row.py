@@ -1,0 +1,48 @@
+"""A row of the table: ours beside a peer's, and what is the same in both."""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Ours and a peer's CPU time, s, for the same piece of work.
+
+    Attributes
+    ----------
+    key : name in the JSON form, without spaces.
+    same, differs : what is equal in both, and what is not.
+    more : what else was found, by short names.
+    """
+
+    key: str
+    what: str
+    peer: str
+    ours: float
+    theirs: float
+    same: str
+    differs: str
+    more: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def ratio(self) -> float:
+        """Above 1 where ours is faster."""
+        return self.theirs / self.ours
+
+
+def median(call: Callable[[], object], rounds: int = 5, warm: bool = True) -> float:
+    """CPU time of a call, s: the median of some, behind one that warms up."""
+    if warm:
+        call()
+    times = []
+    for _ in range(rounds):
+        gc.collect()
+        begin = time.process_time()
+        call()
+        times.append(time.process_time() - begin)
+    return statistics.median(times)
