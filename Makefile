@@ -8,7 +8,8 @@ export OMP_NUM_THREADS ?= 1
 # Without bytecode each process that a test starts would compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-live test prove bench figures golden docs clean
+comma := ,
+.PHONY: help demo demo-live test prove bench goals profiles figures golden docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -53,8 +54,18 @@ test: $(VENV)/dev ## lint, types, all tests
 prove: $(VENV)/dev ## what takes long: more sealed cases, whole rigs (about ten minutes)
 	$(BIN)/python -m pytest -n 2 -m prove
 
-bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
+$(VENV)/bench: $(VENV)/dev
+	$(call install,.[dev$(comma)bench])
+	@touch $@
+
+bench: $(VENV)/bench ## speed beside peers, as ratios, and how effort grows: one table (ten minutes)
+	$(BIN)/python -m tests.bench
+
+goals: $(VENV)/dev ## speed against goals: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s
+
+profiles: $(VENV)/dev ## the five hottest paths: where their time goes, and what bounds them
+	$(BIN)/python -m tests.bench.profiles
 
 figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema isolation' takes some
 	$(BIN)/python -m tests.figures measure $(if $(ONLY),--only $(ONLY))

@@ -41,6 +41,10 @@ from tests.conftest import ROOT
 
 JOBS, HELD, EVERY, DEGREE = 2, 1800, 10, 0.2
 
+MANY, CORE_HOUR, STORED_MONTH, DAYS = 100_000, 0.05, 0.023, 30
+"""Plants of a capacity on paper; euros that an hour of a core and a month of a GB of object storage
+cost, assumed; days that recordings are kept."""
+
 
 def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> str:
     """A day of one plant as Parquet; gives its fault, empty where it has none.
@@ -137,6 +141,10 @@ def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, 
     faulty = [(own, names) for own, names in zip(made, told, strict=True) if own]
     begun = time.perf_counter()
     elsewhere = on_a_cluster(fleet, tasks)
+    size, kept_size = (
+        size_of(folder / "recordings") / plants,
+        size_of(fleet.results / DONE) / plants,
+    )
     return {
         "plants": plants,
         "seconds": seconds,
@@ -144,12 +152,26 @@ def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, 
         "per-minute": 60.0 * plants / used,
         "elapsed": lasted,
         "elapsed-dask": time.perf_counter() - begun,
-        "recordings": size_of(folder / "recordings") / plants,
-        "results": size_of(fleet.results / DONE) / plants,
+        "recordings": size,
+        "results": kept_size,
+        "capacity": capacity(used / plants, size, kept_size),
         "faulty": len(faulty),
         "found": sum(own in names for own, names in faulty),
         "alarms": sum(bool(names) for own, names in zip(made, told, strict=True) if not own),
         "same": elsewhere == found,
+    }
+
+
+def capacity(seconds: float, recording: float, results: float) -> dict[str, float]:
+    """What many plants take, from CPU time, s, and bytes of a plant-day."""
+    hours, stored = MANY * seconds / 3600, MANY * recording / 1e9
+    return {
+        "core-hours": hours,
+        "cores": hours / 24,
+        "recordings": stored / 1e3,
+        "results": MANY * results / 1e9,
+        "money-cores": DAYS * hours * CORE_HOUR,
+        "money-storage": DAYS * stored * STORED_MONTH,
     }
 
 

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.stationary import systematic_u
 
+from rulec.simulation.equations import equations_of
+from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.simulate import simulate_with
 from tests.bench.row import Row, median
-from tests.bench.test_plan import readings
 from tests.conftest import compiled
 
 SAMPLES, FEW = 100_000, 1000
-COVERAGE = 2.0
+COVERAGE, DEGREE = 2.0, 0.5
 
 
 def rows() -> list[Row]:
@@ -22,10 +25,10 @@ def rows() -> list[Row]:
 
     rules = compiled("abc")
     plan = rules.plan.select([n for n in rules.plan.outputs if n.startswith(("R:", "u:"))])
-    inputs, random = readings(rules, plan, SAMPLES), np.random.default_rng(3)
-    for signal in rules.signals:  # as faults would: or no rule would ever be asked to its end
-        if signal.id in inputs:
-            inputs[signal.id] = inputs[signal.id] * random.choice([0.6, 1.0, 1.0, 1.5], SAMPLES)
+    inputs: dict[str, Any] = {"u:parameters": 1.0, "u:model": 1.0, **_with_faults(rules)}
+    for signal in rules.signals:
+        if signal.id in plan.inputs:
+            inputs[f"u:{signal.id}"] = systematic_u(signal, inputs[signal.id])
     expected = signs_match(rules, plan.run(inputs))
     written = {fault: Rule(text) for fault, text in texts(rules).items()}
     facts = _facts(rules, plan.run(inputs), FEW)
@@ -47,6 +50,17 @@ def rows() -> list[Row]:
             differs="residuals and thresholds are handed to it; ours works them out of readings",
         )
     ]
+
+
+def _with_faults(rules: Ruleset) -> dict[str, Array]:
+    """Readings by signal, shape (SAMPLES,), SI: each fault for some samples, then none."""
+    faults = [f.id for f in rules.faults]
+    degrees = {f: np.where(np.arange(FEW) % (2 * len(faults)) == 2 * i, DEGREE, 0.0)
+               for i, f in enumerate(faults)}  # fmt: skip
+    simulated = simulate_with(equations_of(rules), {}, degrees)
+    assert simulated.solved.all()
+    values = sense(rules, simulated.values, SensorErrors(bounded=True), np.random.default_rng(3))
+    return {name: np.tile(v, SAMPLES // FEW) for name, v in values.items()}
 
 
 def signs_match(rules: Ruleset, values: dict[str, Array]) -> Any:

@@ -1,7 +1,7 @@
 """Beside LSODA (scipy) and CVODE (SUNDIALS, scikit-sundae): two tanks, with exact derivatives.
 
-Their rates are equations and derivatives by hand, compiled by numba. The voltage is held from sample to
-sample, so every solver starts anew at each sample, as it has to where inputs jump.
+Their rates are equations and derivatives by hand, compiled by numba. The voltage is held from
+sample to sample, so every solver starts anew at each sample, as it has to where inputs jump.
 """
 
 from __future__ import annotations

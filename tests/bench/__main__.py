@@ -1,0 +1,101 @@
+"""Ours beside peers, and how effort grows: `python -m tests.bench`, `make bench`.
+
+Every peer runs in a process of its own, after ours in the same process: ratios of medians of CPU
+time, warm, on one core. `--only` takes some of them; `--json FILE` writes all; `--picture FILE.svg`
+draws the growth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import pkgutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from tests.bench import peers
+from tests.bench.growth import curves
+from tests.bench.picture import draw
+
+GROWTH = "growth"
+PARTS = (*(m.name for m in pkgutil.iter_modules(peers.__path__)), GROWTH)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=PARTS, default=PARTS)
+    parser.add_argument("--json", metavar="FILE", help="- for standard output")
+    parser.add_argument("--picture", metavar="FILE.svg")
+    parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.part:
+        print(json.dumps(list(part_of(options.part))))
+        return 0
+    aside, found = Console(stderr=True), []
+    for part in options.only:
+        aside.print(f"{part} ...", style="dim")
+        call = [sys.executable, "-m", "tests.bench", "--part", part]
+        done = subprocess.run(call, stdout=subprocess.PIPE, text=True, check=False)
+        if done.returncode:
+            aside.print(f"{part}: nothing measured; peers come with pip install 'rulec[dev,bench]'")
+            continue
+        found += json.loads(done.stdout.splitlines()[-1])
+    form = {one["key"]: one for one in found}
+    aside.print(table_of(found)) if options.json == "-" else Console().print(table_of(found))
+    if options.json == "-":
+        print(json.dumps(form, indent=1))
+    elif options.json:
+        Path(options.json).write_text(json.dumps(form, indent=1) + "\n", encoding="utf-8")
+    if options.picture:
+        draw([one for one in found if "exponent" in one], Path(options.picture))
+    return 0 if len(found) else 1
+
+
+def part_of(name: str) -> Iterator[dict[str, Any]]:
+    """Rows of a peer, or curves."""
+    if name == GROWTH:
+        for curve in curves():
+            yield asdict(curve) | {"exponent": curve.exponent}
+        return
+    for row in importlib.import_module(f"{peers.__name__}.{name}").rows():
+        yield asdict(row) | {"ratio": row.ratio}
+
+
+def table_of(found: list[dict[str, Any]]) -> Table:
+    """One table: ratios, then exponents."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1))
+    for title in ("what", "peer", "ours", "peer's", "ratio", "the same", "not the same"):
+        narrow = title in ("ours", "peer's", "ratio")
+        table.add_column(title, justify="right" if narrow else "left", no_wrap=narrow)
+    for one in found:
+        if "ratio" in one:
+            words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
+            table.add_row(one["what"], one["peer"], *words, one["same"], one["differs"])
+    for one in found:
+        if "exponent" in one:
+            ends = [
+                f"{seconds(s)} at {n:,}" for n, s in zip(one["counts"], one["seconds"], strict=True)
+            ]
+            grows = f"grows with power {one['exponent']:.2f}"
+            table.add_row(one["what"], "", ends[-1], "", "", grows, f"from {ends[0]}")
+    return table
+
+
+def seconds(value: float) -> str:
+    """CPU time in a unit that suits."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-9:.3g} ns"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
