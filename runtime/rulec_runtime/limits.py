@@ -438,7 +438,7 @@ UNTOUCHED = 1e-6
 """Share of a fault's own effect below which residuals count as untouched (it cancels). Origin:
 numerical."""
 
-TABLE = 1_000_000
+TABLE = 250_000
 """Numbers in a table that is worked on at once: it stays in the cache, and memory flat. Origin:
 numerical."""
 

@@ -44,23 +44,25 @@ def curves() -> Iterator[Curve]:
     """All curves, one after the other."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        yield _modules(folder, "side-by-side", side_by_side, (14, 35, 70, 140))
-        yield _modules(folder, "chain", chain, (12, 24, 48, 96))
+        yield _modules(folder, "side by side", side_by_side, (14, 35, 70, 140))
+        yield _modules(folder, "in a chain", chain, (12, 24, 48, 96))
         yield _samples((12_500, 25_000, 50_000, 100_000))
         yield _findings((24, 48, 96, 192))
         yield _effects(folder, (7, 14, 28, 56))
         yield _plants(folder, (2, 4, 8, 16))
 
 
-def _modules(folder: Path, key: str, text: Callable[[int], str], sizes: Sequence[int]) -> Curve:
+def _modules(folder: Path, words: str, text: Callable[[int], str], sizes: Sequence[int]) -> Curve:
     counts, seconds = [], []
     compile_plant(ROOT / "plants" / "abc")
     for size in sizes:
         (folder / "plant.yaml").write_text(text(size), encoding="utf-8")
         counts.append(len(compile_plant(folder).modules))
         seconds.append(median(lambda: compile_plant(folder), 1, warm=False))
-    what = f"compile: modules {key.replace('-', ' ')}"
-    return Curve(key=key, what=what, counts=tuple(counts), seconds=tuple(seconds))
+    what = f"compile: modules {words}"
+    return Curve(
+        key=words.replace(" ", "-"), what=what, counts=tuple(counts), seconds=tuple(seconds)
+    )
 
 
 def _samples(sizes: Sequence[int]) -> Curve:

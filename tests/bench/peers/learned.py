@@ -31,9 +31,9 @@ from tests.conftest import ROOT
 
 ABC = ROOT / "plants" / "abc"
 TAUGHT, BETWEEN = (0.1, 0.3), 0.2
-LESSONS, ASKED = 16, 2
+LESSONS, ASKED = 8, 1
 """True plants of each fault that are learnt from, and that are asked about."""
-POINTS, HEALTHY, FIRST_ASKED = 3, 20, 1000
+POINTS, HEALTHY, FIRST_ASKED = 3, 10, 1000
 
 
 @dataclass(frozen=True)
