@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge import check_knowledge, read_layers
@@ -125,6 +126,11 @@ def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[
         return list(kept[key][1])
 
     return checked
+
+
+def plain_yaml(file: Path) -> Any:
+    """Data of a file of the project, by libyaml: ten times as fast where many are read."""
+    return yaml.load(file.read_bytes(), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 @functools.cache
