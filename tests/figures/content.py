@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.conftest import ROOT
 from tests.figures.ledger import Figure, Ledger
 from tests.figures.plain_code import plain_code
-from tests.figures.sources import read_sources
+from tests.figures.sources import files_of, read_sources
 
 LENGTH = 12  # digits of a hash: 48 bits, enough to tell a handful of states apart
 
@@ -30,7 +30,8 @@ def content_of(figure: Figure, ledger: Ledger, root: Path = ROOT) -> str:
     """
     noted = read_sources().get(figure.command)
     if noted is not None:
-        return _digest(f"{path} {_plain_blob(root / path)}\n" for path in noted)
+        files = [file for path in noted for file in files_of(path, root)]
+        return _digest(f"{file} {_plain_blob(root / file)}\n" for file in files)
     globs = [glob for name in figure.depends for glob in ledger.files[name]]
     return _hash(blobs_here(root), globs)
 

@@ -15,7 +15,7 @@ HOOK = Path(__file__).parent / "traced"
 
 TOPS = {"rulec": "rulec", "rulec_runtime": "runtime/rulec_runtime", "tests": "tests"}
 ALL_OF = "kb"
-"""The knowledge base is listed, not named: each file beside one that was read counts as well."""
+"""Of the knowledge base all files count in a folder of which one was read, also new ones: `*`."""
 
 
 @functools.cache
@@ -58,11 +58,17 @@ def used(note: Path, root: Path = ROOT) -> tuple[str, ...]:
         path = name if kind == "read" else _path_of(name, root)
         if path is None or not (root / path).is_file():
             continue
-        found.add(path)
-        if PurePosixPath(path).parts[0] == ALL_OF:
-            beside = (root / path).parent.iterdir()
-            found |= {f.relative_to(root).as_posix() for f in beside if f.is_file()}
+        listed = PurePosixPath(path).parts[0] == ALL_OF
+        found.add(f"{PurePosixPath(path).parent}/*" if listed else path)
     return tuple(sorted(found))
+
+
+def files_of(path: str, root: Path = ROOT) -> list[str]:
+    """The file, or, where a path ends with `*`, all files of that folder."""
+    folder, _, leaf = path.rpartition("/")
+    if leaf != "*":
+        return [path]
+    return sorted(f"{folder}/{f.name}" for f in (root / folder).glob("*") if f.is_file())
 
 
 def _path_of(module: str, root: Path) -> str | None:

@@ -7,6 +7,7 @@ import os
 import sys
 
 PACKAGES = ("rulec", "rulec_runtime", "tests")
+CODE = ("rulec", "runtime", "tests")
 DATA = ("kb", "plants", "tests")
 """Folders whose files count where they are read; code counts where it is imported."""
 
@@ -30,8 +31,12 @@ def _note() -> None:
             path = os.path.abspath(os.fspath(words[0]))
             if isinstance(path, str) and path.startswith(root + os.sep):
                 inside = path[len(root) + 1 :]
-                code = inside.endswith((".py", ".pyc")) or "__pycache__" in inside
-                if inside.partition(os.sep)[0] in DATA and not code:
+                folder, _, name = inside.rpartition(os.sep)
+                top = inside.partition(os.sep)[0]
+                if top in CODE and folder.endswith("__pycache__") and name.endswith(".pyc"):
+                    # What is imported by importlib, or run: there is no event of import then.
+                    line(f"read {os.path.join(os.path.dirname(folder), name.split('.')[0])}.py")
+                elif top in DATA and "__pycache__" not in folder and not name.endswith(".py"):
                     line(f"read {inside}")
 
     sys.addaudithook(hook)
