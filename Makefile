@@ -14,12 +14,14 @@ comma := ,
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
-# pip would compile every module on one core. Tests that packages bring are never imported.
+# pip would compile every module on one core. Not compiled before is what no test imports: the tests
+# that packages bring, tools to install, mypy (machine code), what learns (make prove), lexers.
+UNUSED := /(tests?|pip|setuptools|pkg_resources|mypyc?|sklearn|pygments/lexers)/
 define install
 	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
 		--editable ./runtime --editable '$(1)'
-	@$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib rulec runtime || true
+	@$(BIN)/python -m compileall -qq -j 0 -x '$(UNUSED)' $(VENV)/lib rulec runtime || true
 endef
 
 $(BIN)/rulec: pyproject.toml runtime/pyproject.toml

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from tests.conftest import ROOT
 from tests.figures.ledger import Figure, Ledger
+from tests.figures.plain_code import plain_code
+from tests.figures.sources import files_of, read_sources
 
 LENGTH = 12  # digits of a hash: 48 bits, enough to tell a handful of states apart
 
@@ -21,7 +23,15 @@ def is_stale(figure: Figure, ledger: Ledger, root: Path = ROOT) -> bool:
 
 
 def content_of(figure: Figure, ledger: Ledger, root: Path = ROOT) -> str:
-    """Hash of all files that a figure depends on, as they are now."""
+    """Hash of all that a figure depends on, as it is now.
+
+    That is the files which its command used when it was last run, or, where these were not noted,
+    all files in its sets.
+    """
+    noted = read_sources().get(figure.command)
+    if noted is not None:
+        files = [file for path in noted for file in files_of(path, root)]
+        return _digest(f"{file} {_plain_blob(root / file)}\n" for file in files)
     globs = [glob for name in figure.depends for glob in ledger.files[name]]
     return _hash(blobs_here(root), globs)
 
@@ -59,12 +69,25 @@ def _blob(data: bytes) -> str:
 
 def _hash(blobs: Mapping[str, str], globs: Iterable[str]) -> str:
     patterns = [_pattern(glob) for glob in globs]
-    lines = [
+    return _digest(
         f"{path} {blob}\n"
         for path, blob in sorted(blobs.items())
         if any(pattern.fullmatch(path) for pattern in patterns)
-    ]
+    )
+
+
+def _digest(lines: Iterable[str]) -> str:
     return hashlib.sha256("".join(lines).encode()).hexdigest()[:LENGTH]
+
+
+@functools.cache
+def _plain_blob(file: Path) -> str:
+    """Hash of a file; of code without comments and docstrings. Of none: `gone`."""
+    if not file.is_file():
+        return "gone"
+    if file.suffix != ".py":
+        return _blob(file.read_bytes())
+    return _blob(plain_code(file.read_text(encoding="utf-8")).encode())
 
 
 def _pattern(glob: str) -> re.Pattern[str]:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from tests.conftest import ROOT
+from tests.conftest import ROOT, plain_yaml
 
 FILE = ROOT / "docs" / "figures.yaml"
 KINDS = ("measured", "sealed", "quoted")
@@ -94,7 +92,7 @@ class Ledger:
 
 def read_ledger(file: Path = FILE) -> Ledger:
     """Read and check; raises ValueError with all that is wrong."""
-    form = yaml.safe_load(file.read_text(encoding="utf-8"))
+    form = plain_yaml(file)
     figures = [_figure(entry) for entry in form["figures"]]
     places = tuple(Place(page, text) for page, texts in form["places"].items() for text in texts)
     ledger = Ledger(

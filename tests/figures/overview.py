@@ -18,8 +18,10 @@ measured it. This page is made from it by `python -m tests.figures mark`.
   figures take hours; `python -m tests.figures measure --only ID` takes some.
 - `make test` fails when a page prints something else than the ledger, when it prints a number that
   the ledger does not know, and when a small measurement contradicts a printed figure.
-- *stale*: a file that the figure depends on changed after the measurement; the figure may still be
-  true. *sealed*: opened once, cannot be measured again. *quoted*: published.
+- *stale*: code or data that the measuring command used changed after the measurement; the figure
+  may still be true. Comments, docstrings and files that a command does not use make no figure
+  stale, once it was measured with its files noted. *sealed*: opened once, cannot be measured again.
+  *quoted*: published.
 
 An interval is that of the count (Clopper and Pearson, 95 %) or a tolerance; the ledger says which.
 

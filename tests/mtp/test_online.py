@@ -10,6 +10,7 @@ import pytest
 from asyncua import Server, ua
 
 from rulec.cli import main
+from rulec.mtp import limits
 from tests.live.sources.plant_server import PlantServer, free_port
 from tests.mtp.test_import import imported
 from tests.mtp.writer import NAMESPACE, Point, manifest
@@ -37,6 +38,13 @@ class Controller(PlantServer):
                 ua.NodeId(name, number), ua.QualifiedName(name, number), value
             )
         await server.start()
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Server and client share a loaded machine here; an address that nobody has is refused at once
+    all the same."""
+    monkeypatch.setattr(limits, "ONLINE", 60.0)
 
 
 @pytest.fixture(scope="module")

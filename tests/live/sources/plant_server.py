@@ -18,6 +18,8 @@ from asyncua.server.uaprocessor import UaProcessor
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 UNITS = {"A.dp": "bar", "A.n": "rpm"}
+PATIENCE = 60
+"""Seconds that a request may take on a loaded machine; an idle one needs a hundredth of one."""
 
 
 def free_port() -> int:
@@ -33,17 +35,27 @@ class PlantServer:
         self, units: dict[str, str] | None = None, port: int = 0, certified: Path | None = None
     ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
-        self.port = port or free_port()
-        self.url = f"opc.tcp://127.0.0.1:{self.port}"
+        self._set_port(port or free_port())
         self._units = UNITS if units is None else units
         self._certified = certified
         self._loop = asyncio.new_event_loop()
         Thread(target=self._loop.run_forever, daemon=True).start()
         self.nodes: dict[str, Any] = {}
-        self.start()
+        try:
+            self.start()
+        except OSError:
+            # Another process took the port between its choice and now.
+            if port:
+                raise
+            self._set_port(free_port())
+            self.start()
+
+    def _set_port(self, port: int) -> None:
+        self.port = port
+        self.url = f"opc.tcp://127.0.0.1:{port}"
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result(20)
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(PATIENCE)
 
     def start(self) -> None:
         self.run(self._start())

@@ -246,7 +246,6 @@ def test_fewer_steps_are_the_first_ones(ambiguous: Path, planned: Path, tmp_path
 @pytest.mark.parametrize(
     ("flag", "value", "words"),
     [
-        ("--hours", "0", "one step takes"),
         ("--hours", "nan", "one step takes"),
         ("--steps", "0", "has one step at least"),
     ],
