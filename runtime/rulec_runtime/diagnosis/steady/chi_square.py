@@ -127,17 +127,20 @@ class Metric:
     @property
     def inverse(self) -> Array:
         """Inverse covariances, shape (n, residuals, residuals), (s/m3)^2."""
-        return self.weighing.inverse[self.which]
+        chosen: Array = self.weighing.inverse[self.which]
+        return chosen
 
     @property
     def weighted(self) -> Array:
         """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
-        return self.weighing.weighted[self.which]
+        chosen: Array = self.weighing.weighted[self.which]
+        return chosen
 
     @property
     def value(self) -> Array:
         """Chi-square as measured, shape (n,)."""
-        return self.weighing.value[self.which]
+        chosen: Array = self.weighing.value[self.which]
+        return chosen
 
     def problems(self, chosen: np.ndarray | slice) -> Metric:
         """Some of the problems."""

@@ -92,9 +92,9 @@ class _Stacked:
             table = np.ascontiguousarray(shared[..., 0].transpose(1, 2, 0)).reshape(
                 shared.shape[1], -1
             )
-            whole = (rows.reshape(-1, len(table)) @ table).reshape(points, touched, points, flows)
+            every = (rows.reshape(-1, len(table)) @ table).reshape(points, touched, points, flows)
             factors = lasting[own].T[:, :, None, None] * lasting.T
-            changed[i] = whole * (factors - 1.0) * lasts[i][:, None, :, None]
+            changed[i] = every * (factors - 1.0) * lasts[i][:, None, :, None]
             for point in range(points):
                 factor = new[own, point][:, None] * new[:, point]
                 changed[i, point, :, point] += noise[own, :, point, 0] * (factor - 1.0)
