@@ -442,12 +442,28 @@ TABLE = 250_000
 """Numbers in a table that is worked on at once: it stays in the cache, and memory flat. Origin:
 numerical."""
 
+MANY_RESIDUALS = 128
+"""Residuals of a problem from which on its covariance is inverted once for all hypotheses. Origin:
+numerical; below that it costs less to invert one for each of them."""
+
+MOST_WEIGHED = 8_000_000
+"""Numbers in the inverse covariances up to which that is so: more take too much memory. Origin:
+numerical."""
+
+CHANGED_ALONE = 0.25
+"""Share of the residuals of a problem up to which a change of so many flows is worked out alone.
+Origin: numerical; with more of them a new inverse costs less."""
+
 FEW_COLUMNS = 2048
 """Points of all hypotheses together up to which one plan undoes all of them: a call costs as much
 as that. Origin: numerical."""
 
-MOST_OF_THEM = 0.3
-"""Share of all hypotheses that must be left for that. Origin: numerical."""
+OPERATIONS_OF_A_CALL = 200
+"""Operations of a plan on a few numbers that cost as much as another call of a plan. Origin:
+numerical."""
+
+PLANS_KEPT = 512
+"""Plans of hypotheses tried together that are kept for the next time. Origin: numerical."""
 
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""

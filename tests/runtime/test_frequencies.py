@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,21 +17,27 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores import judge
 from rulec_runtime.diagnosis.stores.spells import _cause
 from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.rows import Rows
 from rulec_runtime.live.sight import Sight, episodes_of
+from rulec_runtime.recordings.module_results import ModuleResults, read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.html_story import told
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
+from rulec.export.play import played, results_csv
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import simulate
 from tests.conftest import ROOT, compiled
+from tests.export.plants import codes
 
 LEAK, LOW = "main.leakage", "main.Q.low"
 """No reading of the plant tells them apart."""
@@ -210,3 +217,35 @@ def test_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
     words = {f.id: f.frequency for f in rules.faults}
     assert ("rare", "common", "usual") == (words[LOW], words["main.dp.low"], words[LEAK])
     assert "a survey" in rules.fault_by_id["main.dp.low"].frequency_origin
+
+
+@pytest.mark.parametrize(("named", "other"), [(LEAK, LOW), (LOW, LEAK)])
+def test_beside_the_plant_the_more_usual_is_named_first_too(
+    leaking: Recording, named: str, other: str
+) -> None:
+    """By the watch, in its event, and by what controllers hand over."""
+    rules = said_of(compiled("zema-hydraulic"), {named: "common", other: "rare"})
+    whole = only(leaking, rules)
+    events, diagnosis = [], None
+    for said in follow(rules, nothing_yet(rules, False), Rows(leaking.time, leaking.values)):
+        events += [e.episode for e in said.events if e.episode.kind == "fault"]
+        diagnosis = said.diagnosis
+    assert diagnosis is not None
+    assert diagnosis.findings == (whole,)
+    (episode,) = {e.id: e for e in events}.values()
+    assert episode.subject == named
+    assert [name for name, _ in episode.alternatives] == [other]
+    by_modules = results_read(leaking, rules)
+    (finding,) = diagnose_results(by_modules, rules).findings
+    assert finding.fault.id == named
+    assert [name for name, _ in finding.alternatives] == [other]
+    assert finding.probability == pytest.approx(whole.probability)
+
+
+def results_read(recording: Recording, rules: Ruleset) -> ModuleResults:
+    """What controllers would hand over of a recording."""
+    text = results_csv(played(recording, rules, codes("zema-hydraulic")))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "results.csv")
+        file.write_text(text, encoding="utf-8")
+        return read_results(file, rules)

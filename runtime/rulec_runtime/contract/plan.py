@@ -67,7 +67,7 @@ class Plan:
         """
         names = tuple(outputs)
         if names not in self._selections:
-            self._selections[names] = self._selected(names)
+            self._selections[names] = self.selected(names)
         return self._selections[names]
 
     def narrowed(self) -> Plan:
@@ -95,7 +95,8 @@ class Plan:
     def _selections(self) -> dict[tuple[str, ...], Plan]:
         return {}
 
-    def _selected(self, outputs: Iterable[str]) -> Plan:
+    def selected(self, outputs: Iterable[str]) -> Plan:
+        """The same, worked out anew."""
         kept = {name: self.outputs[name] for name in outputs}
         needed = self._needed(kept.values())
         renumber = {i: i for i in range(self.first_operation)}

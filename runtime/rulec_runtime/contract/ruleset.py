@@ -393,7 +393,9 @@ class Ruleset:
             names = [f"q:{o}" for o in observers]
             names += [f"dq:{o}:{f}" for o in observers for f in faults]
             there = (n for n in names if n in self.undo.outputs)
-            self._undone[key] = self.undo.select(there).narrowed()
+            while len(self._undone) >= limits.PLANS_KEPT:
+                del self._undone[next(iter(self._undone))]
+            self._undone[key] = self.undo.selected(there).narrowed()
         return self._undone[key]
 
     def undone_slopes(self, observers: tuple[str, ...]) -> Plan:

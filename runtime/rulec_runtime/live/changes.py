@@ -31,7 +31,7 @@ def changes(
     `known` are those told before that are active, or may still be seen; `number` is that of the
     last event.
     """
-    seen = _merged(episodes_of(diagnosis, sight), sight)
+    seen = every = _merged(episodes_of(diagnosis, sight), sight)
     # Windows are cut anew with every row, so what a few rows say of a plant that stores may waver.
     wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(sight.time))
     told: list[tuple[What, str, Episode]] = []
@@ -44,6 +44,9 @@ def changes(
         if not mine and _may_return(old, known, seen, sight, wait):
             kept.append(old)
             continue
+        if not wait and _was_none(old, every, sight):
+            told.append(("withdrawn", _words(ruleset, "withdrawn", old, old), old))
+            continue
         seen = [one for one in seen if one not in mine]
         now = replace(
             mine[-1] if mine else old, id=old.id, since=min([old.since, *(e.since for e in mine)])
@@ -54,6 +57,8 @@ def changes(
             now = old
         kept.append(now)
         what = _what(old, now, bool(mine), sight)
+        if not wait and _was_earlier(old, now, sight):
+            what = "changed"
         if what is not None:
             told.append((what, _words(ruleset, what, old, now), now))
     for new in seen:
@@ -127,6 +132,19 @@ def _may_return(
     return sight.rows_between(old.until, sight.until) < wait
 
 
+def _was_none(old: Episode, seen: Sequence[Episode], sight: Sight) -> bool:
+    """Is it a fault that has ended, of which nothing is seen any more, though its rows still are?
+    More is known now, by the readings behind it."""
+    ended = old.kind == "fault" and not old.active and old.since >= sight.since
+    return ended and not any(_same(old, one, sight) for one in seen)
+
+
+def _was_earlier(old: Episode, now: Episode, sight: Sight) -> bool:
+    """Has a fault that has ended been there long before it was told to be?"""
+    ended = old.kind == "fault" and not old.active and not now.active
+    return ended and sight.rows_between(now.since, old.since) > sight.pause
+
+
 def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:
     """What is new of an episode; None if nothing is that an operator needs to know."""
     if old.active and not now.active:
@@ -160,6 +178,8 @@ def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
         return f"{now.subject}: later readings do not bear it out"
     if what == "ended":
         return f"{size} is over"
+    if what == "changed" and not now.active:
+        return f"{size} is over, and was there earlier than was told"
     rivals = ", ".join(sorted(_rivals(now)))
     also = f"; also possible: {rivals}" if rivals else ""
     if what == "changed" and now.subject != old.subject:

@@ -60,13 +60,17 @@ def test_operator_acknowledges_and_quits() -> None:
 def test_pictures_are_few_however_many_rows_come() -> None:
     out = io.StringIO()
     console = Terminal(file=out, width=80, height=24, force_terminal=True)
+    rows = [replace(leaking(), rows=i) for i in range(1000)]
+    since = time.monotonic()
     with LiveScreen(nobody, console, _none()) as live:
-        since = time.monotonic()
-        for i in range(1000):
-            live.show(replace(leaking(), rows=i))
-        assert time.monotonic() - since < 1.0
+        begin = time.thread_time()
+        for now in rows:
+            live.show(now)
+        # A picture costs some 20 ms; who shows rows draws none of them.
+        assert time.thread_time() - begin < 1.0
         assert waited_for(lambda: "A.leakage" in out.getvalue())
-    assert out.getvalue().count("modules") < 10
+    # However long other work on the machine makes this last.
+    assert out.getvalue().count("modules") <= 3 + (time.monotonic() - since) / live_screen.TICK
 
 
 def test_mistake_in_a_picture_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,15 @@ class Asked:
         ids = {v.id for r in asked for v in r.inputs}
         return frozenset(i for i in ids if not i.startswith("good:"))
 
+    @property
+    def operations(self) -> tuple[str, ...]:
+        """None here: all is asked at once."""
+        return ()
+
     def select(self, outputs: Iterable[str]) -> Asked:
+        return self.selected(outputs)
+
+    def selected(self, outputs: Iterable[str]) -> Asked:
         return Asked(self.ruleset, self.routines, self.execute, tuple(outputs))
 
     def narrowed(self) -> Asked:

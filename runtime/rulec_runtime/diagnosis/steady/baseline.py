@@ -104,7 +104,7 @@ def against(
         kept = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
         offsets[:, here] = kept * (state.mean @ shared)
-        known = np.einsum("omn,pmn->opn", shared, state.covariance @ shared)
+        known = _covariance(shared, state.covariance)
         spread[:, :, here] = kept**2 * known + (1.0 - kept**2) * spread[:, :, here]
     covariance = observed.noise + lasting
     return replace(
@@ -119,6 +119,17 @@ def against(
 
 SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systematic")
 """What `against` changes."""
+
+
+def _covariance(shared: Array, errors: Array) -> Array:
+    """Covariance of flows, shape (flows, flows, n), by their slopes, (flows, errors, n), and the
+    covariance of the errors."""
+    moved = errors @ shared
+    if len(shared) < limits.MANY_RESIDUALS:
+        few: Array = np.einsum("omn,pmn->opn", shared, moved)
+        return few
+    many: Array = shared.transpose(2, 0, 1) @ moved.transpose(2, 1, 0)
+    return many.transpose(1, 2, 0)
 
 
 def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:

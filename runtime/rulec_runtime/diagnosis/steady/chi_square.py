@@ -72,8 +72,8 @@ class ChiSquare:
 
 
 @dataclass(frozen=True)
-class Metric:
-    """Residuals of n problems in the metric of their covariance.
+class Weighing:
+    """Residuals in the metric of their covariance.
 
     `inverse` are inverse covariances, shape (n, residuals, residuals), (s/m3)^2, `residuals` has
     shape (n, residuals), m3/s: those of one point after the other, `rank` of each, which `basis`
@@ -96,17 +96,65 @@ class Metric:
         value: Array = np.einsum("nr,nr->n", self.residuals, self.weighted)
         return value
 
+    @cached_property
+    def of_flows(self) -> tuple[Array, Array]:
+        """Half the first and second derivative of chi-square by all flows of all points, those of
+        one point after the other: shapes (n, flows) and (n, flows, flows)."""
+        n, rows = self.residuals.shape
+        rank, flows = self.basis.shape
+        points = rows // rank
+        half = self.inverse.reshape(n, rows * points, rank) @ self.basis
+        half = half.reshape(n, points, rank, points * flows)
+        whole = (self.basis.T @ half).reshape(n, points * flows, -1)
+        slope = self.weighted.reshape(n, points, rank) @ self.basis
+        return slope.reshape(n, -1), whole
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Chi-square of n problems: `which` of the residuals that are weighed each has, shape (n,), as
+    many hypotheses are tried on the same ones."""
+
+    weighing: Weighing
+    which: np.ndarray
+
+    @property
+    def is_large(self) -> bool:
+        """Do matrices of a problem cost more than the calls that work on them?"""
+        many = self.weighing.residuals.shape[1] >= limits.MANY_RESIDUALS
+        return many and self.weighing.inverse.size <= limits.MOST_WEIGHED
+
+    @property
+    def inverse(self) -> Array:
+        """Inverse covariances, shape (n, residuals, residuals), (s/m3)^2."""
+        chosen: Array = self.weighing.inverse[self.which]
+        return chosen
+
+    @property
+    def weighted(self) -> Array:
+        """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
+        chosen: Array = self.weighing.weighted[self.which]
+        return chosen
+
+    @property
+    def value(self) -> Array:
+        """Chi-square as measured, shape (n,)."""
+        chosen: Array = self.weighing.value[self.which]
+        return chosen
+
     def problems(self, chosen: np.ndarray | slice) -> Metric:
         """Some of the problems."""
-        return Metric(self.inverse[chosen], self.residuals[chosen], self.basis)
+        return Metric(self.weighing, self.which[chosen])
 
     def moving(self, places: np.ndarray) -> ChiSquare:
         """Chi-square where some flows move: `places` of them per problem, shape (touched, n), or
         -1; the flows of a problem are the touched ones of one point after the other."""
-        n, rows = self.residuals.shape
-        rank = len(self.basis)
+        if self.is_large:
+            return self._moving_some(places)
+        n, rows = len(self.which), self.weighing.residuals.shape[1]
+        rank = len(self.weighing.basis)
         points, touched = rows // rank, len(places)
-        own = np.where(places >= 0, self.basis[:, places], 0.0).transpose(2, 0, 1)[:, None]
+        own = self._combined(places)[:, None]
         slope = own.transpose(0, 1, 3, 2) @ self.weighted.reshape(n, points, rank, 1)
         half = (self.inverse.reshape(n, rows, points, rank) @ own).reshape(n, points, rank, -1)
         curvature = (own.transpose(0, 1, 3, 2) @ half).reshape(n, points * touched, -1)
@@ -114,6 +162,68 @@ class Metric:
             self.value,
             np.ascontiguousarray(slope.reshape(n, -1).T),
             np.ascontiguousarray(curvature.transpose(1, 2, 0)),
+        )
+
+    def _combined(self, places: np.ndarray) -> Array:
+        """How some flows of a point enter its residuals, shape (n, rank, touched)."""
+        own: Array = np.where(places >= 0, self.weighing.basis[:, places], 0.0).transpose(2, 0, 1)
+        return own
+
+    def _moving_some(self, places: np.ndarray) -> ChiSquare:
+        """The same by what is known of all flows."""
+        rank, flows = self.weighing.basis.shape
+        slope, whole = self.weighing.of_flows
+        points = self.weighing.residuals.shape[1] // rank
+        own = (flows * np.arange(points)[:, None, None] + places).reshape(-1, places.shape[1])
+        there = np.tile(places >= 0, (points, 1))
+        every = slope[self.which, own] * there
+        curvature = whole[self.which, own[:, None], own] * (there[:, None] & there)
+        return ChiSquare(self.value, every, curvature)
+
+    def rescaled(self, places: np.ndarray, change: Array) -> ChiSquare:
+        """Chi-square where the same flows move whose errors are others.
+
+        `change` is that of the covariance of those flows with all flows, shape
+        (n, points * touched, points * flows), (m3/s)^2.
+
+        Source: matrix inversion lemma (Woodbury 1950).
+        """
+        basis, inverse = self.weighing.basis, self.weighing.inverse
+        rank, flows = basis.shape
+        n, rows = len(self.which), self.weighing.residuals.shape[1]
+        points, touched = rows // rank, len(places)
+        size = points * touched
+        # The change is U K U^T, with U the flows and what changes with them.
+        own = np.zeros((n, points, rank, points, touched))
+        every = range(points)
+        own[:, every, :, every] = self._combined(places)
+        across = change.reshape(n, size, points, flows) @ basis.T
+        both = np.concatenate(
+            [own.reshape(n, rows, size), across.reshape(n, size, rows).transpose(0, 2, 1)], axis=2
+        )
+        among = np.take_along_axis(
+            change.reshape(n, size, points, flows),
+            np.maximum(places, 0).T[:, None, None, :],
+            axis=3,
+        ).reshape(n, size, size)
+        weighted = np.empty_like(both)
+        for known in np.unique(self.which):
+            weighted[self.which == known] = inverse[known] @ both[self.which == known]
+        inner = both.transpose(0, 2, 1) @ weighted
+        slope = (both.transpose(0, 2, 1) @ self.weighted[:, :, None])[:, :, 0]
+        middle = inner.copy()
+        identity = np.eye(size)
+        middle[:, :size, size:] += identity
+        middle[:, size:, :size] += identity
+        middle[:, size:, size:] += among * np.tile(places >= 0, (points, 1)).T[:, None, :]
+        right = np.concatenate([slope[:, :, None], inner[:, :, :size]], axis=2)
+        taken = solved(middle.transpose(1, 2, 0), right.transpose(1, 2, 0))
+        inner, slope = inner.transpose(1, 2, 0), slope.T
+        left = np.einsum("ijn,jkn->ikn", inner[:size], taken)
+        return ChiSquare(
+            self.value - np.einsum("in,in->n", slope, taken[:, 0]),
+            slope[:size] - left[:, 0],
+            inner[:size, :size] - left[:, 1:],
         )
 
 

@@ -12,18 +12,21 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Part, Undoing
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in_a_row
 from rulec_runtime.diagnosis.steady.search import Place, finite, newton_step, spread_of, told_apart
 
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
     """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,); the test
-    has the problem of each column."""
+    has the problem of each column. Each hypothesis has the usable observers that it touches, of
+    which there are `most` at most."""
 
     test: HypothesisTest
     hypotheses: Sequence[Faults]
+    touched: Sequence[tuple[str, ...]]
     which: np.ndarray
+    most: int
 
     def outcome(self, metric: Metric, starts: Array) -> tuple[Array, Array, Array, Array]:
         """Best degrees and their uncertainties, shape (faults, n), chi-square left and
@@ -31,7 +34,7 @@ class Columns:
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
-        pure = self.test.metric_of(self._scales(best.degree)).moving(self.places)
+        pure = self.test.rescaled(self._scales(best.degree), self.places)
         best = self._fit(pure, best.judged_by(pure))
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
@@ -54,18 +57,10 @@ class Columns:
     @cached_property
     def places(self) -> np.ndarray:
         """Places of the touched flows of each column, shape (touched, n); -1 behind the last."""
-        table = np.full((self._most, len(self.hypotheses)), -1)
-        for i, names in enumerate(self._touched):
+        table = np.full((self.most, len(self.hypotheses)), -1)
+        for i, names in enumerate(self.touched):
             table[: len(names), i] = [self.test.places[name] for name in names]
         return table[:, self.which]
-
-    @cached_property
-    def _touched(self) -> list[tuple[str, ...]]:
-        return [self.test.touched(faults) for faults in self.hypotheses]
-
-    @cached_property
-    def _most(self) -> int:
-        return max(map(len, self._touched))
 
     @cached_property
     def _range(self) -> tuple[Array, Array]:
@@ -81,13 +76,13 @@ class Columns:
     @cached_property
     def _undoing(self) -> Undoing:
         test = self.test
-        shape = (self._most, *test.members.shape)
+        shape = (self.most, *test.members.shape)
         measured, kept = np.zeros(shape), np.zeros(shape)
         edges = np.searchsorted(self.which, np.arange(len(self.hypotheses) + 1))
         every = [
             Part(faults, names, slice(first, last))
             for faults, names, first, last in zip(
-                self.hypotheses, self._touched, edges, edges[1:], strict=False
+                self.hypotheses, self.touched, edges, edges[1:], strict=False
             )
         ]
         parts = [part for part in every if part.columns.stop > part.columns.start]
@@ -114,7 +109,7 @@ class Columns:
         """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""
         low, top = self._range
         degree = np.clip(starts, low[:, None], top[:, None])
-        distance, _ = chi.at(_in_a_row(self._undoing.moved(self._everywhere(degree))))
+        distance, _ = chi.at(in_a_row(self._undoing.moved(self._everywhere(degree))))
         best = np.argmin(finite(distance), axis=0)
         chosen: Array = np.take_along_axis(degree, best[None, None], axis=1)[:, 0]
         return chosen
@@ -122,7 +117,7 @@ class Columns:
     def _place(self, chi: ChiSquare, degree: Array) -> Place:
         """Chi-square with the faults undone at degrees, shape (faults, n)."""
         moved, slopes = self._undoing.moved_and_slopes(self._everywhere(degree))
-        moved, effect = _in_a_row(moved), _in_a_row(slopes * self.test.present)
+        moved, effect = in_a_row(moved), in_a_row(slopes * self.test.present)
         distance, slope = chi.at(moved)
         return Place(degree, moved, slope, effect, finite(distance))
 
@@ -192,12 +187,6 @@ class Columns:
         same = np.tile(np.eye(touched), (points, points))[:, :, None]
         covariance = np.zeros((points * touched, points * touched, n))
         for i in range(count):
-            off = _in_a_row(tolerance[i] * (moved[:, 0] - moved[:, i + 1]))
+            off = in_a_row(tolerance[i] * (moved[:, 0] - moved[:, i + 1]))
             covariance += same * off[:, None] * off
         return covariance
-
-
-def _in_a_row(table: Array) -> Array:
-    """A table of touched flows, shape (touched, ..., points, n), as that of the problems, those of
-    one point after the other: shape (points * touched, ..., n)."""
-    return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec_runtime import limits
-from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 
 Faults = tuple[FaultSpec, ...]
@@ -76,35 +76,43 @@ class Undoing:
 
     def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
         """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
-        columns): by one plan for all where most of them are tried in columns so few that a call
-        costs more than they do."""
-        most = limits.MOST_OF_THEM * len(self.every)
-        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) >= most:
+        columns): by one plan for all where columns are so few that a call costs more than they
+        do."""
+        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) > 1:
             # Always the same plan, whichever of the hypotheses are left: to lay one out takes time.
-            out = self._run(self.every, self.parts, degree, slopes=slopes)
-            for part in self.parts:
-                yield part, {name: values[..., part.columns] for name, values in out.items()}
-            return
+            plan = self._plan(self.every, slopes=slopes)
+            if len(plan.operations) <= limits.OPERATIONS_OF_A_CALL * len(self.parts):
+                out = self._run(plan, self.every, self.parts, degree)
+                for part in self.parts:
+                    yield part, {name: values[..., part.columns] for name, values in out.items()}
+                return
         for part in self.parts:
             own = replace(part, columns=slice(None))
             readings = {name: table[:, part.columns] for name, table in self.readings.items()}
             alone = replace(self, readings=readings)
-            yield part, alone._run([own], [own], degree[..., part.columns], slopes=slopes)
+            plan = self._plan([own], slopes=slopes)
+            yield part, alone._run(plan, [own], [own], degree[..., part.columns])
 
-    def _run(
-        self, known: Sequence[Part], tried: Sequence[Part], degree: Array, *, slopes: bool
-    ) -> dict[str, Array]:
-        """Outputs of the plan of all known hypotheses, where some of them are tried."""
+    def _plan(self, known: Sequence[Part], *, slopes: bool) -> Plan:
+        """The plan of some hypotheses."""
         observers = tuple(dict.fromkeys(o for part in known for o in part.touched))
         faults = tuple(dict.fromkeys(f.id for part in known for f in part.faults))
-        plan = self.ruleset.undone(observers, faults if slopes else ())
+        return self.ruleset.undone(observers, faults if slopes else ())
+
+    def _run(
+        self, plan: Plan, known: Sequence[Part], tried: Sequence[Part], degree: Array
+    ) -> dict[str, Array]:
+        """Outputs of the plan of all known hypotheses, where some of them are tried."""
         shape = degree.shape[1:]
-        degrees = {name: np.zeros(shape) for name in faults}
+        degrees = {f.id: np.zeros(shape) for part in known for f in part.faults}
         for part in tried:
             for fault, own in zip(part.faults, degree[..., part.columns], strict=True):
                 degrees[fault.id][..., part.columns] = own
         inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
         inputs |= {f"x:{name}": table.ravel() for name, table in degrees.items()}
         for name in plan.used_inputs & self.readings.keys():
-            inputs[name] = np.broadcast_to(self.readings[name], shape).ravel()
+            table = self.readings[name]
+            inputs[name] = (
+                table if table.shape == shape else np.broadcast_to(table, shape)
+            ).ravel()
         return {name: values.reshape(shape) for name, values in plan.run(inputs).items()}

@@ -53,13 +53,21 @@ def fit(
         np.full(shape, np.inf),
         np.full(shape, -np.inf),
     )
-    shown = np.array([bool(test.touched(faults)) for faults in hypotheses], dtype=bool)
-    wanted = np.broadcast_to(shown[:, None], shape)
+    touched = [test.touched(faults) for faults in hypotheses]
+    counts = np.array([len(names) for names in touched], dtype=int)
+    wanted = np.broadcast_to(counts[:, None] > 0, shape)
     which, problem = np.nonzero(wanted if tried is None else wanted & tried)
     begin = starts if starts is not None else usual_starts(hypotheses)
-    for part in _portions(test, len(which)):
-        own, at = which[part], problem[part]
-        columns = Columns(test=test.at(at), hypotheses=hypotheses, which=own)
+    for chosen, most in _portions(test, counts, which):
+        own, at = which[chosen], problem[chosen]
+        every = np.unique(own).tolist()
+        columns = Columns(
+            test=test.at(at),
+            hypotheses=[hypotheses[i] for i in every],
+            touched=[touched[i] for i in every],
+            which=np.searchsorted(every, own),
+            most=most,
+        )
         pure = test.metric.problems(at)
         first = np.broadcast_to(begin, (count, begin.shape[1], *shape))[:, :, own, at]
         degree, u, distance, evidence = columns.outcome(pure, first)
@@ -68,8 +76,23 @@ def fit(
     return found
 
 
-def _portions(test: HypothesisTest, columns: int) -> Iterator[slice]:
-    """Columns in portions whose matrices do not take much memory."""
-    size = max(limits.TABLE // max(test.freedom**2, 1), 1)
-    for low in range(0, columns, size):
-        yield slice(low, low + size)
+def _portions(
+    test: HypothesisTest, touched: np.ndarray, which: np.ndarray
+) -> Iterator[tuple[np.ndarray, int]]:
+    """Columns in portions whose matrices do not take much memory, and how many flows a column of
+    one touches at most; `touched` of each hypothesis, `which` of them in each column."""
+    most = max(int(touched.max(initial=0)), 1)
+    if not (len(which) and test.metric.is_large):
+        size = max(limits.TABLE // max(test.freedom**2, 1), 1)
+        yield from ((np.arange(len(which))[low : low + size], most) for low in _steps(which, size))
+        return
+    # What is worked out for a column grows with the flows that it touches.
+    groups = np.ceil(np.log2(np.maximum(touched[which], 1))).astype(int)
+    for group in np.unique(groups):
+        chosen, own = np.flatnonzero(groups == group), min(1 << int(group), most)
+        size = max(limits.TABLE // (2 * own * len(test.members) * test.freedom), 1)
+        yield from ((chosen[low : low + size], own) for low in _steps(chosen, size))
+
+
+def _steps(columns: np.ndarray, size: int) -> range:
+    return range(0, len(columns), size)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +13,12 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import of_points
-from rulec_runtime.diagnosis.steady.chi_square import Metric, inverse_of
+from rulec_runtime.diagnosis.steady.chi_square import (
+    ChiSquare,
+    Metric,
+    Weighing,
+    inverse_of,
+)
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.recordings.scratch import let_go
 
@@ -26,15 +32,26 @@ class Scales:
     lasting: Array
 
 
+class Spread(Protocol):
+    """By how much the residuals of problems may be off; `members` have the shape (points, n)."""
+
+    def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
+        """Covariance of the residuals, as measured or with scaled errors: shape
+        (n, points * rank, points * rank), (m3/s)^2."""
+
+    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
+        """By how much scaling changes the covariance of some usable flows, shape (touched, n), or
+        -1, with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class HypothesisTest:
     """Problems, n of them, of points that share their usable observers.
 
     A problem is one point, or several that have the same degrees wherever the faults are present.
     `members` are its points, `present` is 1 where the faults are there and 0 elsewhere, both of
-    shape (points, n). `spread` gives the covariance of the residuals of problems with such members,
-    shape (n, points * rank, points * rank), as measured or with the errors of each usable flow
-    scaled; `known` is the metric as measured, where it has been worked out.
+    shape (points, n). `spread` tells how much their residuals may be off; `known` is the metric as
+    measured, where it has been worked out.
     """
 
     ruleset: Ruleset
@@ -43,7 +60,7 @@ class HypothesisTest:
     basis: Array
     members: np.ndarray
     present: Array
-    spread: Callable[[np.ndarray, Scales | None], Array]
+    spread: Spread
     known: Metric | None = None
 
     def __len__(self) -> int:
@@ -52,7 +69,14 @@ class HypothesisTest:
     def at(self, chosen: np.ndarray | slice) -> HypothesisTest:
         """Some of the problems."""
         members, present = self.members[:, chosen], self.present[:, chosen]
-        return replace(self, members=members, present=present, known=None)
+        known = self.metric.problems(chosen) if self._is_known else None
+        return replace(self, members=members, present=present, known=known)
+
+    @property
+    def _is_known(self) -> bool:
+        """Is there a metric that costs too much to be worked out twice?"""
+        known = self.known or self.__dict__.get("metric")
+        return known is not None and known.is_large
 
     def at_other_times(self, present: Array) -> HypothesisTest:
         """The problems again, once or more, with the faults present at other points."""
@@ -68,12 +92,20 @@ class HypothesisTest:
     @cached_property
     def metric(self) -> Metric:
         """Residuals in the metric of their covariance, as measured."""
-        return self.known or self.metric_of(None)
+        return self.known or self._metric_of(None)
 
-    def metric_of(self, scales: Scales | None) -> Metric:
-        """The same with scaled errors."""
-        inverse = inverse_of(self.spread(self.members, scales))
-        return Metric(inverse, self.residuals, self.basis)
+    def _metric_of(self, scales: Scales | None) -> Metric:
+        """The same, perhaps with scaled errors."""
+        inverse = inverse_of(self.spread.whole(self.members, scales))
+        return Metric(Weighing(inverse, self.residuals, self.basis), np.arange(len(self)))
+
+    def rescaled(self, scales: Scales, places: np.ndarray) -> ChiSquare:
+        """Chi-square with the errors of some flows scaled, where the same flows move: `places` of
+        them per problem, shape (touched, n), or -1."""
+        changed = places.shape[0] * len(self.members)
+        if self.metric.is_large and changed <= limits.CHANGED_ALONE * self.freedom:
+            return self.metric.rescaled(places, self.spread.change(self.members, scales, places))
+        return self._metric_of(scales).moving(places)
 
     @cached_property
     def residuals(self) -> Array:
@@ -102,26 +134,60 @@ class HypothesisTest:
         faults = self.ruleset.faults
         table = np.zeros((len(self.basis), len(faults), *self.members.shape))
         own = np.zeros((len(faults), len(self)))
-        slopes = self._undone_at_zero()
-        for i, fault in enumerate(faults):
-            observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
-            for observer, kept in zip(observers, self.kept((fault,), observers), strict=True):
-                slope = slopes[f"dq:{observer}:{fault.id}"].reshape(kept.shape) * kept
+        for i, places, slopes in self._of_each():
+            for place, slope in zip(places, slopes, strict=True):
                 own[i] = np.maximum(own[i], np.max(np.abs(slope), axis=0))
-                table[:, i] += self.basis[:, self.places[observer], None, None] * slope
+                table[:, i] += self.basis[:, place, None, None] * slope
         residual = self._in_a_row(table * self.present)
         visible = np.sqrt(np.sum(residual**2, axis=1)) > limits.UNTOUCHED * own.T
         return np.where(visible[:, None], residual, 0.0)
 
+    def _of_each(self) -> Iterator[tuple[int, list[int], Array]]:
+        """Each fault of the ruleset by its place, the places of the usable flows that it moves, and
+        their slopes by its degree, at a small one: shape (touched, points, n), m3/s."""
+        slopes = self._undone_at_zero()
+        for i, fault in enumerate(self.ruleset.faults):
+            observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
+            if observers:
+                kept = self.kept((fault,), observers)
+                own = np.array([slopes[f"dq:{o}:{fault.id}"] for o in observers])
+                yield i, [self.places[o] for o in observers], own.reshape(kept.shape) * kept
+
     def towards(self) -> tuple[Array, Array]:
         """How much a small degree of each fault lowers half of chi-square per degree, and the
         information on the degree, both shape (faults, n); 0 where no usable observer shows it."""
+        if self.metric.is_large:
+            return self._towards_by_flows()
         pull, information = np.zeros((2, len(self.ruleset.faults), len(self)))
         for part in self.portions():
-            slope = self.at(part).effects()
-            weighted = self.metric.inverse[part] @ slope
+            slope, metric = self.at(part).effects(), self.metric.problems(part)
+            weighted = metric.inverse @ slope
             information[:, part] = np.einsum("nrf,nrf->fn", slope, weighted)
-            pull[:, part] = -np.einsum("nrf,nr->fn", slope, self.metric.weighted[part])
+            pull[:, part] = -np.einsum("nrf,nr->fn", slope, metric.weighted)
+        return pull, information
+
+    def _towards_by_flows(self) -> tuple[Array, Array]:
+        """The same by the few flows that each fault moves."""
+        pull, information = np.zeros((2, len(self.ruleset.faults), len(self)))
+        every = {i: (places, slopes) for i, places, slopes in self._of_each()}
+        seen = self.basis.T @ self.basis
+        for chosen, places in alike({i: places for i, (places, _) in every.items()}):
+            touched, points = len(places), len(self.members)
+            slope = np.zeros((len(chosen), touched, points, len(self)))
+            for row, i in zip(slope, chosen, strict=True):
+                row[: len(every[i][1])] = every[i][1]
+            largest = np.abs(slope).max(axis=(1, 2)).ravel()
+            columns = np.moveaxis(slope * self.present, 0, 2).reshape(touched, points, -1)
+            own = np.repeat(places, len(self), axis=1)
+            both = seen[own[:, None], own]
+            size = np.einsum("tpc,upc,tuc->c", columns, columns, both, optimize=True)
+            visible = np.sqrt(np.maximum(size, 0.0)) > limits.UNTOUCHED * largest
+            effect = in_a_row(np.where(visible, columns, 0.0))
+            again = np.tile(np.arange(len(self)), len(chosen))
+            chi = self.metric.problems(again).moving(own)
+            weighted = np.einsum("ijc,jc->ic", chi.curvature, effect)
+            information[chosen] = np.einsum("ic,ic->c", effect, weighted).reshape(len(chosen), -1)
+            pull[chosen] = -np.einsum("ic,ic->c", effect, chi.slope).reshape(len(chosen), -1)
         return pull, information
 
     def portions(self) -> Iterator[slice]:
@@ -153,12 +219,16 @@ class HypothesisTest:
         """Share of flows that the baseline leaves, shape (observers, points, n); a fault in a
         sensor takes its errors along."""
         places = [self.places[name] for name in observers]
-        kept = np.ones((len(places), *self.members.shape))
-        if not any(f.in_sensor for f in faults):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = self.offsets[places] / self.flows[places]
-            kept -= np.where(np.isfinite(share), share, 0.0)
-        return kept
+        if any(f.in_sensor for f in faults):
+            return np.ones((len(places), *self.members.shape))
+        return self._left[places]
+
+    @cached_property
+    def _left(self) -> Array:
+        """Share of each usable flow that the baseline leaves, shape (flows, points, n)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = self.offsets / self.flows
+        return 1.0 - np.where(np.isfinite(share), share, 0.0)
 
     def _undone_at_zero(self) -> dict[str, Array]:
         """Slopes of the usable flows by degrees of zero, shape (points * n,), by the names that
@@ -166,8 +236,9 @@ class HypothesisTest:
         plan = self.ruleset.undone_slopes(tuple(self.places))
         inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
         inputs |= {n: readings.ravel() for n, readings in self.readings(plan.used_inputs).items()}
+        whole = (self.members.size,)
         return {
-            name: np.broadcast_to(slope, (self.members.size,))
+            name: slope if slope.shape == whole else np.broadcast_to(slope, whole)
             for name, slope in plan.run(inputs).items()
         }
 
@@ -176,3 +247,25 @@ class HypothesisTest:
         (n, points * rank, columns)."""
         rank, columns, points, n = table.shape
         return np.ascontiguousarray(table.transpose(3, 2, 0, 1)).reshape(n, points * rank, columns)
+
+
+def in_a_row(table: Array) -> Array:
+    """A table of touched flows, shape (touched, ..., points, n), as that of the problems, those of
+    one point after the other: shape (points * touched, ..., n)."""
+    return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])
+
+
+def alike(places: Mapping[int, Sequence[int]]) -> Iterator[tuple[list[int], np.ndarray]]:
+    """Keys whose flows, by their places, are about as many, with a table of these places: shape
+    (touched, keys), -1 behind the last of a key.
+
+    >>> [(keys, table.tolist()) for keys, table in alike({4: [7], 5: [1, 2, 3], 6: [0, 1, 2, 3]})]
+    [([4], [[7]]), ([5, 6], [[1, 0], [2, 1], [3, 2], [-1, 3]])]
+    """
+    sizes = {key: 1 << max(len(own) - 1, 0).bit_length() for key, own in places.items()}
+    for size in sorted(set(sizes.values())):
+        keys = [key for key, own in sizes.items() if own == size]
+        table = np.full((size, len(keys)), -1)
+        for column, key in enumerate(keys):
+            table[: len(places[key]), column] = places[key]
+        yield keys, table

@@ -133,17 +133,6 @@ def test_of(
     ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
 ) -> HypothesisTest:
     """Test of points on their own, with the covariance they have."""
-
-    def spread(members: np.ndarray, scales: Scales | None) -> Array:
-        (points,) = members
-        if scales is None:
-            return covariance_of(basis, observed.covariance, valid, points)
-        noise = observed.noise[points][:, valid][:, :, valid]
-        lasting = observed.covariance[points][:, valid][:, :, valid] - noise
-        own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
-        result: Array = basis @ own @ basis.T
-        return result
-
     return HypothesisTest(
         ruleset=ruleset,
         observed=observed,
@@ -151,8 +140,47 @@ def test_of(
         basis=basis,
         members=members[None],
         present=np.ones((1, len(members))),
-        spread=spread,
+        spread=_Alone(observed, valid, basis),
     )
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """How much the residuals of points on their own may be off."""
+
+    observed: Observed
+    valid: np.ndarray
+    basis: Array
+
+    def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
+        """Covariance of the residuals."""
+        (points,) = members
+        if scales is None:
+            return covariance_of(self.basis, self.observed.covariance, self.valid, points)
+        noise = self.observed.noise[points][:, self.valid][:, :, self.valid]
+        lasting = self.observed.covariance[points][:, self.valid][:, :, self.valid] - noise
+        own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
+        result: Array = self.basis @ own @ self.basis.T
+        return result
+
+    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
+        """By how much scaling changes the covariance of some flows with all of them."""
+        (points,) = members
+        usable = np.flatnonzero(self.valid)
+        rows = (points[:, None], usable[places.T])
+        noise = self.observed.noise[rows][:, :, usable]
+        lasting = self.observed.covariance[rows][:, :, usable] - noise
+        changed = noise * (_factors(scales.noise[:, 0], places) - 1.0)
+        changed += lasting * (_factors(scales.lasting[:, 0], places) - 1.0)
+        there: Array = changed * (places >= 0).T[:, :, None]
+        return there
+
+
+def _factors(scale: Array, places: np.ndarray) -> Array:
+    """By how much the covariance of some flows with all grows, shape (n, touched, flows), where
+    flows are scaled, shape (flows, n)."""
+    own: Array = np.take_along_axis(scale, np.maximum(places, 0), axis=0)
+    return own.T[:, :, None] * scale.T[:, None, :]
 
 
 def _scaled(covariance: Array, factors: Array) -> Array:

@@ -241,9 +241,10 @@ def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
     observers, n = shape
     covariance = np.zeros((observers, observers, n))
     for column in gradients.values():
-        for i, a in column.items():
-            for j, b in column.items():
-                covariance[i, j] += a * b
+        places = np.array([*column], dtype=int)
+        table = np.array([*column.values()]).reshape(-1, n)
+        for i, own in zip(places, table, strict=True):
+            covariance[i, places] += own * table
     return np.moveaxis(covariance, -1, 0)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, in_a_row
 
 
 def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
@@ -20,6 +20,9 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     to be tried, flags of the same shape."""
     shape = (len(test.ruleset.faults), len(test))
     found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
+    if test.metric.is_large:
+        _without_each(test, found, limits.ROUNDED_OTHERWISE * limit)
+        return found
     for part in test.portions():
         for i, left in _least_left(test.at(part), found[:, part]):
             found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
@@ -40,6 +43,24 @@ def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Arra
         there = np.repeat(test.present, len(places), axis=0)
         found.append((int(i), _without(chi, there)))
     return found
+
+
+def _without_each(test: HypothesisTest, found: np.ndarray, limit: float) -> None:
+    """Strike out which faults leave more than this, by the few flows that each of them touches."""
+    faults = test.ruleset.faults
+    places = {
+        int(i): [test.places[name] for name in test.touched((faults[i],))]
+        for i in np.flatnonzero(found.any(axis=1))
+    }
+    for chosen, table in alike({i: own for i, own in places.items() if own}):
+        which, problem = np.nonzero(found[chosen])
+        size = max(limits.TABLE // (len(table) * len(test.members)) ** 2, 1)
+        for low in range(0, len(which), size):
+            own, at = table[:, which[low : low + size]], problem[low : low + size]
+            chi = test.metric.problems(at).moving(own)
+            free = in_a_row(test.present[None, :, at] * (own >= 0)[:, None])
+            left = _without(chi, free)
+            found[np.array(chosen)[which[low : low + size]], at] = left <= limit
 
 
 def _without(chi: ChiSquare, free: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,32 +48,74 @@ def stacked_test(
         basis=basis,
         members=members,
         present=present,
-        spread=partial(_covariance, observed, valid, basis),
+        spread=_Stacked(observed, valid, basis),
     )
 
 
-def _covariance(
-    observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray, scales: Scales | None
-) -> Array:
-    """Covariance of the residuals of stacks, shape (n, points * rank, points * rank)."""
-    rank, (points, n) = len(basis), members.shape
-    every, own = members.ravel(), np.flatnonzero(valid)
-    shared = of_points(observed.shared, (own, np.arange(observed.shared.shape[1])), every)
-    shared = shared.reshape(*shared.shape[:2], points, n)
-    noise = of_points(np.moveaxis(observed.noise, 0, -1), (own, own), every)
-    noise = noise.reshape(*noise.shape[:2], points, n)
-    if scales is not None:
-        shared = shared * scales.lasting[:, None]
-        noise = noise * scales.noise[:, None] * scales.noise
-    gradients = (
-        np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
-    )
-    time = times_of(observed)[members]
-    lasts = remembered(time[:, None] - time).transpose(2, 0, 1)
-    whole = (gradients @ gradients.transpose(0, 2, 1)).reshape(n, points, rank, points, rank)
-    whole *= lasts[:, :, None, :, None]
-    half = np.tensordot(basis, noise, axes=1)
-    own = np.tensordot(basis, half, axes=(1, 1)).transpose(3, 2, 0, 1)
-    for point in range(points):
-        whole[:, point, :, point] += own[:, point]
-    return whole.reshape(n, points * rank, points * rank)
+@dataclass(frozen=True)
+class _Stacked:
+    """How much the residuals of stacks may be off."""
+
+    observed: Observed
+    valid: np.ndarray
+    basis: Array
+
+    def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
+        """Covariance of the residuals."""
+        basis, rank, (points, n) = self.basis, len(self.basis), members.shape
+        shared, noise = self._errors(members)
+        if scales is not None:
+            shared = shared * scales.lasting[:, None]
+            noise = noise * scales.noise[:, None] * scales.noise
+        gradients = (
+            np.tensordot(basis, shared, axes=1).transpose(3, 2, 0, 1).reshape(n, -1, len(shared[0]))
+        )
+        lasts = self._lasts(members)
+        whole = (gradients @ gradients.transpose(0, 2, 1)).reshape(n, points, rank, points, rank)
+        whole *= lasts[:, :, None, :, None]
+        half = np.tensordot(basis, noise, axes=1)
+        own = np.tensordot(basis, half, axes=(1, 1)).transpose(3, 2, 0, 1)
+        for point in range(points):
+            whole[:, point, :, point] += own[:, point]
+        return whole.reshape(n, points * rank, points * rank)
+
+    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
+        """By how much scaling changes the covariance of some flows with all of them."""
+        (points, n), touched, flows = members.shape, len(places), int(self.valid.sum())
+        changed = np.zeros((n, points, touched, points, flows))
+        lasts = self._lasts(members)
+        for i in range(n):
+            # Problems may share their points, and a table of all errors for each would be large.
+            shared, noise = self._errors(members[:, i : i + 1])
+            lasting, new = scales.lasting[:, :, i], scales.noise[:, :, i]
+            own, rows = places[:, i], shared[places[:, i], :, :, 0].transpose(2, 0, 1)
+            table = np.ascontiguousarray(shared[..., 0].transpose(1, 2, 0)).reshape(
+                shared.shape[1], -1
+            )
+            every = (rows.reshape(-1, len(table)) @ table).reshape(points, touched, points, flows)
+            factors = lasting[own].T[:, :, None, None] * lasting.T
+            changed[i] = every * (factors - 1.0) * lasts[i][:, None, :, None]
+            for point in range(points):
+                factor = new[own, point][:, None] * new[:, point]
+                changed[i, point, :, point] += noise[own, :, point, 0] * (factor - 1.0)
+        there = np.tile(places >= 0, (points, 1)).T
+        whole = changed.reshape(n, points * touched, points * flows)
+        whole *= there[:, :, None]
+        return whole
+
+    def _errors(self, members: np.ndarray) -> tuple[Array, Array]:
+        """Slopes of the usable flows by lasting errors, and the covariance of what is new at each
+        point, points and problems last."""
+        own, every = np.flatnonzero(self.valid), members.ravel()
+        errors = np.arange(self.observed.shared.shape[1])
+        shared = of_points(self.observed.shared, (own, errors), every)
+        noise = of_points(np.moveaxis(self.observed.noise, 0, -1), (own, own), every)
+        return (
+            shared.reshape(*shared.shape[:2], *members.shape),
+            noise.reshape(*noise.shape[:2], *members.shape),
+        )
+
+    def _lasts(self, members: np.ndarray) -> Array:
+        """Correlation of lasting errors between points, shape (n, points, points)."""
+        time = times_of(self.observed)[members]
+        return remembered(time[:, None] - time).transpose(2, 0, 1)
