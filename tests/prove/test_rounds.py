@@ -170,7 +170,7 @@ def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
 def test_gain_is_told_beside_what_was_expected() -> None:
     """Certainty and log Bayes factor of the true explanation, before and after."""
     recipe = {
-        "steps": [{"until": 120.0}],
+        "steps": [{"until": 120.0, "covers": False}],
         "certainty": [0.55, 0.9],
         "factors": [[0.0, 2.0], [3.0, 0.0]],
         "explanations": form_of(clogging=0.6, leakage=0.4)["standing"],
@@ -186,10 +186,23 @@ def test_gain_is_told_beside_what_was_expected() -> None:
     assert found.after["same"] == first
 
 
+def test_a_recipe_that_only_covers_foretells_nothing() -> None:
+    recipe = {
+        "steps": [{"until": 60.0, "covers": True}],
+        "certainty": [0.95],
+        "factors": [[0.0]],
+        "explanations": form_of(clogging=0.95)["standing"],
+    }
+    first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
+    found = further_of(OPEN, first, recipe, form_of(clogging=0.95), {"recipe": form_of(leakage=1)})
+    assert (found.outcome, found.expected, found.nats) == ("covered", (), None)
+    assert (found.sure_before, found.sure) == (0.0, {"recipe": 1.0})
+    assert gained([found]) == []
+
+
 @pytest.mark.parametrize(
     ("recipe", "outcome"),
     [
-        ({"alone": True}, "alone"),
         ({"error": "no input was changed"}, "refused"),
         ({"steps": []}, "alike"),
     ],
@@ -220,7 +233,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
             case="named", outcome="run", sure_before=0.5, sure=dict.fromkeys(ARMS, 0.2),
             after=dict.fromkeys(ARMS, worse), **{**usual, "stood": False},
         ),
-        Further(case="clean", outcome="alone"),
+        Further(case="clean", outcome="refused"),
     )  # fmt: skip
     (bin_,) = gained(further)
     assert (bin_.count, bin_.stood, bin_.found, bin_.found_of_stood) == (2, 1, 0.5, 0.8)
@@ -228,7 +241,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     tell_further(out, cases, further)
     assert isinstance(out.file, io.StringIO)
     told = out.file.getvalue()
-    assert "2 of 3 cases; 2 were run again" in told
+    assert "Round two: 2 of 3 cases were run again." in told
     assert "Worse with the second recording" in told
     assert max(map(len, told.splitlines())) <= 80
     run = Run(tuple(cases), further=further)
@@ -244,7 +257,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
     recipe = {
-        "steps": [{"until": 60.0}],
+        "steps": [{"until": 60.0, "covers": False}],
         "certainty": [0.52, 0.9],
         "factors": [[0.0, 2.0], [2.0, 0.0]],
         "explanations": before["standing"],
