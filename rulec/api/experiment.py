@@ -94,7 +94,7 @@ def experiment(
     mismatch: MismatchResult | AnyPath,
     *,
     hours: float = 8.0,
-    steps: int = 12,
+    steps: int = 18,
     limits: AnyPath | None = None,
 ) -> ExperimentResult:
     """Plan the set points that tell apart what a mismatch leaves open, and test what stands alone.

@@ -915,9 +915,9 @@ takes a second at least. Origin: numerical."""
 SCATTER_NODES = 5
 """Values of a deviate over which the probability of the truth is averaged. Origin: numerical."""
 
-TELLING = 0.5
-"""Share of the steps of an experiment that may tell explanations apart; the others cover what may
-be set. Origin: assumed."""
+TELLING_STEPS = 6
+"""Most steps of an experiment that tell explanations apart; all others cover what may be set.
+Origin: assumed."""
 
 COVERING_HELD = 4
 """How many times as long as readings take to settle a step that covers what may be set is held.

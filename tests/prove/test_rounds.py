@@ -12,21 +12,28 @@ import numpy as np
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
-from rulec.prove import campaign
+from rulec.prove import campaign, further_inputs
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND
 from rulec.prove.campaign import folder_of, sealed
 from rulec.prove.command import main as suite
 from rulec.prove.dated import dated
-from rulec.prove.further_inputs import ARMS, courses, samples_of
+from rulec.prove.further_inputs import ARMS, run_again, samples_of, steps_of
 from rulec.prove.further_scores import further_of, right_set
 from rulec.prove.further_told import after_of, gained, tell_further
 from rulec.prove.partition import Partition
 from rulec.prove.results import Further, Run, run_from_json
 from rulec.prove.second_round import asked_again, judged_again
 from rulec.prove.truth.sealed import Answer, Planted
-from rulec.prove.truth.settled.further import displayed, longer, recorded_further, repeated
+from rulec.prove.truth.settled.further import (
+    displayed,
+    held,
+    longer,
+    recorded_further,
+    repeated,
+)
 from rulec.prove.truth.settled.plan import Planned, SettledCase
+from rulec.prove.truth.settled.solve import Stalled
 from tests.prove.made import judged, planted
 
 
@@ -77,18 +84,47 @@ def test_a_further_recording_is_of_the_same_plant(fault: SettledCase) -> None:
         assert off.std() == pytest.approx(noise * np.sqrt(2.0), rel=0.3)
 
 
+def courses(case: SettledCase, recipe: dict[str, Any], arm: str) -> dict[str, np.ndarray]:
+    """Courses of all inputs in a further recording, SI."""
+    if arm == "same":
+        return repeated(case.scene, sum(samples_of(recipe, 1.0)))
+    points, samples = zip(*steps_of(case, recipe, arm, seed=1), strict=True)
+    return held(case, points, samples)
+
+
+def test_steps_at_which_the_plant_cannot_run_are_left_out(
+    fault: SettledCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others are run; where none can be run, that is said."""
+    recipe, run = recipe_for(fault), further_inputs.recorded_further
+    slowest = fault.scene.given["A.n"].min()
+
+    def stalls(case: SettledCase, courses: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if (courses["A.n"] < slowest * least).any():
+            raise Stalled("too slow")
+        return run(case, courses)
+
+    monkeypatch.setattr(further_inputs, "recorded_further", stalls)
+    least = 0.5
+    assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 21
+    least = 1.01
+    assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 9
+    least = 9.0
+    with pytest.raises(Stalled):
+        run_again(fault, recipe, "recipe", 1)
+
+
 def test_ways_to_run_again_are_of_equal_length(fault: SettledCase) -> None:
     """And stay within what each input was in the recording."""
     recipe = recipe_for(fault)
     assert samples_of(recipe, 1.0) == [12, 9]
     for arm in ARMS:
-        found = courses(fault, recipe, arm, seed=1)
+        found = courses(fault, recipe, arm)
         for name, course in found.items():
             known = fault.scene.given[name]
             assert len(course) == 21
             assert known.min() - 1e-9 <= course.min() <= course.max() <= known.max() + 1e-9
-    held = courses(fault, recipe, "recipe", seed=1)
-    for name, course in held.items():
+    for name, course in courses(fault, recipe, "recipe").items():
         assert course[11] == pytest.approx(fault.scene.given[name].min(), rel=1e-3)
         assert course[20] == pytest.approx(fault.scene.given[name].max(), rel=1e-3)
 
@@ -97,7 +133,7 @@ def test_what_nobody_can_set_is_refused(fault: SettledCase) -> None:
     recipe = recipe_for(fault)
     recipe["steps"][0]["inputs"]["A.T"] = {"value": 20.0, "unit": "degC"}
     with pytest.raises(ValueError, match=r"A\.T: nobody can set this"):
-        courses(fault, recipe, "recipe", seed=1)
+        courses(fault, recipe, "recipe")
 
 
 def test_both_recordings_stand_on_one_axis_of_time() -> None:

@@ -71,7 +71,7 @@ def planned(
     _check_time(limited, reach, seconds)
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
-    telling = math.ceil(most * limits.TELLING)
+    telling = min(most, limits.TELLING_STEPS)
     best = best_within(told, odds / odds.sum(), telling, seconds, limited, settling)
     steps = _steps(best.limited, best.choice.places, best.told, system.data)
     steps += _covering(limited, best, most - len(steps), seconds, told, system.data)

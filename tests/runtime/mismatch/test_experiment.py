@@ -222,7 +222,7 @@ def test_limits_are_kept_and_told(
     read = next(r for r in step["readings"] if r["signal"] == "A.dp")
     assert all(v + u < 1.6 for v, u in zip(read["values"], read["u"], strict=True))
     assert found["limits"]["given"]
-    assert "Product is lost in steps 1 and 2 (by A.n)." in told
+    assert "Product is lost in steps 1 to 3 (by A.n)." in told
     assert not any(step["covers"] for step in found["steps"])
     assert "within the limits: A.n 600 to 1 200 rpm." in told
 
@@ -345,7 +345,7 @@ def test_an_explanation_that_stands_alone_is_tested(
     alone.write_text(json.dumps(form), encoding="utf-8")
     words = ["--json", str(plan), "--report", str(tmp_path / "e.html")]
     assert main(["experiment", str(alone), *words]) == 0
-    assert "One explanation stands alone. 12 steps in" in capsys.readouterr().out
+    assert "One explanation stands alone. 18 steps in" in capsys.readouterr().out
     found = json.loads(plan.read_text(encoding="utf-8"))
     assert all(step["covers"] for step in found["steps"])
     assert len(found["certainty"]) == 1
