@@ -204,7 +204,7 @@ def _experiment(experiment: argparse.ArgumentParser) -> None:
         "--hours", type=float, default=8.0, help="longest experiment (default 8 hours)"
     )
     experiment.add_argument(
-        "--steps", metavar="N", type=int, default=6, help="most steps (default 6)"
+        "--steps", metavar="N", type=int, default=18, help="most steps (default 18)"
     )
     _limits(experiment)
     experiment.add_argument(

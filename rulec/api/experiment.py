@@ -94,10 +94,10 @@ def experiment(
     mismatch: MismatchResult | AnyPath,
     *,
     hours: float = 8.0,
-    steps: int = 6,
+    steps: int = 18,
     limits: AnyPath | None = None,
 ) -> ExperimentResult:
-    """Plan the set points that tell apart what a mismatch leaves open.
+    """Plan the set points that tell apart what a mismatch leaves open, and test what stands alone.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def experiment(
     Raises
     ------
     ExperimentRefused
-        One explanation stands alone, or nothing can be set.
+        Nothing can be set.
     AdoptRefused
         Files have changed since.
 

@@ -915,6 +915,14 @@ takes a second at least. Origin: numerical."""
 SCATTER_NODES = 5
 """Values of a deviate over which the probability of the truth is averaged. Origin: numerical."""
 
+TELLING_STEPS = 6
+"""Most steps of an experiment that tell explanations apart; all others cover what may be set.
+Origin: assumed."""
+
+COVERING_HELD = 4
+"""How many times as long as readings take to settle a step that covers what may be set is held.
+Origin: assumed."""
+
 DRAWN = 2000
 """Draws of what is read, for the certainty that an experiment can be expected to give: to a percent
 or two. Origin: numerical."""

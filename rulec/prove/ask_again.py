@@ -20,16 +20,12 @@ FIRST, SECOND = "first.csv", "second.csv"
 def plan(folder: Path) -> dict[str, Any]:
     """`rulec experiment` on the first answer, no longer than the first recording or a shift.
 
-    Returns its JSON form; `alone` where fewer than two explanations stand, and `error` where the
-    tool refuses. The folder keeps it.
+    Returns its JSON form; `error` where the tool refuses. The folder keeps it.
     """
     return answered(folder / PLAN, lambda: _planned(folder))
 
 
 def _planned(folder: Path) -> dict[str, Any]:
-    first: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
-    if len(first.get("standing", ())) < 2:
-        return {"alone": True}
     recorded = (folder / "recording.csv").read_text(encoding="utf-8").splitlines()
     hours = max(float(recorded[-1].partition(",")[0]) / 3600.0, USUAL_HOURS)
     said = folder / "recipe.json"

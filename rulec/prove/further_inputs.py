@@ -9,9 +9,16 @@ from typing import Any
 import numpy as np
 
 from rulec.prove.limits import SWEEP_HOLD
-from rulec.prove.truth.settled.further import Point, displayed, held, repeated
+from rulec.prove.truth.settled.further import (
+    Point,
+    displayed,
+    held,
+    recorded_further,
+    repeated,
+)
 from rulec.prove.truth.settled.plan import SettledCase
 from rulec.prove.truth.settled.scene import Scene
+from rulec.prove.truth.settled.solve import Stalled
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import Array
 
@@ -25,28 +32,59 @@ ARMS = {
 }
 """Ways to run the plant again, in words; all but the first are baselines."""
 
+Held = tuple[Point, int]
+"""Set points by input, and for how many samples."""
 
-def courses(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> dict[str, Array]:
-    """Courses of all inputs, SI, each as long as the recipe asks, shape (samples,).
+Recorded = dict[str, Array]
+
+
+def run_again(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> Recorded:
+    """Columns of a further recording by header, as long as the recipe asks.
+
+    Steps at which the plant cannot run are left out, as an operator leaves them out. Raises
+    ValueError where the recipe sets what nobody can set, and where no step is left.
+    """
+    if arm == SAME:
+        samples = sum(samples_of(recipe, case.scene.pace))
+        return recorded_further(case, repeated(case.scene, samples))
+    steps = steps_of(case, recipe, arm, seed)
+    try:
+        return _run(case, steps)
+    except Stalled:
+        return _run(case, [step for step in steps if _runs(case, step)] or steps)
+
+
+def _run(case: SettledCase, steps: Sequence[Held]) -> Recorded:
+    points, samples = zip(*steps, strict=True)
+    return recorded_further(case, held(case, points, samples))
+
+
+def _runs(case: SettledCase, step: Held) -> bool:
+    try:
+        _run(case, [step])
+    except Stalled:
+        return False
+    return True
+
+
+def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
+    """Set points of each step, in the units of the sensors, and for how many samples.
 
     Raises ValueError where the recipe sets what nobody can set.
     """
     samples, points = samples_of(recipe, case.scene.pace), _points(case.scene, recipe)
     names = sorted({name for point in points for name in point})
-    match arm:
-        case "recipe":
-            return held(case, points, samples)
-        case "same":
-            return repeated(case.scene, sum(samples))
-        case "random":
-            drawn = stream(seed, "random inputs").uniform(size=(len(points), len(names)))
-            return held(case, [_within(case, names, row) for row in drawn], samples)
-        case _:
-            steps = max(len(points), sum(samples) // SWEEP_HOLD)
-            shares = np.linspace(0.0, 1.0, steps) if steps > 1 else np.array([0.5])
-            rows = np.repeat(shares[:, None], len(names), axis=1)
-            ends = np.linspace(0, sum(samples), steps + 1).astype(int)
-            return held(case, [_within(case, names, row) for row in rows], np.diff(ends).tolist())
+    if arm == RECIPE:
+        return list(zip(points, samples, strict=True))
+    if arm == RANDOM:
+        shares = stream(seed, "random inputs").uniform(size=(len(points), len(names)))
+    else:
+        steps = max(len(points), sum(samples) // SWEEP_HOLD)
+        along = np.linspace(0.0, 1.0, steps) if steps > 1 else np.array([0.5])
+        shares = np.repeat(along[:, None], len(names), axis=1)
+        samples = np.diff(np.linspace(0, sum(samples), steps + 1).astype(int)).tolist()
+    drawn = [_within(case, names, row) for row in shares]
+    return list(zip(drawn, samples, strict=True))
 
 
 def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:

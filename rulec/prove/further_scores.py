@@ -10,7 +10,7 @@ from typing import Any
 from rulec.prove.further_inputs import RECIPE
 from rulec.prove.judge import is_named, judged_words
 from rulec.prove.limits import TOLD_AT_ALL
-from rulec.prove.results import Further, Judged
+from rulec.prove.results import COVERED, RUN, Further, Judged
 from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
@@ -50,12 +50,24 @@ def further_of(
         why=str(after[RECIPE].get("not_run", "")),
         steps=len(steps),
         minutes=float(steps[-1]["until"]) / 60.0,
-        expected=(float(recipe["certainty"][0]), float(recipe["certainty"][-1])),
+        expected=_foretold(recipe),
         sure=sure,
         nats_expected=expected,
         nats=realised,
         after=judged,
     )
+
+
+def _covers(recipe: Form) -> bool:
+    """Does a recipe cover what may be set, and tell nothing apart?"""
+    return all(step["covers"] for step in recipe["steps"])
+
+
+def _foretold(recipe: Form) -> tuple[float, ...]:
+    """How sure the truth is before and after, by the recipe; nothing where it only covers."""
+    if _covers(recipe):
+        return ()
+    return float(recipe["certainty"][0]), float(recipe["certainty"][-1])
 
 
 def _said(error: str) -> str:
@@ -66,8 +78,8 @@ def _said(error: str) -> str:
 
 def _outcome(recipe: Form, after: Mapping[str, Form]) -> str:
     if after:
-        return "stalled" if "not_run" in after[RECIPE] else "run"
-    return "alone" if recipe.get("alone") else "refused" if "error" in recipe else "alike"
+        return "stalled" if "not_run" in after[RECIPE] else COVERED if _covers(recipe) else RUN
+    return "refused" if "error" in recipe else "alike"
 
 
 def _judged(answer: Answer, first: Judged, form: Form) -> Judged:
@@ -130,7 +142,7 @@ def _nats(stood: Sequence[bool], recipe: Form, after: Form) -> tuple[float | Non
     sets = recipe["explanations"]
     true = next((i for i, right in enumerate(stood) if right), None)
     other = next((i for i, right in enumerate(stood) if not right), None)
-    if true is None or other is None or "not_run" in after:
+    if true is None or other is None or _covers(recipe) or "not_run" in after:
         return None, None
     now = {frozenset(s["names"]): s["probability"] for s in after.get("standing", ())}
     odds = [now.get(frozenset(sets[i]["names"]), 0.0) for i in (true, other)]

@@ -15,7 +15,7 @@ from rulec_runtime.report.text import counted, fixed, number, percent
 
 from rulec.prove.further_inputs import ARMS, RECIPE
 from rulec.prove.limits import TOLD, WORST_CASES
-from rulec.prove.results import Further, Judged
+from rulec.prove.results import COVERED, RUN, Further, Judged
 from rulec.prove.scores import FALSE_NAMES as FALSE
 from rulec.prove.scores import Row, table
 from rulec.prove.tables import planted_words, said_words, value_of
@@ -25,11 +25,11 @@ SCORES = {0: "place right", 1: "name right", 2: "clean", 3: "unnamed", FALSE_NAM
 """Scores of `scores.table` that a second recording is judged by."""
 
 OUTCOMES = {
-    "run": "run again as proposed",
-    "alike": "no set points tell them apart, the tool says; the first answer stays",
+    RUN: "run again as proposed",
+    COVERED: "run again with steps that only cover what may be set: nothing is to be told apart",
+    "alike": "there is nothing that may be set, the tool says; the first answer stays",
     "refused": "the tool plans nothing; the first answer stays",
     "stalled": "the plant cannot be run as proposed; the first answer stays",
-    "alone": "one explanation stood alone: no second recording is asked for",
 }
 
 BAR = 20
@@ -56,7 +56,7 @@ class Gained:
 
 def gained(further: Sequence[Further]) -> list[Gained]:
     """Expected against realised certainty; bins with recipes only."""
-    ran, found = [f for f in further if f.outcome == "run"], []
+    ran, found = [f for f in further if f.outcome == RUN], []
     for low, high in pairwise(TOLD):
         own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
         if own:
@@ -78,7 +78,7 @@ def gained(further: Sequence[Further]) -> list[Gained]:
 def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Further]) -> None:
     """Write what became of the cases, scores before and after, and what was foretold."""
     first = {j.case: j for j in judged}
-    ran = [f for f in further if f.outcome == "run"]
+    ran = [f for f in further if f.outcome in (RUN, COVERED)]
     out.print(styled("\n[bold]{}[/]", headline(further)))
     counts = Counter(f.outcome for f in further)
     for outcome, words in OUTCOMES.items():
@@ -122,15 +122,13 @@ def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Furth
 
 def headline(further: Sequence[Further]) -> str:
     """What was open, and how sure of the truth the answers are after it, in one sentence."""
-    ran = [f for f in further if f.outcome == "run"]
-    open_ = [f for f in further if f.outcome != "alone"]
-    what = f"Round two: more than one explanation stood in {len(open_)} of {len(further)} cases"
+    ran = [f for f in further if f.outcome in (RUN, COVERED)]
     if not ran:
-        return f"{what}; none was run again."
+        return f"Round two: none of {counted(len(further), 'case')} was run again."
     before, after = (fmean(values) for values in zip(*_sure(ran), strict=True))
     return (
-        f"{what}; {len(ran)} were run again. There the true one was {percent(before)} sure on "
-        f"average, and is {percent(after)} sure now."
+        f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
+        f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
     )
 
 
@@ -197,6 +195,7 @@ def _bar(one: Gained) -> str:
 
 def _remarks(ran: Sequence[Further]) -> Iterator[str]:
     """Log Bayes factors, and how often the truth was not among what a recipe could tell apart."""
+    ran = [f for f in ran if f.outcome == RUN]
     stood = [f for f in ran if f.stood]
     yield "bars: realised where the truth stood; |: foretold"
     yield (

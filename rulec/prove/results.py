@@ -12,6 +12,9 @@ from typing import Any
 PARTITIONS = ("development", "final")
 """Cases to improve the tool with, and cases that are opened once to measure how good it is."""
 
+RUN, COVERED = "run", "covered"
+"""The plant was run again: to tell explanations apart, or only to cover what may be set."""
+
 Score = float | None
 """None where the score does not apply to the case; 0 is wrong, 1 is right."""
 
@@ -99,11 +102,12 @@ class Further:
 
     Attributes
     ----------
-    outcome : `run`; `alone`: fewer than two explanations stood; `alike`: the tool says that no
-        set points tell them apart; `refused`: it plans nothing; `stalled`: the plant cannot be run
-        as proposed
+    outcome : `run`; `covered`: run with steps that only cover what may be set; `alike`: the recipe
+        has no step; `refused`: the tool plans nothing; `stalled`: the plant cannot be run as
+        proposed
     steps, minutes : of the recipe
-    expected : probability of the true explanation before, and after, as the recipe foretells it
+    expected : probability of the true explanation before, and after, as the recipe foretells it;
+        nothing where it only covers
     stood : was the true explanation among those that it tells apart?
     sure_before : probability of the true explanation in the first answer
     sure : the same with a second recording, by the way that was made

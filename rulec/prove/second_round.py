@@ -19,12 +19,11 @@ from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan
 from rulec.prove.campaign import Changed, OnProgress, folder_of
 from rulec.prove.dated import dated
-from rulec.prove.further_inputs import ARMS, RECIPE, courses
+from rulec.prove.further_inputs import ARMS, RECIPE, run_again
 from rulec.prove.further_scores import further_of
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Further, Judged
 from rulec.prove.truth.recording import write_csv
-from rulec.prove.truth.settled.further import recorded_further
 from rulec.prove.truth.settled.plan import SettledCase
 
 
@@ -105,8 +104,7 @@ def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
             continue
         (own / arm).mkdir(exist_ok=True)
         try:
-            course = courses(made, _recipe(folder), arm, made.answer.seed)
-            columns = recorded_further(made, course)
+            columns = run_again(made, _recipe(folder), arm, made.answer.seed)
         except ValueError as refused:
             # The plant cannot be run so: the operator is left with the first answer.
             write_text(own / arm / FORM, json.dumps({"not_run": str(refused)}))

@@ -13,21 +13,28 @@ import pytest
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.engines.call import Engine
-from rulec.prove import campaign
+from rulec.prove import campaign, further_inputs
 from rulec.prove.analyst import FORM
 from rulec.prove.ask_again import FIRST, PLAN, ROUND
 from rulec.prove.campaign import folder_of, sealed
 from rulec.prove.command import main as suite
 from rulec.prove.dated import dated
-from rulec.prove.further_inputs import ARMS, courses, samples_of
+from rulec.prove.further_inputs import ARMS, run_again, samples_of, steps_of
 from rulec.prove.further_scores import further_of, right_set
 from rulec.prove.further_told import after_of, gained, tell_further
 from rulec.prove.partition import Partition
 from rulec.prove.results import Further, Run, run_from_json
 from rulec.prove.second_round import asked_again, judged_again
 from rulec.prove.truth.sealed import Answer, Planted
-from rulec.prove.truth.settled.further import displayed, longer, recorded_further, repeated
+from rulec.prove.truth.settled.further import (
+    displayed,
+    held,
+    longer,
+    recorded_further,
+    repeated,
+)
 from rulec.prove.truth.settled.plan import Planned, SettledCase
+from rulec.prove.truth.settled.solve import Stalled
 from tests.prove.made import judged, planted
 
 
@@ -78,18 +85,47 @@ def test_a_further_recording_is_of_the_same_plant(fault: SettledCase) -> None:
         assert off.std() == pytest.approx(noise * np.sqrt(2.0), rel=0.3)
 
 
+def courses(case: SettledCase, recipe: dict[str, Any], arm: str) -> dict[str, np.ndarray]:
+    """Courses of all inputs in a further recording, SI."""
+    if arm == "same":
+        return repeated(case.scene, sum(samples_of(recipe, 1.0)))
+    points, samples = zip(*steps_of(case, recipe, arm, seed=1), strict=True)
+    return held(case, points, samples)
+
+
+def test_steps_at_which_the_plant_cannot_run_are_left_out(
+    fault: SettledCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others are run; where none can be run, that is said."""
+    recipe, run = recipe_for(fault), further_inputs.recorded_further
+    slowest = fault.scene.given["A.n"].min()
+
+    def stalls(case: SettledCase, courses: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if (courses["A.n"] < slowest * least).any():
+            raise Stalled("too slow")
+        return run(case, courses)
+
+    monkeypatch.setattr(further_inputs, "recorded_further", stalls)
+    least = 0.5
+    assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 21
+    least = 1.01
+    assert len(run_again(fault, recipe, "recipe", 1)["time [s]"]) == 9
+    least = 9.0
+    with pytest.raises(Stalled):
+        run_again(fault, recipe, "recipe", 1)
+
+
 def test_ways_to_run_again_are_of_equal_length(fault: SettledCase) -> None:
     """And stay within what each input was in the recording."""
     recipe = recipe_for(fault)
     assert samples_of(recipe, 1.0) == [12, 9]
     for arm in ARMS:
-        found = courses(fault, recipe, arm, seed=1)
+        found = courses(fault, recipe, arm)
         for name, course in found.items():
             known = fault.scene.given[name]
             assert len(course) == 21
             assert known.min() - 1e-9 <= course.min() <= course.max() <= known.max() + 1e-9
-    held = courses(fault, recipe, "recipe", seed=1)
-    for name, course in held.items():
+    for name, course in courses(fault, recipe, "recipe").items():
         assert course[11] == pytest.approx(fault.scene.given[name].min(), rel=1e-3)
         assert course[20] == pytest.approx(fault.scene.given[name].max(), rel=1e-3)
 
@@ -98,7 +134,7 @@ def test_what_nobody_can_set_is_refused(fault: SettledCase) -> None:
     recipe = recipe_for(fault)
     recipe["steps"][0]["inputs"]["A.T"] = {"value": 20.0, "unit": "degC"}
     with pytest.raises(ValueError, match=r"A\.T: nobody can set this"):
-        courses(fault, recipe, "recipe", seed=1)
+        courses(fault, recipe, "recipe")
 
 
 def test_both_recordings_stand_on_one_axis_of_time() -> None:
@@ -171,7 +207,7 @@ def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
 def test_gain_is_told_beside_what_was_expected() -> None:
     """Certainty and log Bayes factor of the true explanation, before and after."""
     recipe = {
-        "steps": [{"until": 120.0}],
+        "steps": [{"until": 120.0, "covers": False}],
         "certainty": [0.55, 0.9],
         "factors": [[0.0, 2.0], [3.0, 0.0]],
         "explanations": form_of(clogging=0.6, leakage=0.4)["standing"],
@@ -187,10 +223,23 @@ def test_gain_is_told_beside_what_was_expected() -> None:
     assert found.after["same"] == first
 
 
+def test_a_recipe_that_only_covers_foretells_nothing() -> None:
+    recipe = {
+        "steps": [{"until": 60.0, "covers": True}],
+        "certainty": [0.95],
+        "factors": [[0.0]],
+        "explanations": form_of(clogging=0.95)["standing"],
+    }
+    first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
+    found = further_of(OPEN, first, recipe, form_of(clogging=0.95), {"recipe": form_of(leakage=1)})
+    assert (found.outcome, found.expected, found.nats) == ("covered", (), None)
+    assert (found.sure_before, found.sure) == (0.0, {"recipe": 1.0})
+    assert gained([found]) == []
+
+
 @pytest.mark.parametrize(
     ("recipe", "outcome"),
     [
-        ({"alone": True}, "alone"),
         ({"error": "no input was changed"}, "refused"),
         ({"steps": []}, "alike"),
     ],
@@ -221,7 +270,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
             case="named", outcome="run", sure_before=0.5, sure=dict.fromkeys(ARMS, 0.2),
             after=dict.fromkeys(ARMS, worse), **{**usual, "stood": False},
         ),
-        Further(case="clean", outcome="alone"),
+        Further(case="clean", outcome="refused"),
     )  # fmt: skip
     (bin_,) = gained(further)
     assert (bin_.count, bin_.stood, bin_.found, bin_.found_of_stood) == (2, 1, 0.5, 0.8)
@@ -229,7 +278,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
     tell_further(out, cases, further)
     assert isinstance(out.file, io.StringIO)
     told = out.file.getvalue()
-    assert "2 of 3 cases; 2 were run again" in told
+    assert "Round two: 2 of 3 cases were run again." in told
     assert "Worse with the second recording" in told
     assert max(map(len, told.splitlines())) <= 80
     run = Run(tuple(cases), further=further)
@@ -245,7 +294,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
     before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
     recipe = {
-        "steps": [{"until": 60.0}],
+        "steps": [{"until": 60.0, "covers": False}],
         "certainty": [0.52, 0.9],
         "factors": [[0.0, 2.0], [2.0, 0.0]],
         "explanations": before["standing"],

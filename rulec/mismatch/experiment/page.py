@@ -19,7 +19,15 @@ from rulec_runtime.report.text import percent, safe
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment
-from rulec.mismatch.experiment.words import as_read, as_set, duration, headline, in_words, remarks
+from rulec.mismatch.experiment.words import (
+    as_read,
+    as_set,
+    duration,
+    headline,
+    in_words,
+    remarks,
+    sure_after,
+)
 
 SPREAD = 0.7
 """Width in a picture over which the explanations of a step are spread, in steps."""
@@ -64,7 +72,8 @@ def _set(found: Experiment, ruleset: Ruleset) -> str:
     """Per step how long it takes, what to set, and how sure the truth can be after it."""
     slowly = any(step.ramp for step in found.steps)
     ways = {"way": True} if slowly else {}
-    columns = {"step": True, **ways, "hold": True, "set": False, "sure": True}
+    ends = {"sure": True} if found.telling else {}
+    columns = {"step": True, **ways, "hold": True, "set": False, **ends}
     rows = []
     for place, step in enumerate(found.steps):
         inputs = [
@@ -74,8 +83,8 @@ def _set(found: Experiment, ruleset: Ruleset) -> str:
         ]
         way = [duration(math.ceil(step.ramp))] if slowly else []
         hold = duration(step.until - step.since - step.ramp)
-        sure = percent(found.certainty[place + 1])
-        rows.append([[str(place + 1)], *([w] for w in way), [hold], inputs, [sure]])
+        sure = [[sure_after(found, place + 1)]] if found.telling else []
+        rows.append([[str(place + 1)], *([w] for w in way), [hold], inputs, *sure])
     return _table("what to set", columns, rows)
 
 

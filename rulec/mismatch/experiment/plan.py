@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -15,11 +16,12 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.foretell import foretold
+from rulec.mismatch.experiment.cover import covering
+from rulec.mismatch.experiment.foretell import Foretold, foretold
 from rulec.mismatch.experiment.hold import Best, best_within
 from rulec.mismatch.experiment.reach import (
     Reach,
@@ -51,10 +53,10 @@ def planned(
     *,
     given: PlantLimits | None = None,
 ) -> Experiment:
-    """The steps that best tell apart what stands, in a given time, s, at most, and within limits
-    that are given, or else within what was recorded.
+    """The steps that best tell apart what stands, and such as cover what may be set; in a given
+    time, s, at most, and within limits that are given, or else within what was recorded.
 
-    Raises ExperimentRefused where one explanation stands alone, or nothing can be set.
+    Raises ExperimentRefused where nothing can be set.
     """
     if most < 1:
         raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
@@ -69,12 +71,16 @@ def planned(
     _check_time(limited, reach, seconds)
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
-    best = best_within(told, odds / odds.sum(), most, seconds, limited, settling)
+    telling = min(most, limits.TELLING_STEPS)
+    best = best_within(told, odds / odds.sum(), telling, seconds, limited, settling)
+    steps = _steps(best.limited, best.choice.places, best.told, system.data)
+    steps += _covering(limited, best, most - len(steps), seconds, told, system.data)
+    certainty = expected_certainty(best.told, odds, best.choice.places)
     return Experiment(
         standing=again.sets,
         left_out=left_out,
-        steps=_steps(best, system.data.noise, system.data.values),
-        certainty=expected_certainty(best.told, odds, best.choice.places),
+        steps=steps,
+        certainty=certainty,
         unlisted=max(1.0 - float(odds.sum()), 0.0),
         factors=best.choice.factors,
         set_by=reach.ranges,
@@ -93,8 +99,6 @@ def _refitted(
     recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[Standing]
 ) -> tuple[Again, tuple[Standing, ...]]:
     """What stands, refitted to what was recorded; and what cannot be foretold, for it switched."""
-    if len(standing) < 2:
-        raise ExperimentRefused("one explanation stands alone: there is nothing to tell apart")
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())
@@ -104,7 +108,7 @@ def _refitted(
         raise ExperimentRefused(
             f"nothing in this plant is called {error.args[0]}; run rulec mismatch again"
         ) from None
-    if len(again.sets) < 2:
+    if len(again.sets) < min(len(standing), 2):
         raise ExperimentRefused(
             "what stands besides one explanation switched with the set points that were recorded; "
             "what it does at others is not known, so no set points can be planned that tell it"
@@ -166,13 +170,33 @@ def _read(ruleset: Ruleset, models: Sequence[Model]) -> frozenset[str]:
     return frozenset(by_laws | drivers)
 
 
-def _steps(
-    best: Best, noise: Mapping[str, Array], recorded: Mapping[str, Array]
+def _covering(
+    limited: Within, best: Best, most: int, seconds: float, told: Sequence[Foretold], data: Data
 ) -> tuple[Step, ...]:
-    choice, told, limited = best.choice, best.told, best.limited
+    """Steps that cover what may be set, after those that tell explanations apart and without loss
+    of product."""
+    telling = best.choice.places
+    since = best.limited.seconds(telling)
+    held = math.ceil(limits.COVERING_HELD * limited.reach.step / limited.shortest)
+    after = replace(limited, held=held, begun=telling[-1] if telling else -1)
+    among = limited.may_run & np.array([not costs for costs in limited.costs])
+    places = covering(after, among, telling, most, seconds - since)
+    return _steps(after, places, told, data, since, covers=True)
+
+
+def _steps(
+    limited: Within,
+    chosen: Sequence[int],
+    told: Sequence[Foretold],
+    data: Data,
+    since: float = 0.0,
+    *,
+    covers: bool = False,
+) -> tuple[Step, ...]:
+    """Steps in turn, the first from when on, s."""
     steps: list[Step] = []
-    since, places = 0.0, limited.places
-    for place, (ramp, hold) in zip(choice.places, limited.times(choice.places), strict=True):
+    places, noise, recorded = limited.places, data.noise, data.values
+    for place, (ramp, hold) in zip(chosen, limited.times(chosen), strict=True):
         near = places.near[place]
         inputs = {name: float(values[place]) for name, values in places.inputs.items()}
         readings = []
@@ -198,6 +222,7 @@ def _steps(
                 ramp=ramp,
                 costs=limited.costs[place],
                 at_end=tuple(limited.at_end(place)),
+                covers=covers,
             )
         )
         since += ramp + hold

@@ -13,7 +13,15 @@ from rulec_runtime.report.text import percent
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment, Reading
-from rulec.mismatch.experiment.words import as_read, as_set, duration, headline, in_words, remarks
+from rulec.mismatch.experiment.words import (
+    as_read,
+    as_set,
+    duration,
+    headline,
+    in_words,
+    remarks,
+    sure_after,
+)
 
 BAND = 50
 """Characters across a picture."""
@@ -30,9 +38,11 @@ def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
         out.print()
         out.print(_table(found, ruleset))
         out.print()
-        for line in _bands(found, ruleset):
+        bands = list(_bands(found, ruleset))
+        for line in bands:
             out.print(styled("{}", line))
-        out.print()
+        if bands:
+            out.print()
     for line in remarks(found, ruleset):
         out.print(styled("{}", line))
 
@@ -46,7 +56,8 @@ def _table(found: Experiment, ruleset: Ruleset) -> Table:
     table.add_column("read")
     for place in range(1, len(found.standing) + 1):
         table.add_column(f"if {place}", justify="right")
-    table.add_column("sure", justify="right")
+    if found.telling:
+        table.add_column("sure", justify="right")
     for place, step in enumerate(found.steps, start=1):
         told = step.readings[: limits.READINGS_TOLD]
         hold = duration(step.until - step.since - step.ramp)
@@ -63,7 +74,7 @@ def _table(found: Experiment, ruleset: Ruleset) -> Table:
                 "\n".join(as_read(signals[r.signal], r, i) for r in told)
                 for i in range(len(found.standing))
             ),
-            percent(found.certainty[place]),
+            *([sure_after(found, place)] if found.telling else ()),
         )
     return table
 

@@ -29,7 +29,8 @@ class Step:
     """An operating point to hold: from when until when, s; inputs, SI; what is read, the most
     telling signal first.
 
-    The way there takes `ramp`, s, of that time. `costs` names inputs and modules that cost product,
+    The way there takes `ramp`, s, of that time. It tells the explanations apart, or `covers` what
+    may be set. `costs` names inputs and modules that cost product,
     `at_end` inputs with the end of what may be set that they are at.
     """
 
@@ -41,6 +42,7 @@ class Step:
     ramp: float = 0.0
     costs: tuple[str, ...] = ()
     at_end: tuple[tuple[str, str], ...] = ()
+    covers: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +50,8 @@ class Experiment:
     """What to run, and what is known behind it.
 
     `certainty` is the probability that the true explanation can be expected to have before the
-    first step and after each, `unlisted` the probability that it is none of `standing`: there it
+    first step and after each that tells explanations apart; those that cover come last and are not
+    counted. `unlisted` is the probability that it is none of `standing`: there it
     has none. `factors`, shape (explanations, explanations), are expected log Bayes factors of all
     steps, nats; `set_by` the inputs with the range within which they were chosen,
     SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
@@ -74,6 +77,11 @@ class Experiment:
     sensors: tuple[Advised, ...]
     sample: float
     read: frozenset[str]
+
+    @property
+    def telling(self) -> tuple[Step, ...]:
+        """The steps that tell explanations apart."""
+        return tuple(step for step in self.steps if not step.covers)
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:

@@ -24,7 +24,8 @@ class Within:
     `possible`, shape (n,): each explanation foretells it, and no reading leaves its sensor.
     `forbidden` per reading with limits, shape (n,): where it may leave them. `costs` names per
     place the inputs and modules that cost product. `unwatched` are readings with limits that no
-    explanation foretells. Each place is held `held` times as long as it has to be at least.
+    explanation foretells. Each place is held `held` times as long as it has to be at least; the way
+    to the first one begins at the place `begun`.
     """
 
     places: Places
@@ -34,6 +35,7 @@ class Within:
     costs: tuple[tuple[str, ...], ...]
     unwatched: tuple[str, ...]
     held: int = 1
+    begun: int = -1
 
     @property
     def may_run(self) -> NDArray[np.bool_]:
@@ -45,7 +47,7 @@ class Within:
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
         """For each of some places in turn, how long the way there takes at least, and how long it
         is held, s."""
-        ways = zip([len(self.places) - 1, *places], places, strict=False)
+        ways = zip([self.begun, *places], places, strict=False)
         hold = self.held * self.shortest
         return [(self._ramp(before, place), hold) for before, place in ways]
 

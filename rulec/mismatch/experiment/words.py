@@ -18,7 +18,9 @@ FEWEST_DIGITS, MOST_DIGITS = 3, 7
 
 def headline(found: Experiment) -> str:
     """What the experiment is worth, in one sentence."""
-    if not found.steps:
+    if len(found.standing) == 1:
+        return _alone(found)
+    if not found.telling:
         within, wider = "what was recorded", "Record wider ranges"
         if found.limited:
             within, wider = "the limits", "Allow wider ranges"
@@ -34,6 +36,20 @@ def headline(found: Experiment) -> str:
     )
 
 
+def _alone(found: Experiment) -> str:
+    """What there is to do where one explanation stands alone."""
+    if not found.steps:
+        return (
+            "One explanation stands alone, and within the limits nothing can be set that would "
+            "test it."
+        )
+    steps = counted(len(found.steps), "step")
+    return (
+        f"One explanation stands alone. {steps} in {duration(found.steps[-1].until)} test it: they "
+        "cover what may be set, and what it does not foretell shows there."
+    )
+
+
 def in_words(one: Standing) -> str:
     """What a set of explanations says."""
     return " and ".join(one.titles) or "nothing is missing"
@@ -43,7 +59,7 @@ def as_read(signal: SignalSpec, reading: Reading, place: int) -> str:
     """What is read if one explanation is true, to as many digits as tell it from the others."""
     value = reading.values[place]
     apart = max(reading.values) - min(reading.values)
-    noise = apart / reading.apart if reading.apart > 0.0 else abs(value)
+    noise = apart / reading.apart if reading.apart > 0.0 else reading.spread[place]
     digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
     shown = f"{signal.shown(value):#.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
     return shown.rstrip(".")
@@ -53,6 +69,12 @@ def as_set(signal: SignalSpec, value: float) -> str:
     return f"{signal.id} {number(signal.shown(value))} {signal.unit}"
 
 
+def sure_after(found: Experiment, place: int) -> str:
+    """How sure the true explanation can be expected to be after a step, 1 for the first; nothing
+    where that is not foretold."""
+    return "" if found.steps[place - 1].covers else percent(found.certainty[place])
+
+
 def duration(seconds: float) -> str:
     if seconds < 120.0:
         return f"{seconds:.3g} s"
@@ -60,10 +82,16 @@ def duration(seconds: float) -> str:
 
 
 def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
-    if found.steps:
+    if found.telling:
         yield _meaning(found)
+    covers = [i for i, step in enumerate(found.steps, start=1) if step.covers]
+    if covers and len(found.standing) > 1:
+        yield (
+            f"{_steps_of(covers).capitalize()} cover what may be set: if none of these "
+            "explanations is true, that shows there. How sure the true one is then is not foretold."
+        )
     for first, second in found.alike:
-        if found.steps:
+        if found.telling:
             yield (
                 f"{first + 1} and {second + 1} are not told apart by this: no set points within "
                 "these ranges make them differ by enough."
@@ -139,4 +167,6 @@ def _limits(found: Experiment) -> Iterator[str]:
 def _steps_of(places: Sequence[int]) -> str:
     if len(places) == 1:
         return f"step {places[0]}"
+    if len(places) > 2 and places[-1] - places[0] == len(places) - 1:
+        return f"steps {places[0]} to {places[-1]}"
     return f"steps {', '.join(map(str, places[:-1]))} and {places[-1]}"

@@ -66,6 +66,7 @@ def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
         "from": step.since,
         "until": step.until,
         "ramp": step.ramp,
+        "covers": step.covers,
         "costs_product": list(step.costs),
         "at_end": [{"input": name, "end": end} for name, end in step.at_end],
         "inputs": {

@@ -20,12 +20,14 @@ from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.choose import certain, chosen
+from rulec.mismatch.experiment.cover import covering
 from rulec.mismatch.experiment.divergence import divergences
 from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
 from rulec.mismatch.experiment.growing import known_with_onsets
 from rulec.mismatch.experiment.page import experiment_page
-from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
+from rulec.mismatch.experiment.reach import Reach, places_in, present_inputs, usual_reach
 from rulec.mismatch.experiment.surroundings import surroundings
+from rulec.mismatch.experiment.within import Within
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
@@ -220,7 +222,8 @@ def test_limits_are_kept_and_told(
     read = next(r for r in step["readings"] if r["signal"] == "A.dp")
     assert all(v + u < 1.6 for v, u in zip(read["values"], read["u"], strict=True))
     assert found["limits"]["given"]
-    assert "Product is lost in steps 1, 2 and 3 (by A.n)." in told
+    assert "Product is lost in steps 1 to 3 (by A.n)." in told
+    assert not any(step["covers"] for step in found["steps"])
     assert "within the limits: A.n 600 to 1 200 rpm." in told
 
 
@@ -316,7 +319,6 @@ def test_when_a_fault_began_to_grow_is_doubted(worn: Worn) -> None:
     [
         (lambda form: form.pop("standing"), "does not say which explanations stand"),
         (lambda form: form.update(standing=[]), "no sets of explanations were weighed"),
-        (lambda form: form.update(standing=form["standing"][:1]), "stands alone"),
         (lambda form: form["standing"][0].update(probability="much"), "does not say which"),
         (lambda form: form["standing"][0].update(joined=["A.no-such@n"]), "A.no-such@n"),
     ],
@@ -330,6 +332,40 @@ def test_what_cannot_be_planned_is_refused(
     file.write_text(json.dumps(form), encoding="utf-8")
     assert main(["experiment", str(file)]) == 1
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_an_explanation_that_stands_alone_is_tested(
+    ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Steps cover what may be set: each input comes near both ends of what was recorded."""
+    form = json.loads((ambiguous / "m.json").read_text(encoding="utf-8"))
+    form.update(standing=form["standing"][:1])
+    alone, plan = tmp_path / "m.json", tmp_path / "e.json"
+    alone.write_text(json.dumps(form), encoding="utf-8")
+    words = ["--json", str(plan), "--report", str(tmp_path / "e.html")]
+    assert main(["experiment", str(alone), *words]) == 0
+    assert "One explanation stands alone. 18 steps in" in capsys.readouterr().out
+    found = json.loads(plan.read_text(encoding="utf-8"))
+    assert all(step["covers"] for step in found["steps"])
+    assert len(found["certainty"]) == 1
+    recorded = columns(ambiguous / "recording.csv")
+    for name in found["steps"][0]["inputs"]:
+        set_to = [step["inputs"][name]["value"] for step in found["steps"]]
+        low, high = np.quantile(recorded[name], [0.25, 0.75])
+        assert min(set_to) < low < high < max(set_to)
+
+
+def test_steps_that_cover_are_far_from_all_others() -> None:
+    """On a line with steps at both ends the middle comes next, then the quarters; there is time for
+    one more, and none is where it may not be."""
+    speeds = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 0.0])
+    places = Places({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
+    may = np.array([True] * 5 + [False])
+    limited = Within(places, Reach({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
+    assert covering(limited, may, [0, 4], 9, 240.0) == (2, 1, 3)
+    assert covering(limited, may, [0, 4], 9, 100.0) == (2,)
+    assert covering(limited, may, [], 2, 240.0) == (2, 0)
+    assert covering(limited, may & (speeds != 2.0), [0, 4], 1, 240.0) == (1,)
 
 
 def test_what_nobody_sets_stays_or_follows_the_load() -> None:
