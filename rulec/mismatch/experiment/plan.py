@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -73,7 +73,7 @@ def planned(
     return Experiment(
         standing=again.sets,
         left_out=left_out,
-        steps=_steps(best, system.data.noise, system.data.values),
+        steps=_steps(best, system),
         certainty=expected_certainty(best.told, odds, best.choice.places),
         unlisted=max(1.0 - float(odds.sum()), 0.0),
         factors=best.choice.factors,
@@ -84,7 +84,7 @@ def planned(
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
         sample=sample,
-        read=_read(ruleset, again.models),
+        read=_read(system, again.models),
         sensors=advised(again.geometry, again.models, alike(best.choice.factors)),
     )
 
@@ -156,20 +156,21 @@ def _sample(time: Array) -> float:
     return float(np.median(between)) if len(between) else limits.SHORTEST_STEP
 
 
-def _read(ruleset: Ruleset, models: Sequence[Model]) -> frozenset[str]:
-    """Signals that an equation or an explanation reads."""
-    by_laws = {s for observer in ruleset.observers for s in observer.signals}
+def _read(system: System, models: Sequence[Model]) -> frozenset[str]:
+    """Signals that an equation or an explanation reads; the temperature, where it is a property of
+    the fluid."""
+    by_laws = {s for observer in system.ruleset.observers for s in observer.signals}
     joined = [candidate for model in models for candidate in model.setting.joined]
     drivers = {driver for candidate in joined for driver in candidate.drivers.values()}
     drivers |= {u.driver for candidate in joined for u in candidate.unknowns if u.driver}
     drivers |= {term.driver for model in models for term in model.terms}
-    return frozenset(by_laws | drivers)
+    properties = system.builder.fluid_drivers
+    return frozenset(by_laws | {properties[d].signal if d in properties else d for d in drivers})
 
 
-def _steps(
-    best: Best, noise: Mapping[str, Array], recorded: Mapping[str, Array]
-) -> tuple[Step, ...]:
+def _steps(best: Best, system: System) -> tuple[Step, ...]:
     choice, told, limited = best.choice, best.told, best.limited
+    noise, signals = system.data.noise, system.ruleset.signal_by_id
     steps: list[Step] = []
     since, places = 0.0, limited.places
     for place, (ramp, hold) in zip(choice.places, limited.times(choice.places), strict=True):
@@ -185,8 +186,8 @@ def _steps(
             readings.append(Reading(name, values, apart, spread))
         given = {
             name: float(places.around[name][place] if name in places.around else values[near])
-            for name, values in recorded.items()
-            if name not in inputs and name not in told[0].readings
+            for name, values in system.data.values.items()
+            if name in signals and name not in inputs and name not in told[0].readings
         }
         steps.append(
             Step(
