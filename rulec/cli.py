@@ -68,7 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="rulec",
         description="Fault diagnosis for modular hydraulic plants, compiled from module files.",
-        epilog="PLANT is a folder with a plant.yaml, or the file itself. "
+        epilog="Begin with 'rulec demo', or with a plant of your own: 'rulec init plant NAME', "
+        "then 'rulec check NAME'. PLANT is a folder with a plant.yaml, or the file itself. "
         "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage.",
     )
     version_option(parser, "rulec")
@@ -151,8 +152,10 @@ def _init(init: argparse.ArgumentParser) -> None:
     init.add_argument(
         "folder",
         metavar="FOLDER",
+        nargs="?",
         help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
-        "project (kb, a package for pip); files that are there stay",
+        "project (kb, a package for pip); files that are there stay. Default: a new folder NAME "
+        "(plant, kb), else this one",
     )
 
 

@@ -197,3 +197,33 @@ def test_wrong_usage_is_said_aside(
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["chek", "x"], 2, "there is no 'chek'; did you mean 'check'?"),
+        (["init", "plnt", "x"], 2, "there is no 'plnt'; did you mean 'plant'?"),
+        (["check", "nowhere"], 1, "`rulec init plant NAME` writes a first plant"),
+        (["init", "plant", "x"], 0, "next: rulec check x"),
+        (["init", "module", "y"], 0, "y.yaml"),
+    ],
+)
+def test_a_first_try_is_helped_on(
+    words: list[str],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A word that is misspelt, a plant that is not there yet, a skeleton without a folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    try:
+        ended = main(words)
+    except SystemExit as exit_:
+        ended = int(str(exit_.code))
+    printed = capsys.readouterr()
+    assert code == ended
+    assert said in printed.out + printed.err

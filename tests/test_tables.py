@@ -10,16 +10,24 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
 from rulec.effects.model_builder import open_builder
 from rulec.effects.write_module import write_module
-from rulec.knowledge.tables import equation
-from rulec.language.expression import constant, parse
-from rulec.language.functions import Signum
+from rulec.export.module_code import code_of
+from rulec.export.st_printer import blocks
+from rulec.knowledge.tables import equations
+from rulec.language.expression import Expression, constant, parse
+from rulec.language.functions import Larger, Signum, Smaller
 from rulec.language.symbolic import to_sympy
 from rulec.passes.pipeline import compile_plant
+from tests.export.plants import NO_COMPILER
+from tests.rig.exported.compiled import COMPILER
+from tests.rig.exported.compiled import compiled as compile_c
+from tests.rig.exported.parsed import parsed
+from tests.rig.exported.reference import differences, expected, inputs_of
 
 POINTS = [[0, 0.1], [20, 0.5], [50, 1.5], [80, 3.4], [100, 4.0]]
 VALVE = f"""\
@@ -31,7 +39,7 @@ signals:
   dp: {{quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 10], input: true, reference: 2}}
   Q:  {{quantity: volume flow, unit: m3/h, sensor: magnetic-inductive, range: [0, 20], reference: 3}}
 tables:
-  Kv: {{over: x, in: "%", unit: m3/h/bar**0.5, points: {POINTS}, u: 0.05, source: data sheet}}
+  Kv: {{over: x, in: "%", unit: m3/h/bar**0.5, points: {POINTS}, between: line, u: 0.05, source: data sheet}}
 observers:
   valve: {{component: valve, Q: Kv*sqrt(dp), source: IEC 60534-2-1}}
   flow:  {{component: line, Q: Q, source: flow meter}}
@@ -39,39 +47,86 @@ faults: [blockage(Kv), slope(Q)]
 """  # noqa: E501
 
 
+KINDS = ("line", "monotone-cubic")
+
+
+@pytest.fixture(params=KINDS)
+def between(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 @pytest.fixture
-def plant(tmp_path: Path) -> Path:
+def plant(between: str, tmp_path: Path) -> Path:
     (tmp_path / "kb").mkdir()
-    (tmp_path / "kb" / "own-valve.yaml").write_text(VALVE, encoding="utf-8")
+    text = VALVE.replace("between: line", f"between: {between}")
+    (tmp_path / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
     text = "plant: p\ntitle: t\nmodules: {A: {type: own-valve}}\n"
     (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
     return tmp_path
 
 
-def flow(x: np.ndarray, dp: float) -> np.ndarray:
-    """m3/s, by numpy's own interpolation; x in percent, dp in bar."""
-    at, value = np.array(POINTS).T
-    return np.interp(x, at, value) * np.sqrt(dp) / 3600
+def curve(points: list[list[float]], between: str, x: float | np.ndarray) -> np.ndarray:
+    """By numpy's interpolation, or by scipy's; within the points."""
+    at, value = np.array(points).T
+    cubic = between == "monotone-cubic"
+    return np.asarray(PchipInterpolator(at, value)(x) if cubic else np.interp(x, at, value))
+
+
+def flow(x: np.ndarray, dp: float, between: str) -> np.ndarray:
+    """m3/s; x in percent, dp in bar."""
+    return np.asarray(curve(POINTS, between, x) * np.sqrt(dp) / 3600)
+
+
+def written(name: str, over: str, between: str, points: list[list[float]]) -> dict[str, Expression]:
+    table = {"over": over, "points": points, "between": between}
+    return {part: parse(text) for part, text in equations(name, table).items()}
+
+
+def value_at(definitions: dict[str, Expression], x: float) -> float:
+    """What the last of some definitions gives, the others known."""
+    known = {"x": x, "t_per": 1.0, "t_size": 1.0}
+    for name, definition in definitions.items():
+        found = constant(definition, known)
+        assert found is not None
+        known[name] = found
+    return known["t"]
 
 
 @settings(max_examples=50, deadline=None)
 @given(
     st.lists(st.integers(-1000, 1000), min_size=2, max_size=12, unique=True),
     st.data(),
+    st.sampled_from(KINDS),
 )
-def test_equation_runs_through_all_points(at: list[int], data: st.DataObject) -> None:
-    """And straight between them; it can be read whatever the numbers."""
+def test_equation_runs_through_all_points(at: list[int], data: st.DataObject, between: str) -> None:
+    """And between them as it should; it can be read whatever the numbers."""
     at.sort()
     values = [data.draw(st.floats(-1e3, 1e3, allow_subnormal=False)) for _ in at]
-    table = {"over": "x", "points": [[float(a), v] for a, v in zip(at, values, strict=True)]}
-    curve = parse(equation("t", table))
+    points = [[float(a), v] for a, v in zip(at, values, strict=True)]
+    definitions = written("t", "x", between, points)
     size = max(map(abs, values)) + 1.0
-    for x in (*at, *(0.5 * (a + b) for a, b in pairwise(at))):
-        found = constant(curve, {"x": float(x), "t_per": 1.0, "t_size": 1.0})
-        assert found == pytest.approx(np.interp(x, at, values), abs=1e-4 * size)
+    for x in (*at, *(a + s * (b - a) for a, b in pairwise(at) for s in (0.3, 0.5))):
+        expected = float(curve(points, between, x))
+        assert value_at(definitions, float(x)) == pytest.approx(expected, abs=1e-4 * size)
 
 
-def test_plan_gives_the_curve_its_slope_and_its_uncertainty(plant: Path) -> None:
+def test_cubic_goes_on_straight() -> None:
+    """Beyond its points, where scipy's polynomial would turn back; without a corner at its ends."""
+    definitions = written("t", "x", "monotone-cubic", POINTS)
+    for end, way in ((0.0, -1.0), (100.0, 1.0)):
+        at, near, far = (value_at(definitions, end + way * s) for s in (0.0, 1e-3, 50.0))
+        inside = value_at(definitions, end - way * 1e-3)
+        assert far - at == pytest.approx(5e4 * (near - at), rel=1e-6)
+        assert near - at == pytest.approx(at - inside, rel=1e-3)
+
+
+def test_longest_table_can_be_read() -> None:
+    """Twelve points, and the longest names that the schema lets through."""
+    points = [[12345.678 * i, -(1.2345678 ** (i % 7)) * 1e-5] for i in range(12)]
+    assert len(written("K" * 36, "x" * 41, "monotone-cubic", points)) == 12
+
+
+def test_plan_gives_the_curve_its_slope_and_its_uncertainty(plant: Path, between: str) -> None:
     """Between the points and beyond the last; its size is off as a whole."""
     assert collect([plant]) == []
     ruleset = compile_plant(plant)
@@ -79,9 +134,11 @@ def test_plan_gives_the_curve_its_slope_and_its_uncertainty(plant: Path) -> None
     given = {"A.x": x / 100, "A.dp": np.full(4, 2e5), "A.Q": np.full(4, 1e-3)}
     # Errors of readings count as standard ones, where the plan takes their sizes: here 1.
     found = ruleset.plan.run({n: given.get(n, np.ones(4)) for n in ruleset.plan.inputs})
-    np.testing.assert_allclose(found["q:A.valve"], flow(x, 2.0), rtol=1e-7)
-    np.testing.assert_allclose(found["s:A.valve:A.Kv_size"], 0.05 * flow(x, 2.0), rtol=1e-7)
-    slope = (flow(x + 0.1, 2.0) - flow(x - 0.1, 2.0)) / 0.002
+    np.testing.assert_allclose(found["q:A.valve"], flow(x, 2.0, between), rtol=1e-7)
+    np.testing.assert_allclose(
+        found["s:A.valve:A.Kv_size"], 0.05 * flow(x, 2.0, between), rtol=1e-7
+    )
+    slope = (flow(x + 0.01, 2.0, between) - flow(x - 0.01, 2.0, between)) / 2e-4
     ratio = found["s:A.valve:A.x"] / slope
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     (size,) = (p for p in ruleset.parameters if p.id == "A.Kv_size")
@@ -89,23 +146,41 @@ def test_plan_gives_the_curve_its_slope_and_its_uncertainty(plant: Path) -> None
     assert "A.blockage" in ruleset.fault_by_id
 
 
-def test_simulation_follows_the_curve(plant: Path) -> None:
+def test_simulation_follows_the_curve(plant: Path, between: str) -> None:
     rows = [f"{t},{x},2,0" for t, x in enumerate((5, 20, 42, 77, 100))]
     (plant / "in.csv").write_text("\n".join(["time [s],A.x [%],A.dp [bar],A.Q [m3/h]", *rows]))
     assert main(["simulate", str(plant), str(plant / "in.csv"), "-o", str(plant / "out.csv")]) == 0
     table = np.genfromtxt(plant / "out.csv", delimiter=",", names=True, deletechars="")
-    expected = 3600 * flow(np.array([5.0, 20.0, 42.0, 77.0, 100.0]), 2.0)
+    expected = 3600 * flow(np.array([5.0, 20.0, 42.0, 77.0, 100.0]), 2.0, between)
     np.testing.assert_allclose(table["A.Q_[m3/h]"], expected, rtol=1e-5)
 
 
-def test_slope_is_that_of_the_lines(plant: Path) -> None:
+def test_slope_of_lines() -> None:
     """As symbols, of which the compiler makes its gradients; at a point the mean of both sides."""
-    t = sympy.Symbol("x", real=True)
-    table = {"over": "x", "points": POINTS}
-    symbols = {"x": t, "Kv_per": sympy.Integer(1), "Kv_size": sympy.Integer(1)}
-    slope = to_sympy(parse(equation("Kv", table)), symbols).diff(t)
-    values = [float(slope.subs(t, at).replace(Signum, sympy.sign)) for at in (10, 20, 30, 99)]
-    assert values == pytest.approx([0.02, (0.02 + 1 / 30) / 2, 1 / 30, 0.03])
+    assert slopes("line", (10, 20, 30, 99)) == pytest.approx(
+        [0.02, (0.02 + 1 / 30) / 2, 1 / 30, 0.03]
+    )
+
+
+def test_slope_of_a_cubic() -> None:
+    """That of scipy, at its points too."""
+    at = (10, 20, 30, 80, 99)
+    expected = PchipInterpolator(*zip(*POINTS, strict=True))(at, 1)
+    assert slopes("monotone-cubic", at) == pytest.approx(expected, rel=1e-6)
+
+
+def slopes(between: str, at: tuple[int, ...]) -> list[float]:
+    """By the compiler's symbols."""
+    x = sympy.Symbol("x", real=True)
+    known = {"x": x, "t_per": sympy.Integer(1), "t_size": sympy.Integer(1)}
+    for name, definition in written("t", "x", between, POINTS).items():
+        known[name] = to_sympy(definition, known)
+    slope = known["t"].diff(x)
+    plain = {Signum: sympy.sign, Larger: sympy.Max, Smaller: sympy.Min}
+    found = [slope.subs(x, a) for a in at]
+    for own, of_sympy in plain.items():
+        found = [value.replace(own, of_sympy) for value in found]
+    return [float(value) for value in found]
 
 
 def test_amended_type_holds_the_curve_as_an_equation(plant: Path, tmp_path: Path) -> None:
@@ -119,3 +194,28 @@ def test_amended_type_holds_the_curve_as_an_equation(plant: Path, tmp_path: Path
     (plant / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
     assert collect([plant]) == []
     assert compile_plant(plant).plan == before.plan
+
+
+@pytest.mark.skipif(COMPILER is None, reason=NO_COMPILER)
+def test_controllers_get_the_curve(tmp_path: Path) -> None:
+    """A cubic in C and in structured text, as in the plan, also beyond its points."""
+    (tmp_path / "kb").mkdir()
+    text = VALVE.replace("between: line", "between: monotone-cubic")
+    # The parser is slow: two pieces, and no code that undoes a fault of them.
+    text = text.replace(str(POINTS), str(POINTS[::2])).replace("blockage(Kv), ", "")
+    (tmp_path / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "plant.yaml").write_text("plant: p\ntitle: t\nmodules: {A: {type: own-valve}}\n")
+    ruleset = compile_plant(tmp_path)
+    (code,) = code_of(ruleset)
+    (tmp_path / "c").mkdir()
+    library, parts = compile_c([code], tmp_path / "c"), parsed(blocks(code))
+    for routine in code.routines:
+        values = inputs_of(routine, ruleset, n=500, seed=3)
+        wanted = expected(routine, ruleset, values)
+        block = parts[f"{code.name}_{routine.name}"].run(values)
+        in_text = {v.name: np.broadcast_to(block[v.name.lower()], (500,)) for v in routine.outputs}
+        for found in (library.run(routine, values), in_text):
+            gap, flags, compared = differences(routine, found, wanted)
+            assert gap < 1e-12
+            assert 0 == flags
+            assert compared > 500

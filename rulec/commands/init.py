@@ -33,7 +33,9 @@ class InitRefused(Refusal):
 
 def run(options: argparse.Namespace) -> int:
     """Write a skeleton into a folder; no file is ever replaced."""
-    files = dict(skeleton(options.kind, options.name, Path(options.folder)))
+    own = options.name if options.kind in ("plant", "kb") else "."
+    folder = Path(options.folder or own)
+    files = dict(skeleton(options.kind, options.name, folder))
     for file in files:
         if os.path.lexists(file):
             raise InitRefused(f"'{file}' is there already, and nothing is replaced; take another")
@@ -46,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         out.print(styled("[green]✓[/] {}", file), soft_wrap=True)
     if len(shown) < len(files):
         out.print(styled("[dim]and schemas, by which an editor completes and checks them[/]"))
-    out.print(styled("next: rulec check {}", options.folder), soft_wrap=True)
+    out.print(styled("next: rulec check {}", folder), soft_wrap=True)
     return 0
 
 

@@ -38,6 +38,7 @@ def check_fault(reader: Reader) -> FaultType:
                 highest=highest,
                 meaning=part["degree"]["meaning"],
                 usual=usual_of(part["degree"]),
+                frequency=_frequency(reader, path, part) if name else None,
             )
         )
     if len(reader.found) == before:
@@ -53,17 +54,16 @@ def check_fault(reader: Reader) -> FaultType:
         text=data["text"],
         action=data["action"],
         origin=reader.origin("fault", source=data["source"]),
-        frequency=_frequency(reader),
+        frequency=_frequency(reader, (), data),
     )
 
 
-def _frequency(reader: Reader) -> Frequency | None:
-    """How often it comes, where the file says so."""
-    data = reader.document.data
-    if "frequency" not in data:
+def _frequency(reader: Reader, path: Path_, part: Mapping[str, Any]) -> Frequency | None:
+    """How often it comes, where the file says so, of the fault or of one direction of it."""
+    if "frequency" not in part:
         return None
-    origin = reader.origin("frequency", source=data.get("frequency_source", ""))
-    return Frequency(data["frequency"], origin)
+    origin = reader.origin(*path, "frequency", source=part.get("frequency_source", ""))
+    return Frequency(part["frequency"], origin)
 
 
 def _check_usual(reader: Reader, path: Path_, degree: Mapping[str, Any]) -> None:

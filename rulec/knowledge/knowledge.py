@@ -41,7 +41,8 @@ class SensorClass:
 class Variant:
     """One direction of a fault: `law` gives what is there from what should be there.
 
-    `unit` is that of the degree, and empty where it is a share.
+    `unit` is that of the degree, and empty where it is a share. Without a `frequency` it comes as
+    often as the fault does.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Variant:
     meaning: str
     unit: str = ""
     usual: Usual | None = None
+    frequency: Frequency | None = None
 
     @property
     def scale(self) -> float:
@@ -94,6 +96,9 @@ class Knowledge:
     effects: Mapping[str, Effect] = field(default_factory=dict)
 
     def fault_in(self, use: FaultUse) -> FaultType:
-        """A fault as a module type has it: it may come more often there, or less."""
+        """A fault as a module type has it: it may come more often there, or less, whichever way."""
         fault = self.faults[use.fault]
-        return replace(fault, frequency=use.frequency or fault.frequency)
+        if use.frequency is None:
+            return fault
+        variants = tuple(replace(v, frequency=None) for v in fault.variants)
+        return replace(fault, frequency=use.frequency, variants=variants)

@@ -71,6 +71,10 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     try:
         with path.open("rb") as stream:
             raw = stream.read(MAX_FILE_BYTES + 1)
+    except FileNotFoundError:
+        hint = "`rulec init plant NAME` writes a first plant, to be filled in"
+        message = "there is no such file or folder"
+        return None, [Diagnostic(Place(name), "KB001", message, hint)]
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return None, [Diagnostic(Place(name), "KB001", f"cannot read this file: {reason}")]

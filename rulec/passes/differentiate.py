@@ -286,7 +286,7 @@ def fault_names(
     declared: Iterable[FaultUse], knowledge: Knowledge, signals: Mapping[str, Signal]
 ) -> Iterator[tuple[FaultUse, Variant, str]]:
     """Every variant of the faults of a module type with its local id."""
-    uses = [(use, knowledge.faults[use.fault]) for use in declared]
+    uses = [(use, knowledge.fault_in(use)) for use in declared]
     shared = [fault.name for _, fault in uses if fault.acts_on != "signal"]
     for use, fault in uses:
         stem = use.target if fault.acts_on == "signal" else fault.name

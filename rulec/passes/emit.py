@@ -191,7 +191,7 @@ def _fault(
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
     slots = {"module": where.module, "where": where.target, "variant": variant.title}
-    often = fault.frequency
+    often = variant.frequency or fault.frequency
     return contract.FaultSpec(
         id=where.id,
         module=where.module,

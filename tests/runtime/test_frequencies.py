@@ -206,17 +206,23 @@ def test_the_words_reach_the_ruleset_and_old_ones_go_without(kb: Path) -> None:
 
 
 def test_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
-    """What the file of a fault says holds where the module type says nothing."""
+    """What the file of a fault says, of one direction or of all, holds where the module type says
+    nothing."""
     file = kb / "kb" / "faults" / "slope.yaml"
     plain = file.read_text(encoding="utf-8")
-    file.write_text(f"{plain}frequency: common\nfrequency_source: a survey\n", encoding="utf-8")
+    high = "excess of the reading over the true value}"
+    stated = plain.replace(high, f"{high}, frequency: usual, frequency_source: a bench")
+    stated += "frequency: common\nfrequency_source: a survey\n"
+    file.write_text(stated, encoding="utf-8")
     try:
         rules = with_frequencies(kb, {LOW: "rare"})
     finally:
         file.write_text(plain, encoding="utf-8")
     words = {f.id: f.frequency for f in rules.faults}
-    assert ("rare", "common", "usual") == (words[LOW], words["main.dp.low"], words[LEAK])
+    named = (LOW, LOW.replace(".low", ".high"), "main.dp.low", "main.dp.high", LEAK)
+    assert ("rare", "rare", "common", "usual", "usual") == tuple(words[n] for n in named)
     assert "a survey" in rules.fault_by_id["main.dp.low"].frequency_origin
+    assert "a bench" in rules.fault_by_id["main.dp.high"].frequency_origin
 
 
 @pytest.mark.parametrize(("named", "other"), [(LEAK, LOW), (LOW, LEAK)])

@@ -1,4 +1,4 @@
-"""All pages in a real browser: on a telephone and a screen, by day and night."""
+"""All pages in a real browser: on a telephone, a screen and paper, by day and night."""
 
 from __future__ import annotations
 
@@ -37,6 +37,11 @@ WIDE = """[...document.querySelectorAll('.fold')].filter(
   (table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
 """Tables that should have become cards, and did not."""
 
+OVER_THE_EDGE = """[...document.querySelectorAll('.scroll')].filter(
+  (frame) => frame.scrollWidth > frame.clientWidth + 1
+    || frame.getBoundingClientRect().right > innerWidth).length"""
+"""Frames that scroll on a screen, and would have to on paper."""
+
 UNSPOKEN = """[...document.querySelectorAll('svg:not([aria-hidden])')].filter(
   (svg) => !svg.closest('[role=img]')?.getAttribute('aria-label')).length"""
 """Pictures without words for those who cannot see them."""
@@ -50,7 +55,16 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield opened
 
 
-def test_every_page_fits_a_telephone_and_says_its_verdict_first(
+SHUT = """(() => [...document.querySelectorAll('details > :not(summary)')].filter(
+  (part) => !part.checkVisibility({contentVisibilityAuto: true})
+    || part.getBoundingClientRect().height === 0).length)()"""
+"""What nobody can open on paper."""
+
+PAPER = 680
+"""Pixels across the text of a sheet of A4, upright."""
+
+
+def test_every_page_fits_telephone_screen_and_paper_and_says_its_verdict_first(
     chromium: Browser, tmp_path: Path
 ) -> None:
     """Nothing sticks out sideways, no text is cut, all of it can be read; nothing is loaded."""
@@ -61,24 +75,38 @@ def test_every_page_fits_a_telephone_and_says_its_verdict_first(
         file.write_text(page, encoding="utf-8")
         chromium.look(390)
         chromium.open(file.as_uri())
-        found = {
-            "sideways": chromium.run("document.documentElement.scrollWidth > 390"),
-            "cut": chromium.run(CUT),
-            "no cards": chromium.run(WIDE),
-            "unspoken": chromium.run(UNSPOKEN),
-            "weak by day": chromium.run(CONTRAST),
-        }
-        chromium.look(390, "dark")
-        found["weak by night"] = chromium.run(CONTRAST)
+        found: dict[str, object] = {}
+        for width, scheme in ((w, s) for w in (390, 1280) for s in ("light", "dark")):
+            chromium.look(width, scheme)
+            found[f"weak at {width}, {scheme}"] = chromium.run(CONTRAST)
+            if PICTURES:
+                chromium.picture(Path(PICTURES) / f"{file.stem}-{width}-{scheme}.png")
+            if scheme == "light":
+                found |= _misfits(chromium, width)
+        chromium.look(PAPER, "dark")
+        chromium.print(True)
+        found |= _misfits(chromium, PAPER)
+        found["shut on paper"] = chromium.run(SHUT)
+        found["cut on paper"] = chromium.run(OVER_THE_EDGE)
+        found["weak on paper"] = chromium.run(CONTRAST)
+        if PICTURES:
+            chromium.sheets(Path(PICTURES) / f"{file.stem}.pdf")
+        chromium.print(False)
         if [verdict] != chromium.run(HEADINGS):
             wrong.append((name, "heading", verdict))
         wrong += [(name, what, value) for what, value in found.items() if value]
-        if PICTURES:
-            for width, scheme in ((w, s) for w in (1280, 390) for s in ("light", "dark")):
-                chromium.look(width, scheme)
-                chromium.picture(Path(PICTURES) / f"{file.stem}-{width}-{scheme}.png")
     assert [] == wrong
     assert [] == chromium.complaints()
     assert {f"{n.replace(' ', '-')}.html" for n in pages} == {
         url.rsplit("/")[-1] for url in chromium.asked_for()
+    }
+
+
+def _misfits(chromium: Browser, width: int) -> dict[str, object]:
+    """What does not fit a window or a sheet so wide; wide tables may scroll but on a telephone."""
+    return {
+        f"sideways at {width}": chromium.run(f"document.documentElement.scrollWidth > {width}"),
+        f"cut at {width}": chromium.run(CUT),
+        f"no cards at {width}": width == 390 and chromium.run(WIDE),
+        f"unspoken at {width}": chromium.run(UNSPOKEN),
     }

@@ -20,7 +20,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import System, with_properties
 from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
@@ -91,8 +91,9 @@ class Foretold:
 
 def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
     """What would be read if one of some models were true."""
-    data = data_at(geometry.rows.system.data, places)
-    system = replace(geometry.rows.system, data=data)
+    recorded = geometry.rows.system
+    data = with_properties(recorded.builder, data_at(recorded.data, places))
+    system = replace(recorded, data=data)
     model = models[true]
     for _ in range(limits.FORETELL_STEPS):
         rows = rows_of(system, Configuration())

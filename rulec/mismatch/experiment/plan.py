@@ -16,7 +16,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.prepare import Data, prepare
+from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.certainty import expected_certainty
@@ -73,8 +73,8 @@ def planned(
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
     best = best_within(told, odds / odds.sum(), telling, seconds, limited, settling)
-    steps = _steps(best.limited, best.choice.places, best.told, system.data)
-    steps += _covering(limited, best, most - len(steps), seconds, told, system.data)
+    steps = _steps(best.limited, best.choice.places, best.told, system)
+    steps += _covering(limited, best, most - len(steps), seconds, told, system)
     certainty = expected_certainty(best.told, odds, best.choice.places)
     return Experiment(
         standing=again.sets,
@@ -90,7 +90,7 @@ def planned(
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
         sample=sample,
-        read=_read(ruleset, again.models),
+        read=_read(system, again.models),
         sensors=advised(again.geometry, again.models, alike(best.choice.factors)),
     )
 
@@ -160,18 +160,20 @@ def _sample(time: Array) -> float:
     return float(np.median(between)) if len(between) else limits.SHORTEST_STEP
 
 
-def _read(ruleset: Ruleset, models: Sequence[Model]) -> frozenset[str]:
-    """Signals that an equation or an explanation reads."""
-    by_laws = {s for observer in ruleset.observers for s in observer.signals}
+def _read(system: System, models: Sequence[Model]) -> frozenset[str]:
+    """Signals that an equation or an explanation reads; the temperature, where it is a property of
+    the fluid."""
+    by_laws = {s for observer in system.ruleset.observers for s in observer.signals}
     joined = [candidate for model in models for candidate in model.setting.joined]
     drivers = {driver for candidate in joined for driver in candidate.drivers.values()}
     drivers |= {u.driver for candidate in joined for u in candidate.unknowns if u.driver}
     drivers |= {term.driver for model in models for term in model.terms}
-    return frozenset(by_laws | drivers)
+    properties = system.builder.fluid_drivers
+    return frozenset(by_laws | {properties[d].signal if d in properties else d for d in drivers})
 
 
 def _covering(
-    limited: Within, best: Best, most: int, seconds: float, told: Sequence[Foretold], data: Data
+    limited: Within, best: Best, most: int, seconds: float, told: Sequence[Foretold], system: System
 ) -> tuple[Step, ...]:
     """Steps that cover what may be set, after those that tell explanations apart and without loss
     of product."""
@@ -181,21 +183,21 @@ def _covering(
     after = replace(limited, held=held, begun=telling[-1] if telling else -1)
     among = limited.may_run & np.array([not costs for costs in limited.costs])
     places = covering(after, among, telling, most, seconds - since)
-    return _steps(after, places, told, data, since, covers=True)
+    return _steps(after, places, told, system, since, covers=True)
 
 
 def _steps(
     limited: Within,
     chosen: Sequence[int],
     told: Sequence[Foretold],
-    data: Data,
+    system: System,
     since: float = 0.0,
     *,
     covers: bool = False,
 ) -> tuple[Step, ...]:
     """Steps in turn, the first from when on, s."""
     steps: list[Step] = []
-    places, noise, recorded = limited.places, data.noise, data.values
+    places, noise, signals = limited.places, system.data.noise, system.ruleset.signal_by_id
     for place, (ramp, hold) in zip(chosen, limited.times(chosen), strict=True):
         near = places.near[place]
         inputs = {name: float(values[place]) for name, values in places.inputs.items()}
@@ -209,8 +211,8 @@ def _steps(
             readings.append(Reading(name, values, apart, spread))
         given = {
             name: float(places.around[name][place] if name in places.around else values[near])
-            for name, values in recorded.items()
-            if name not in inputs and name not in told[0].readings
+            for name, values in system.data.values.items()
+            if name in signals and name not in inputs and name not in told[0].readings
         }
         steps.append(
             Step(

@@ -6,8 +6,10 @@ Only the standard library at the top: `--help` answers without numpy.
 from __future__ import annotations
 
 import argparse
+import difflib
 import io
 import os
+import re
 import sys
 from argparse import SUPPRESS
 from collections.abc import Callable, Sequence
@@ -34,7 +36,18 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         from rulec_runtime.output.terminal import one_line
 
-        super().error(one_line(message))
+        super().error(_with_the_nearest(one_line(message)))
+
+
+def _with_the_nearest(message: str) -> str:
+    """A word that is none of those allowed, with the one that was meant in place of all."""
+    found = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+    if found is None:
+        return message
+    near = difflib.get_close_matches(found[1], re.findall(r"[\w-]+", found[2]), n=1)
+    if not near:
+        return message
+    return f"{message[: found.start()]}there is no '{found[1]}'; did you mean '{near[0]}'?"
 
 
 def prepare_process() -> None:

@@ -89,7 +89,11 @@ def assign(
             header.targets.append(Target(index, signal, factor, offset))
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
-        raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'")
+        hint = ""
+        if header.strangers and not ruleset.time_column:
+            first = header.strangers[0]
+            hint = f"; if it is '{first}', rename it, or say so in the column map (columns.yaml)"
+        raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'{hint}")
 
 
 def result_of(name: str, ruleset: Ruleset) -> bool:

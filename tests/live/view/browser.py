@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import json
 import os
@@ -38,6 +39,7 @@ class Browser:
         self._number = 0
         self._rest = b""
         self._session: str | None = None
+        self._features: list[dict[str, str]] = []
         self.events: list[dict[str, Any]] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
@@ -79,8 +81,13 @@ class Browser:
             deviceScaleFactor=1,
             mobile=width < 600,
         )
-        feature = {"name": "prefers-color-scheme", "value": scheme}
-        self.call("Emulation.setEmulatedMedia", features=[feature])
+        self._features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self.print(False)
+
+    def print(self, wanted: bool) -> None:
+        """Show the page as it is printed, or as on a screen."""
+        media = "print" if wanted else ""
+        self.call("Emulation.setEmulatedMedia", media=media, features=self._features)
 
     def open(self, url: str) -> None:
         """Go to a page and wait for its text; a stream of events is never at its end."""
@@ -104,10 +111,13 @@ class Browser:
 
     def picture(self, file: Path, whole: bool = True) -> None:
         """Save what is to be seen."""
-        import base64
-
         shot = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
         file.write_bytes(base64.b64decode(shot["data"]))
+
+    def sheets(self, file: Path) -> None:
+        """Save the page as PDF."""
+        printed = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=False)
+        file.write_bytes(base64.b64decode(printed["data"]))
 
     def complaints(self) -> list[str]:
         """What console, log and policy said."""

@@ -9,12 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
+from rulec.mismatch.evidence.steady.system import with_properties
+from rulec.mismatch.experiment.foretell import Places, data_at
+from rulec.mismatch.experiment.plan import planned
+from rulec.mismatch.experiment.written import inputs_csv
+from rulec.mismatch.result import Standing
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
     alone,
@@ -37,13 +43,17 @@ def oily() -> tuple[Ruleset, ModelBuilder]:
 
 
 @functools.cache
-def planted() -> Rows:
+def recording() -> Recording:
     """Slip in inverse proportion to the viscosity, which nobody reads."""
     rules, builder = oily()
     given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
     usual = float(np.median(builder.fluid_drivers[VISCOSITY].at(given["A.T"])[0]))
-    built = {SLIP: {"m": 1.0, "mu0": usual}}
-    return rows_at(oily(), recorded(oily(), given, built))
+    return recorded(oily(), given, {SLIP: {"m": 1.0, "mu0": usual}})
+
+
+@functools.cache
+def planted() -> Rows:
+    return rows_at(oily(), recording())
 
 
 def viscosity(celsius: float) -> float:
@@ -79,6 +89,44 @@ def test_the_law_has_exact_slopes_by_the_temperature() -> None:
     expected = np.subtract(*ends) / 2e-3
     assert np.abs(expected).max() > 0.0
     assert slope == pytest.approx(expected, rel=1e-5)
+
+
+def standing(name: str, strength: str, value: float) -> Standing:
+    """One law, as if a mismatch had left it standing."""
+    system = planted().system
+    candidate = next(c for c in system.candidates if c.id == name)
+    return Standing(
+        names=(name,),
+        titles=(name,),
+        probability=0.5,
+        joined=(name,),
+        values={f"{name}.{strength}": value},
+        fixed=dict(references(system, candidate)),
+        periods=(),
+        released=(),
+        trusted=(),
+        terms=(),
+    )
+
+
+def test_an_experiment_knows_the_property_where_the_temperature_is_set() -> None:
+    """What the fluid has there counts, not what it had when something like it was recorded; and the
+    recipe asks for the temperature, as nobody can set a viscosity."""
+    laws = standing(SLIP, "m", 1.0), standing("A.slip-temperature@Q_geo", "b", 0.03)
+    found = planned(recording(), *oily(), laws, most=2, seconds=3600.0)
+    assert found.steps
+    header, *rows = inputs_csv(found, oily()[0]).splitlines()
+    names = header.split(",")
+    assert "A.T [degC]" in names
+    assert not any(VISCOSITY in name for name in names)
+    assert all(row.split(",")[names.index("A.T [degC]")] for row in rows)
+    recorded_there = planted().system.data
+    celsius = np.array([12.0, 47.0])
+    places = Places(
+        {"A.T": celsius + 273.15}, np.array([0, 0]), recorded_there.time[-1] + np.array([1.0, 2.0])
+    )
+    there = with_properties(oily()[1], data_at(recorded_there, places))
+    assert there.values[VISCOSITY] == pytest.approx([viscosity(t) for t in celsius], rel=1e-9)
 
 
 def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() -> None:

@@ -224,7 +224,12 @@ class System:
 
 
 def system_of(ruleset: Ruleset, builder: ModelBuilder, data: Data) -> System:
-    """A plant and its settled points, with the properties that its fluid has there.
+    """A plant and its settled points, with the properties that its fluid has there."""
+    return System(ruleset, builder, with_properties(builder, data))
+
+
+def with_properties(builder: ModelBuilder, data: Data) -> Data:
+    """Settled points with the properties that the fluid of the plant has there.
 
     Where the equations of a fluid do not reach a temperature that was recorded, nothing is known.
     """
@@ -239,4 +244,4 @@ def system_of(ruleset: Ruleset, builder: ModelBuilder, data: Data) -> System:
         u[name] = np.abs(slope) * points.u[driver.signal]
         systematic[name] = np.abs(slope) * points.systematic[driver.signal]
     known = replace(points, values=values, u=u, systematic=systematic)
-    return System(ruleset, builder, replace(data, points=known, noise=noise))
+    return replace(data, points=known, noise=noise)
