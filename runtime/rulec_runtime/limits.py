@@ -671,7 +671,7 @@ PLAN_TILE = 256
 """Samples at a time where machine code of a plan has several loops: what one leaves for the next
 stays in the cache. Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
 
-PLAN_LOOP = 1024
+PLAN_LOOP = 2048
 """Operations in one loop of such code; LLVM takes longer for each of longer ones.
 Origin: measured by `python -m pytest tests/bench/test_plan.py -s`."""
 

@@ -178,7 +178,7 @@ def test_any_memory() -> None:
     assert_same(dict(zip("xy", table.T, strict=True)), expected)
     one = np.broadcast_to(2.5, (n,))
     assert_same(plan.run({**values, "b": one}), by_numpy(plan, {**values, "b": 2.5}))
-    over = np.arange(n) - 2.0
+    over: Array = np.arange(float(n)) - 2.0
     plan.run({**values, "a": over}, {"x": over, "y": np.empty(n)})
     np.testing.assert_array_equal(over, expected["x"])
     assert [0, 0] == [len(v) for v in plan.run(inputs(0)).values()]
