@@ -27,6 +27,7 @@ INTEGRATOR = "rulec_runtime.simulation.integrator"
 
 COMPILED = {
     INTEGRATOR,
+    "rulec_runtime.machine_code.engine",
     "rulec_runtime.simulation.kernel",
     "rulec_runtime.simulation.kernel_call",
 }
@@ -36,6 +37,7 @@ LLVM = {"numba", "llvmlite"}
 ROOMS = (
     "rulec_runtime.limits",
     "rulec_runtime.output",
+    "rulec_runtime.machine_code",
     "rulec_runtime.contract",
     "rulec_runtime.recordings",
     "rulec_runtime.recordings.readers",

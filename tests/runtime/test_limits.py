@@ -36,7 +36,7 @@ LAYOUT = {
     "rulec_runtime.recordings.readers": "bytes at a time, and numbers of file formats",
     "rulec_runtime.diagnosis.steady.seen": "samples at a time: memory alone",
     "rulec_runtime.simulation.integrator": "compiled in: numba's cache sees no other file",
-    "rulec_runtime.simulation.kernel_rules": "columns at a time: speed alone",
+    "rulec_runtime.machine_code.code": "numbers at a time: speed alone",
     "rulec_runtime.commands.journal": "exit code",
     "rulec_runtime.live.journal.device_health": "numbers of nodes in a standard",
     "rulec_runtime.output.write_file": "flags of the operating system",

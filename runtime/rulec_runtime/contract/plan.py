@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime.contract.plan_code import Step
+from rulec_runtime.contract.plan_kernel import PlanKernel
+
 Array = NDArray[np.float64]
 
 CHUNK = 16384
@@ -155,7 +158,8 @@ class Plan:
         ----------
         values : per input name an array, shape (n,), or a number; SI. Absent inputs count as NaN.
         out : per output name an array to write to, shape (n,). Fresh memory costs more than the
-            calculation, so a long recording is best run block by block into the same arrays.
+            calculation, so a long recording is best run block by block into the same arrays. They
+            share no memory with `values`.
 
         Returns
         -------
@@ -170,15 +174,19 @@ class Plan:
         if varying not in self._schedules:
             self._schedules[varying] = self._schedule(varying)
         schedule = self._schedules[varying]
-        results = {name: np.empty(n) if out is None else out[name] for name in self.outputs}
+        found: dict[str, Array] = {}
         with np.errstate(all="ignore"):
             fixed = self._fixed(given, schedule)
             if schedule.steps:
-                _run_steps(schedule, fixed, results, n)
+                by_code = schedule.kernel.run(fixed, out, n)
+                found = _run_steps(schedule, fixed, out, n) if by_code is None else by_code
+        results = {}
         for name, i in self.outputs.items():
-            source = results[schedule.targets[i]] if i in schedule.targets else fixed[i]
-            if source is not results[name]:
-                results[name][...] = source
+            if schedule.targets.get(i) == name:
+                results[name] = found[name]
+                continue
+            results[name] = np.empty(n) if out is None else out[name]
+            results[name][...] = found[schedule.targets[i]] if i in schedule.targets else fixed[i]
         return results
 
     def _fixed(self, given: Sequence[Array], schedule: _Schedule) -> list[Any]:
@@ -213,7 +221,7 @@ class Plan:
         free: list[int] = []
         held: dict[int, int] = {}
         rows: dict[int, int] = {}
-        steps: dict[bool, list[_Step]] = {True: [], False: []}
+        steps: dict[bool, list[Step]] = {True: [], False: []}
         count = 0
         for i, name, a, b in order:
             operands = (a,) if name in UNARY else (a, b)
@@ -222,6 +230,7 @@ class Plan:
             if is_array[i] and i not in targets:
                 rows[i] = held[i] = free.pop() if free else count
                 count = max(count, rows[i] + 1)
+        arrays = [i for i, is_array_ in enumerate(varying) if is_array_]
         return _Schedule(
             scalars=tuple(steps[False]),
             steps=tuple(steps[True]),
@@ -229,11 +238,8 @@ class Plan:
             rows=rows,
             count=count,
             targets=targets,
+            kernel=PlanKernel(steps[True], arrays, targets),
         )
-
-
-_Step = tuple[Callable[..., Any], int, int, int]
-"""``(ufunc, a, b, value)``; `b` is -1 for unary ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,21 +247,25 @@ class _Schedule:
     """How to run a plan once it is known which inputs are arrays.
 
     `scalars` work on numbers alone and run once, `steps` on chunks. The value of a step goes to
-    a row of the buffer (`rows`) or straight into an output (`targets`).
+    a row of the buffer (`rows`) or straight into an output (`targets`). `kernel` does all steps at
+    once, where that pays.
     """
 
-    scalars: tuple[_Step, ...]
-    steps: tuple[_Step, ...]
+    scalars: tuple[Step, ...]
+    steps: tuple[Step, ...]
     varying: tuple[bool, ...]
     rows: Mapping[int, int]
     count: int
     targets: Mapping[int, str]
+    kernel: PlanKernel
 
 
 def _run_steps(
-    schedule: _Schedule, fixed: Sequence[Any], results: Mapping[str, Array], n: int
-) -> None:
-    """Run the array steps chunk by chunk, so that the buffers stay in the cache."""
+    schedule: _Schedule, fixed: Sequence[Any], out: Mapping[str, Array] | None, n: int
+) -> dict[str, Array]:
+    """Run the array steps chunk by chunk, so that the buffers stay in the cache; their targets."""
+    names = schedule.targets.values()
+    results = {name: np.empty(n) if out is None else out[name] for name in names}
     store = np.empty((schedule.count, min(n, CHUNK)))
     for low in range(0, n, CHUNK):
         high = min(low + CHUNK, n)
@@ -273,3 +283,4 @@ def _run_steps(
                 function(values[a], out=values[i])
             else:
                 function(values[a], values[b], out=values[i])
+    return results

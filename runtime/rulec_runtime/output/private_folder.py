@@ -1,8 +1,9 @@
 """Work that is kept for the next start, in a folder that is the user's alone.
 
-What is read back is data: bytes with their checksum, never code, and nothing is unpickled. A file
-counts only if this user wrote it here under this name; whatever else lies there is ignored, and
-written anew. Several processes may read and write at once: a file appears as a whole.
+What is read back are bytes with their checksum: JSON, or machine code that LLVM made here, whose
+name is the hash of all that it was made from. Nothing is unpickled. A file counts only if this user
+wrote it here under this name; whatever else lies there is ignored, and written anew. Several
+processes may read and write at once: a file appears as a whole.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ CHOSEN, OFF = "RULEC_CACHE", "off"
 """Environment variable that names the folder, and its value where nothing is to be kept."""
 
 _MARK = b"rulec kept 1"
-_HAS_OWNERS = hasattr(os, "geteuid")
+HAS_OWNERS = hasattr(os, "geteuid")
+"""Whether files tell whose they are: where they do not, no machine code is kept."""
 
 
 def kept(name: str) -> bytes | None:
@@ -89,7 +91,7 @@ def _why_not(found: os.stat_result) -> str:
     """Why a folder is not to be trusted; empty where it is."""
     if not stat.S_ISDIR(found.st_mode):
         return "it is a link or no folder"
-    if not _HAS_OWNERS:
+    if not HAS_OWNERS:
         return ""
     if found.st_uid != os.geteuid():
         return "it belongs to another user"
@@ -101,7 +103,7 @@ def _read(file: Path) -> bytes:
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with os.fdopen(os.open(file, flags | getattr(os, "O_BINARY", 0)), "rb") as stream:
         found = os.fstat(stream.fileno())
-        foreign = _HAS_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & 0o022)
+        foreign = HAS_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & 0o022)
         if foreign or not stat.S_ISREG(found.st_mode) or found.st_size > limits.MOST_KEPT_BYTES:
             raise ValueError("no file of this folder")
         return stream.read()
@@ -133,6 +135,6 @@ def _remove_oldest(folder: Path) -> None:
 @functools.cache
 def _say(folder: str, reason: str) -> None:
     say_aside(
-        f"rulec: {folder} is not used ({reason}), so plants are compiled anew at every start; set "
-        f"{CHOSEN} to a folder that can be written, or to '{OFF}'"
+        f"rulec: {folder} is not used ({reason}), so what is compiled is compiled anew at every "
+        f"start; set {CHOSEN} to a folder that can be written, or to '{OFF}'"
     )

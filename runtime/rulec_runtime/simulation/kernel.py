@@ -6,15 +6,13 @@ often. Results are the same, so it does not matter when.
 
 from __future__ import annotations
 
-import importlib.util
-import itertools
 import math
-import threading
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
 from rulec_runtime.limits import KERNEL_WORTH
+from rulec_runtime.machine_code.engine import made, there_is_llvm
 from rulec_runtime.simulation.kernel_code import (
     ADVANCE,
     EVALUATE,
@@ -26,10 +24,6 @@ from rulec_runtime.simulation.kernel_code import (
 )
 from rulec_runtime.simulation.kernel_rules import Numbers
 from rulec_runtime.simulation.tape import Kernel, Tape
-
-_NUMBERS = itertools.count()
-_ONE_AT_A_TIME = threading.Lock()
-
 
 Key = tuple[str, int]
 """A function of `kernel_code`, and for how many columns."""
@@ -61,9 +55,9 @@ class Kernels:
 
     def _address(self, key: Key) -> int:
         if key not in self.made:
-            if self._steps.get(key, 0) < KERNEL_WORTH or not _there_is_llvm():
+            if self._steps.get(key, 0) < KERNEL_WORTH or not there_is_llvm():
                 return 0
-            self.made[key] = _made(key[0], self._code(*key))
+            self.made[key] = made(key[0], self._code(*key))
         return self.made[key]
 
     def _code(self, name: str, columns: int) -> str:
@@ -84,11 +78,6 @@ class Kernels:
             self._steps[key] = self._steps.get(key, 0) + steps
 
 
-@cache
-def _there_is_llvm() -> bool:
-    return importlib.util.find_spec("numba") is not None
-
-
 def _numbers(tape: Tape) -> Numbers:
     from rulec_runtime.simulation.integrator import NODES, STEEPEST, TINY, WEIGHTS
 
@@ -99,45 +88,6 @@ def _numbers(tape: Tape) -> Numbers:
         weights=tuple(WEIGHTS.tolist()),
         functions={name: _function(name).address for name in called(tape)},
     )
-
-
-def _made(name: str, code: str) -> int:
-    """The address of a function, made for this machine; it stays as long as the process.
-
-    What it was made from is let go: a function takes 30 kB, with that it would be 0.8 MB.
-    """
-    import llvmlite.binding as llvm
-
-    with _ONE_AT_A_TIME:
-        module = llvm.parse_assembly(code)
-        own = f"{name}_{next(_NUMBERS)}"
-        module.get_function(name).name = own
-        engine = _engine()
-        engine.add_module(module)
-        engine.finalize_object()
-        address = int(engine.get_function_address(own))
-        engine.remove_module(module)
-        module.close()
-    return address
-
-
-@cache
-def _engine() -> Any:
-    """An engine for this machine.
-
-    LLVM is asked for little: what it finds beyond takes longer than it saves.
-    """
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=0,
-        jit=True,
-    )
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
 
 
 @cache
