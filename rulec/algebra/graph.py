@@ -9,10 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import sympy
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
-
-from rulec.algebra.recipe import recipe_of
 
 Node = int
 
@@ -162,25 +159,6 @@ class Graph:
     def is_zero(self, node: Node) -> bool:
         """Is this the constant 0?"""
         return node == self.zero
-
-    def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
-        """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
-        return self.lower_all((expression,), symbols)[0]
-
-    def lower_all(
-        self, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
-    ) -> list[Node]:
-        """Build several expressions over the same symbols."""
-        recipe, results = recipe_of(tuple(expressions))
-        nodes: list[Node] = []
-        for kind, a, b in recipe:
-            if kind == "symbol":
-                nodes.append(symbols[a])
-            elif kind == "constant":
-                nodes.append(self.constant(a))
-            else:
-                nodes.append(self.apply(kind, nodes[a], nodes[b]))
-        return [nodes[i] for i in results]
 
     def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
         """Freeze: keep what the outputs need, numbered inputs, constants, operations.

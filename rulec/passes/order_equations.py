@@ -215,7 +215,7 @@ class _System:
 
 
 def _terms(names: Sequence[str], row: Array) -> dict[str, float]:
-    return {names[i]: float(row[i]) for i in np.flatnonzero(row)}
+    return {names[i]: float(row[i]) for i in np.flatnonzero(row).tolist()}
 
 
 def _balances_between(network: Network, flows: Sequence[str]) -> Array:

@@ -233,7 +233,6 @@ class Plan:
             targets=targets,
         )
 
-
     def _of_numbers(self, varying: tuple[bool, ...]) -> _Schedule:
         """Where all inputs are numbers there are no buffers to think about."""
         steps = (
