@@ -56,8 +56,10 @@ def test_second_start_loads_no_compiler(plant: Path, tmp_path: Path) -> None:
     assert not loaded("matrix", str(plant)) & HEAVY
     assert not loaded("diagnose", str(plant / "plant.yaml"), str(RECORDING)) & HEAVY
     assert not loaded("simulate", str(plant), str(RECORDING), "-o", str(tmp_path / "s.csv")) & HEAVY
-    loaded("check", str(plant))
-    assert not loaded("check", str(plant)) & HEAVY
+    assert not loaded("export", str(plant), "--to", "c", "-o", str(tmp_path / "code")) & HEAVY
+    for asked in (("check", str(plant)), ("show", "order", str(plant))):
+        loaded(*asked)
+        assert not loaded(*asked) & HEAVY
 
 
 def test_what_is_kept_is_the_ruleset(plant: Path) -> None:

@@ -23,7 +23,9 @@ def independent_without(matrix: Array, first: int) -> Array:
         if abs(rest[pivot, j]) < ZERO_PIVOT:
             continue
         rest[[done, pivot]] = rest[[pivot, done]]
-        rest[done + 1 :] -= np.outer(rest[done + 1 :, j] / rest[done, j], rest[done])
+        # Balances have few flows: most rows stay as they are.
+        rows = done + 1 + np.flatnonzero(rest[done + 1 :, j])
+        rest[rows] -= np.outer(rest[rows, j] / rest[done, j], rest[done])
         done += 1
         kept += j < first
     return rest[kept:done]
@@ -46,9 +48,9 @@ def solved_for(matrix: Array, first: int) -> tuple[Array, Array]:
         free[pivots] = 0.0
         pivot = int(np.argmax(free))
         rest[pivot] /= rest[pivot, j]
-        column = rest[:, j].copy()
-        column[pivot] = 0.0
-        rest -= np.outer(column, rest[pivot])
+        rows = np.flatnonzero(rest[:, j])
+        rows = rows[rows != pivot]
+        rest[rows] -= np.outer(rest[rows, j], rest[pivot])
         pivots.append(pivot)
     rest[np.abs(rest) < ZERO_PIVOT] = 0.0
     return 0.0 - rest[pivots, first:], np.delete(rest, pivots, axis=0)[:, first:]

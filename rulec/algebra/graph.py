@@ -9,12 +9,11 @@ import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import sympy
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
 
-from rulec.algebra.recipe import recipe_of
-
 Node = int
+
+_LEAVES = frozenset({"input", "constant"})
 
 
 class Graph:
@@ -58,7 +57,9 @@ class Graph:
         key = (name, a, b)
         node = self._known.get(key)
         if node is None:
-            node = self._folded(name, a, b)
+            kinds, values = self._kinds, self._values
+            if a in values or b in values or "neg" in (kinds[a][0], kinds[b][0]):
+                node = self._folded(name, a, b)
             if node is None:
                 node = self._append(key)
             self._known[key] = node
@@ -136,17 +137,19 @@ class Graph:
 
     def sum(self, nodes: Iterable[Node]) -> Node:
         """Left-to-right sum; equal beginnings are shared."""
-        total = self.zero
-        for node in nodes:
-            total = self.add(total, node)
+        rest = iter(nodes)
+        total = next(rest, self.zero)
+        for node in rest:
+            total = self.apply("add", total, node)
         return total
 
     def signed_sum(self, terms: Iterable[tuple[int, Node]]) -> Node:
         """Sum with signs +1 and -1, positive terms first."""
-        ordered = sorted(terms, key=lambda t: -t[0])
-        total = self.zero
-        for sign, node in ordered:
-            total = self.add(total, node) if sign > 0 else self.sub(total, node)
+        known = list(terms)
+        total = self.sum(node for sign, node in known if sign > 0)
+        for sign, node in known:
+            if sign < 0:
+                total = self.apply("sub", total, node)
         return total
 
     def square(self, a: Node) -> Node:
@@ -157,25 +160,6 @@ class Graph:
         """Is this the constant 0?"""
         return node == self.zero
 
-    def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
-        """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
-        return self.lower_all((expression,), symbols)[0]
-
-    def lower_all(
-        self, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
-    ) -> list[Node]:
-        """Build several expressions over the same symbols."""
-        recipe, results = recipe_of(tuple(expressions))
-        nodes: list[Node] = []
-        for kind, a, b in recipe:
-            if kind == "symbol":
-                nodes.append(symbols[a])
-            elif kind == "constant":
-                nodes.append(self.constant(a))
-            else:
-                nodes.append(self.apply(kind, nodes[a], nodes[b]))
-        return [nodes[i] for i in results]
-
     def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
         """Freeze: keep what the outputs need, numbered inputs, constants, operations.
 
@@ -184,16 +168,16 @@ class Graph:
         outputs = self.outputs if outputs is None else outputs
         needed = self._needed(outputs.values())
         kinds = self._kinds
-        used = sorted(i for i in needed if kinds[i][0] == "constant")
-        used_inputs = sorted(i for i in needed if kinds[i][0] == "input")
+        used = [i for i in needed if kinds[i][0] == "constant"]
+        used_inputs = [i for i in needed if kinds[i][0] == "input"]
         number: dict[Node, int] = {n: i for i, n in enumerate(used_inputs)}
         number |= {n: len(number) + i for i, n in enumerate(used)}
         operations: list[Operation] = []
         start = len(number)
-        for node in sorted(needed):
-            name, a, b = kinds[node]
-            if name in ("input", "constant"):
+        for node in needed:
+            if node in number:
                 continue
+            name, a, b = kinds[node]
             number[node] = start + len(operations)
             operations.append((name, number[a], 0 if name in UNARY else number[b]))
         return Plan(
@@ -203,15 +187,19 @@ class Graph:
             {name: number[node] for name, node in outputs.items()},
         )
 
-    def _needed(self, roots: Iterable[Node]) -> set[Node]:
-        seen: set[Node] = set()
-        stack = list(roots)
-        while stack:
-            node = stack.pop()
-            if node in seen:
-                continue
-            seen.add(node)
+    def _needed(self, roots: Iterable[Node]) -> list[Node]:
+        """What the roots need, in order; an operation stands behind what it is made of."""
+        marks = bytearray(len(self._kinds))
+        for node in roots:
+            marks[node] = 1
+        found = []
+        node = marks.rfind(1)
+        while node >= 0:
+            found.append(node)
             name, a, b = self._kinds[node]
-            if name not in ("input", "constant"):
-                stack.extend((a,) if name in UNARY else (a, b))
-        return seen
+            if name not in _LEAVES:
+                marks[a] = 1
+                if name not in UNARY:
+                    marks[b] = 1
+            node = marks.rfind(1, 0, node)
+        return found[::-1]

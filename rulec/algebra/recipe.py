@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import sympy
 from rulec_runtime.contract.plan import UNARY
 
+from rulec.algebra.graph import Graph, Node
 from rulec.language.functions import FUNCTIONS
 from rulec.language.symbolic import ClosedForm
 from rulec.limits import MULTIPLIED_POWER
 
 Step = tuple[str, Any, int]
 """``("symbol", sympy symbol, 0)``, ``("constant", number, 0)`` or ``(operation, step, step)``."""
+
+
+def lower(graph: Graph, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
+    """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
+    return lower_all(graph, (expression,), symbols)[0]
+
+
+def lower_all(
+    graph: Graph, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
+) -> list[Node]:
+    """Build several expressions over the same symbols."""
+    recipe, results = recipe_of(tuple(expressions))
+    nodes: list[Node] = []
+    for kind, a, b in recipe:
+        if kind == "symbol":
+            nodes.append(symbols[a])
+        elif kind == "constant":
+            nodes.append(graph.constant(a))
+        else:
+            nodes.append(graph.apply(kind, nodes[a], nodes[b]))
+    return [nodes[i] for i in results]
 
 
 @functools.lru_cache(maxsize=100_000)

@@ -18,6 +18,7 @@ from rulec_runtime.contract.plan import Array, Plan
 
 from rulec.algebra.continuity import flows_by_continuity
 from rulec.algebra.graph import Graph
+from rulec.algebra.recipe import lower
 from rulec.knowledge.plant import Module
 from rulec.passes.differentiate import GATHERED, TypeModel
 from rulec.passes.types import Compilation
@@ -57,9 +58,9 @@ def observer_plan(model: TypeModel, observer: str, by: Iterable[str]) -> Plan:
     """An observer as ``Q``, parameters as inputs, and ``d:<name>``, its slopes by some names."""
     graph = Graph(model.symbols)
     symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
-    graph.outputs["Q"] = graph.lower(model.observers[observer], symbols)
+    graph.outputs["Q"] = lower(graph, model.observers[observer], symbols)
     for name in by:
-        graph.outputs[f"d:{name}"] = graph.lower(model.gradients[observer][name], symbols)
+        graph.outputs[f"d:{name}"] = lower(graph, model.gradients[observer][name], symbols)
     return graph.plan()
 
 

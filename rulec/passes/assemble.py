@@ -16,6 +16,7 @@ import sympy
 from rulec_runtime.contract.ruleset import MISFIT
 
 from rulec.algebra.graph import Graph, Node
+from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
@@ -143,13 +144,13 @@ class _Instance:
         return f"{self.module.name}.{name}"
 
     def lower(self, expression: sympy.Expr) -> Node:
-        return self.graph.lower(expression, self.nodes)
+        return lower(self.graph, expression, self.nodes)
 
     def gradient(self, derivatives: Mapping[str, sympy.Expr]) -> dict[str, Node]:
         """Derivatives by local variables to derivatives by independent inputs, times u."""
         graph, kind = self.graph, self.module.type
         lowered = dict(
-            zip(derivatives, graph.lower_all(derivatives.values(), self.nodes), strict=True)
+            zip(derivatives, lower_all(graph, derivatives.values(), self.nodes), strict=True)
         )
         result: dict[str, Node] = {}
 

@@ -30,10 +30,14 @@ def degrees_of(gram: Array) -> tuple[float, ...]:
 
     `gram` holds products of effects, shape (faults, faults); inf where no degree isolates a fault.
     """
-    distance = apart(gram)
+    return _degrees_at(apart(gram))
+
+
+def _degrees_at(distance: Array) -> tuple[float, ...]:
+    """The same from distances per unit of degree, shape (faults, faults)."""
     with np.errstate(divide="ignore"):
         worst = SEPARATED / distance.min(axis=-1)
-    return tuple(float(x) for x in worst)
+    return tuple(worst.tolist())
 
 
 def cheapest(
@@ -42,14 +46,16 @@ def cheapest(
     """The cheapest one or two sensors that isolate all faults, else a greedy choice of more."""
     gram = hood.gram(faults)
     effects, covariance = hood.added(faults, sensors)
+    covariance = covariance + LEAST_SPREAD * np.eye(len(sensors))
 
     def among(chosen: tuple[int, ...]) -> Array:
-        """Products of effects with some of the sensors added."""
+        """How far apart the faults are with some of the sensors added, as `apart` says."""
         part = effects[:, chosen]
-        own = covariance[np.ix_(chosen, chosen)]
-        inverse = np.linalg.inv(own + LEAST_SPREAD * np.eye(len(chosen)))
-        more: Array = gram + part @ inverse @ part.T
-        return more
+        if len(chosen) == 1:
+            weighed = part / covariance[chosen[0], chosen[0]]
+        else:
+            weighed = part @ np.linalg.inv(covariance[np.ix_(chosen, chosen)])
+        return apart(gram + weighed @ part.T)
 
     def cost(chosen: tuple[int, ...]) -> float:
         return sum(sensors[i].cost for i in chosen)
@@ -57,7 +63,8 @@ def cheapest(
     numbers = range(len(sensors))
     choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
     for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
-        told = [(max(degrees_of(among(c))), c) for c in same if _is_isolated(among(c))]
+        far = ((among(c), c) for c in same)
+        told = [(max(_degrees_at(d)), c) for d, c in far if _is_isolated(d)]
         if told:
             degree, chosen = min(told)
             return Advice(tuple(sensors[i] for i in chosen), degree)
@@ -65,20 +72,20 @@ def cheapest(
     while len(chosen) < min(MOST_SENSORS, len(sensors)):
         more = [(*chosen, i) for i in numbers if i not in chosen]
         chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
-        if _is_isolated(among(chosen)):
-            return Advice(tuple(sensors[i] for i in chosen), max(degrees_of(among(chosen))))
+        distance = among(chosen)
+        if _is_isolated(distance):
+            return Advice(tuple(sensors[i] for i in chosen), max(_degrees_at(distance)))
     return None
 
 
-def _degrees_left(gram: Array) -> tuple[int, float]:
+def _degrees_left(distance: Array) -> tuple[int, float]:
     """Number of faults that no degree isolates, and the largest degree of the others."""
-    degrees = np.array(degrees_of(gram))
+    degrees = np.array(_degrees_at(distance))
     never = np.isinf(degrees)
     return int(never.sum()), float(degrees[~never].max(initial=0.0))
 
 
-def _is_isolated(gram: Array) -> bool:
+def _is_isolated(distance: Array) -> bool:
     """Is every fault isolated at a small degree, or nearly as soon as it is detected?"""
-    distance = apart(gram)
     enough = np.minimum(SMALL_DEGREE * np.diagonal(distance) / SEEN, SEPARATED)
     return bool(np.all(SMALL_DEGREE * distance.min(axis=-1) >= enough))

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.algebra.graph import Graph, Node
+from rulec.algebra.recipe import lower
 from rulec.language.written import signed_sum
 from rulec.limits import MOST_RULES
 from rulec.passes.assemble import Assembly, Hypothesis
@@ -107,7 +108,7 @@ def _rule(
         spread = spreads.get(place)
         if spread is None:
             spread = spreads[place] = _spread(assembly, moments, hypothesis, cell, gradients)
-        outputs[f"x:{form}:{key}"] = graph.lower(degree, at)
+        outputs[f"x:{form}:{key}"] = lower(graph, degree, at)
         outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, spread, mu, at)
 
     rule("linear", cell.slope, cell.scaled, _scaled_gradients(assembly, hypothesis, cell))
@@ -121,7 +122,7 @@ def _rule(
         forms.append("paper")
     exact = _exact_excess(assembly, hypothesis, cell, R)
     if exact is not None:
-        outputs[f"x:exact:{key}"] = graph.lower(degree, {G: cell.scaled, EXCESS: exact})
+        outputs[f"x:exact:{key}"] = lower(graph, degree, {G: cell.scaled, EXCESS: exact})
         forms.append("exact")
     return Rule(cell, tuple(forms), _text(hypothesis, cell))
 
@@ -139,7 +140,7 @@ def _exact_excess(
     expression, nodes = solved
     should = graph.signed_sum([(1, assembly.observers[observer]), (-sign, R)])
     flow = sympy.Symbol(FLOW, real=True)
-    return graph.sub(cell.scaled, graph.lower(expression, {**nodes, flow: should}))
+    return graph.sub(cell.scaled, lower(graph, expression, {**nodes, flow: should}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,14 +216,14 @@ def _uncertainty(
     measured and the fault-free g.
     """
     rule, excess = hypothesis.fault.rule, at[EXCESS]
-    ratio = graph.mul(mu, graph.lower(rule.ratio, at))
+    ratio = graph.mul(mu, lower(graph, rule.ratio, at))
     change = graph.square(graph.mul(spread.curvature, excess))
     of_slope = graph.mul(excess, graph.add(spread.slope, change))
     slope_part = graph.mul(excess, graph.sub(of_slope, spread.residual_slope))
     crossed = graph.sub(spread.residual_scaled, graph.mul(excess, spread.scaled_slope))
     scaled_part = graph.mul(ratio, graph.add(graph.mul(ratio, spread.scaled), crossed))
     variance = graph.sum([spread.residual, slope_part, scaled_part])
-    outer = graph.apply("abs", graph.div(graph.lower(rule.by_excess, at), mu))
+    outer = graph.apply("abs", graph.div(lower(graph, rule.by_excess, at), mu))
     return graph.mul(outer, graph.apply("sqrt", variance))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.algebra.graph import Node
+from rulec.algebra.recipe import lower
 from rulec.limits import NEGLIGIBLE_EFFECT
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
@@ -136,7 +137,7 @@ def _residuals_by_observer(residuals: tuple[Residual, ...]) -> dict[str, list[in
 
 def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Node:
     """d(what is there too much)/d(degree) at degree 0."""
-    return assembly.graph.lower(hypothesis.fault.rule.onset, {G: scaled})
+    return lower(assembly.graph, hypothesis.fault.rule.onset, {G: scaled})
 
 
 def reference_inputs(network: Network, reference: Mapping[str, float]) -> dict[str, float]:

@@ -13,6 +13,7 @@ import numpy as np
 import sympy
 
 from rulec.algebra.graph import Graph
+from rulec.algebra.recipe import lower
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_signatures import Signatures, reference_inputs
 from rulec.passes.differentiate import G
@@ -102,6 +103,6 @@ class _Excess:
 
 def _at(onset: sympy.Expr, scaled: Mapping[str, float]) -> dict[str, float]:
     graph = Graph(["g"])
-    plan = graph.plan({"onset": graph.lower(onset, {G: graph.input("g")})})
+    plan = graph.plan({"onset": lower(graph, onset, {G: graph.input("g")})})
     values = plan.run({"g": np.array(list(scaled.values()))})["onset"]
     return dict(zip(scaled, np.broadcast_to(values, len(scaled)).tolist(), strict=True))

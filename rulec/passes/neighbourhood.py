@@ -149,8 +149,8 @@ def apart(gram: Array) -> Array:
     """
     own = np.diagonal(gram, axis1=-2, axis2=-1)
     along = np.maximum(gram, 0.0) ** 2 / np.where(own > 0, own, 1.0)[..., None, :]
-    same = np.eye(gram.shape[-1], dtype=bool)
-    left = own[..., :, None] - np.where(same, 0.0, along)
+    left = own[..., :, None] - along
+    left.reshape(*own.shape[:-1], -1)[..., :: own.shape[-1] + 1] = own
     # Rounding must not tell faults apart that move all residuals in one proportion.
     left = np.where(left > ROUNDED_AWAY * own[..., :, None], left, 0.0)
     distance: Array = np.sqrt(left)

@@ -93,15 +93,31 @@ class _System:
     @cached_property
     def holders(self) -> list[list[int]]:
         """Per unknown the equations that hold it."""
-        gradients = self.assembly.gradients
-        result = []
-        for j, flow in enumerate(self.flows):
-            own = [i for i, module in enumerate(self.module_of) if module == flow]
-            balances = len(self.observers) + np.flatnonzero(self.balances[:, j])
-            result.append(own + balances.tolist())
-        for name in self.readings:
-            result.append([i for i, o in enumerate(self.observers) if name in gradients[o]])
-        return result
+        found: dict[str, list[int]] = {name: [] for name in self.unknowns}
+        for i, (observer, module) in enumerate(zip(self.observers, self.module_of, strict=True)):
+            found[module].append(i)
+            for name in self.assembly.gradients[observer]:
+                if name in self._reading_number:
+                    found[name].append(i)
+        for i, terms in enumerate(self.balance_terms, len(self.observers)):
+            for flow in terms:
+                found[flow].append(i)
+        return list(found.values())
+
+    @cached_property
+    def balance_terms(self) -> list[dict[str, float]]:
+        """Per balance its flows with their coefficients."""
+        return [
+            {self.flows[j]: float(row[j]) for j in np.flatnonzero(row)} for row in self.balances
+        ]
+
+    @cached_property
+    def _flow_number(self) -> Mapping[str, int]:
+        return {name: i for i, name in enumerate(self.flows)}
+
+    @cached_property
+    def _reading_number(self) -> Mapping[str, int]:
+        return {name: i for i, name in enumerate(self.readings)}
 
     def matched(self, order: Sequence[int]) -> list[int | None]:
         """Equation of each unknown, where those that come first in an order are served first."""
@@ -112,13 +128,16 @@ class _System:
 
     def step(self, equations: Sequence[int], unknowns: Sequence[str]) -> SimulationStep:
         """What is solved together, its flows eliminated: they stand in all equations linearly."""
-        flows = [name for name in self.flows if name in unknowns]
+        of_flow, of_reading = self._flow_number, self._reading_number
+        flows = sorted((n for n in unknowns if n in of_flow), key=of_flow.__getitem__)
+        readings = sorted((n for n in unknowns if n in of_reading), key=of_reading.__getitem__)
         sums = [self._sum(i) for i in equations]
-        others = list(dict.fromkeys(name for part in sums for name in part if name not in flows))
+        named = dict.fromkeys(flows)
+        others = list(dict.fromkeys(name for part in sums for name in part if name not in named))
         matrix = np.array([[part.get(name, 0.0) for name in [*flows, *others]] for part in sums])
         solved, left = solved_for(matrix, len(flows))
         return SimulationStep(
-            tuple(name for name in self.readings if name in unknowns),
+            tuple(readings),
             tuple(_terms(others, row) for row in left),
             {name: _terms(others, row) for name, row in zip(flows, solved, strict=True)},
         )
@@ -127,8 +146,7 @@ class _System:
         """An equation as a sum of estimates and flows that vanishes."""
         if equation < len(self.observers):
             return {self.module_of[equation]: -1.0, self.observers[equation]: 1.0}
-        row = self.balances[equation - len(self.observers)]
-        return {name: float(c) for name, c in zip(self.flows, row, strict=True) if c}
+        return self.balance_terms[equation - len(self.observers)]
 
     def by_strength(self) -> list[int]:
         """Numbers of the unknowns: flows, then readings, those that move the estimates most first.
@@ -197,7 +215,7 @@ class _System:
 
 
 def _terms(names: Sequence[str], row: Array) -> dict[str, float]:
-    return {name: float(c) for name, c in zip(names, row, strict=True) if c}
+    return {names[i]: float(row[i]) for i in np.flatnonzero(row).tolist()}
 
 
 def _balances_between(network: Network, flows: Sequence[str]) -> Array:

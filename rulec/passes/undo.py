@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import sympy
 
 from rulec.algebra.graph import Graph, Node
+from rulec.algebra.recipe import lower
 from rulec.passes.differentiate import GATHERED, TypeModel, degree_symbol
 from rulec.passes.link import Network
 
@@ -52,7 +53,7 @@ class _Undo:
         model = self.models[name]
         for gathered in model.type.gathers:
             parts = [
-                self.graph.lower(self.models[m].undone.signals[s], self.tables[m])
+                lower(self.graph, self.models[m].undone.signals[s], self.tables[m])
                 for m, s in self.network.gathers[name, gathered]
             ]
             self.tables[name][model.symbols[GATHERED + gathered]] = self.graph.sum(parts)
@@ -62,14 +63,14 @@ class _Undo:
         graph, outputs = self.graph, self.graph.outputs
         nodes, undone = self.tables[name], self.models[name].undone
         for observer, expression in undone.observers.items():
-            outputs[f"q:{name}.{observer}"] = graph.lower(expression, nodes)
+            outputs[f"q:{name}.{observer}"] = lower(graph, expression, nodes)
         for (observer, fault), slope in undone.slopes.items():
-            outputs[f"dq:{name}.{observer}:{name}.{fault}"] = graph.lower(slope, nodes)
+            outputs[f"dq:{name}.{observer}:{name}.{fault}"] = lower(graph, slope, nodes)
         for (observer, gathered), slope in undone.gather_slopes.items():
-            outer = graph.lower(slope, nodes)
+            outer = lower(graph, slope, nodes)
             for m, s in self.network.gathers[name, gathered]:
                 for (signal, fault), inner in self.models[m].undone.signal_slopes.items():
                     if signal == s:
                         key = f"dq:{name}.{observer}:{m}.{fault}"
-                        node = graph.mul(outer, graph.lower(inner, self.tables[m]))
+                        node = graph.mul(outer, lower(graph, inner, self.tables[m]))
                         outputs[key] = graph.add(outputs.get(key, graph.zero), node)

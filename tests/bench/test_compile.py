@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -80,6 +81,8 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
         results.add(what, total, "s")
         results.add("    per module", 1e3 * total / len(made.modules), "ms")
         results.add("    per rule", 1e6 * total / len(made.cells), "us")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    results.add(f"{family}, up to {STEPS[family][-1]} modules: peak memory", peak, "MB", 1000.0)
     abc = sum(seconds_of_passes(ROOT / "plants" / "abc")[0].values())
     for size, (found, _) in table.items():
         goal = {("chain", 200): 15.0}.get((family, size))

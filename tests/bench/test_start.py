@@ -37,7 +37,7 @@ def test_help(verb: str, results: Results) -> None:
 
 
 SECOND = ("compile {} -o {}/r.json", "check {}", "matrix {}", "diagnose {} {example}")
-SECOND += ("simulate {} {example} -o {}/s.csv",)
+SECOND += ("simulate {} {example} -o {}/s.csv", "show order {}", "export {} --to c -o {}/code")
 
 
 @pytest.mark.parametrize("call", SECOND, ids=lambda c: c.split()[0])

@@ -13,6 +13,7 @@ import sympy
 from rulec_runtime.contract.plan import Plan
 
 from rulec.algebra.graph import Graph
+from rulec.algebra.recipe import lower
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.fluid import property_of
 from rulec.knowledge.module_type import Fluid
@@ -150,7 +151,7 @@ def pipe(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     (model,) = _models(_plant(tmp_path_factory.mktemp("pipe"), "water")).values()
     graph = Graph(model.symbols)
     nodes = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
-    graph.outputs["Q"] = graph.lower(model.observers["resis"], nodes)
+    graph.outputs["Q"] = lower(graph, model.observers["resis"], nodes)
     return graph.plan()
 
 

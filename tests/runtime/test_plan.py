@@ -25,6 +25,7 @@ from rulec_runtime.contract.ruleset import FORMAT_VERSION, Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
 
 from rulec.algebra.graph import Graph
+from rulec.algebra.recipe import lower
 from rulec.language.functions import Absolute, Larger, Signum, Smaller
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, SOURCES
@@ -423,7 +424,7 @@ def lowered(expression: sympy.Expr, at: tuple[float, ...]) -> float:
     """Value of an expression by way of a graph and its plan."""
     graph = Graph(["a", "b", "c"])
     nodes = {symbol: graph.input(symbol.name) for symbol in SYMBOLS}
-    graph.outputs["y"] = graph.lower(expression, nodes)
+    graph.outputs["y"] = lower(graph, expression, nodes)
     return float(graph.plan().run(dict(zip("abc", at, strict=True)))["y"][0])
 
 

@@ -206,6 +206,8 @@ class Plan:
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
         """Split operations into scalar ones and array steps; buffers are reused after last use."""
+        if not any(varying):
+            return self._of_numbers(varying)
         is_array = [*varying, *[False] * (len(self.constants) + len(self.operations))]
         order = [
             (i, *self.operations[i - self.first_operation])
@@ -239,6 +241,16 @@ class Plan:
             count=count,
             targets=targets,
             kernel=PlanKernel(steps[True], arrays, targets),
+        )
+
+    def _of_numbers(self, varying: tuple[bool, ...]) -> _Schedule:
+        """Where all inputs are numbers there are no buffers to think about."""
+        steps = (
+            (OPERATIONS[name], a, -1 if name in UNARY else b, i)
+            for i, (name, a, b) in enumerate(self.operations, self.first_operation)
+        )
+        return _Schedule(
+            scalars=tuple(steps), steps=(), varying=varying, rows={}, count=0, targets={}
         )
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
-from scipy.stats import t as student
+from scipy.special import gammaln, stdtrit
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration
@@ -42,7 +41,7 @@ def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
         return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
     freedom = 2.0 / float(np.log(usual.factor))
     median = usual.size / _share(system, candidate, unknown) if usual.of_place else usual.size
-    return Size(median / float(student.ppf(0.75, freedom)), freedom)
+    return Size(median / float(stdtrit(freedom, 0.75)), freedom)
 
 
 def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:
