@@ -250,7 +250,13 @@ class Plan:
             for i, (name, a, b) in enumerate(self.operations, self.first_operation)
         )
         return _Schedule(
-            scalars=tuple(steps), steps=(), varying=varying, rows={}, count=0, targets={}
+            scalars=tuple(steps),
+            steps=(),
+            varying=varying,
+            rows={},
+            count=0,
+            targets={},
+            kernel=PlanKernel((), (), {}),
         )
 
 
