@@ -137,8 +137,8 @@ def test_a_repair_in_memory_is_adopted(tmp_path: Path) -> None:
     file.write_text(json.dumps(result.to_dict()), encoding="utf-8")
     with pytest.raises(rulec.AdoptRefused, match="a recording was in memory"):
         rulec.adopt(file, tmp_path / "again", recalibrated=True)
-    with pytest.raises(rulec.ExperimentRefused):
-        rulec.experiment(result)
+    planned = rulec.experiment(result, steps=3).to_dict()
+    assert [True] * 3 == [step["covers"] for step in planned["steps"]]
 
 
 def test_mistakes_raise_what_the_command_says(

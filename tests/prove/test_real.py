@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
+from rulec.engines.call import Engine
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.prove.campaign import Changed
 from rulec.prove.command import main
@@ -67,10 +68,10 @@ def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
     mine = tmp_path / "mine"
     mine.mkdir()
     for _ in range(2):
-        assert [] == answers(tmp_path, mine, "", 1, quiet)[0]
+        assert [] == answers(tmp_path, mine, "", Engine(jobs=1), quiet)[0]
     (tmp_path / "seals.txt").write_text("another\n")
     with pytest.raises(Changed, match="another run"):
-        answers(tmp_path, tmp_path, "", 1, quiet)
+        answers(tmp_path, tmp_path, "", Engine(jobs=1), quiet)
 
 
 @pytest.mark.parametrize("mismatch", [NAMED, UNNAMED])

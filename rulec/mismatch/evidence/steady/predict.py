@@ -80,7 +80,8 @@ class Predictor:
             for term in self.residual.terms:
                 i = system.number[term.observer]
                 total = total + term.sign * slopes.get(i, np.zeros(1))
-            variance += (total * system.data.noise[name]) ** 2
+            with np.errstate(invalid="ignore"):  # where an estimate has no slope, none is told
+                variance += (total * system.data.noise[name]) ** 2
             if name == self.signal.id:
                 own = total
         with np.errstate(all="ignore"):
