@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -72,6 +73,21 @@ def separator_of(header: str) -> str:
     """
     plain = _NODE_ID.sub("", _QUOTED.sub("", header))
     return max((";", "\t", ","), key=plain.count)
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Cells of one line; a line that cannot be cut is one cell.
+
+    >>> cells_of('0,"1,5"', ","), cells_of("0,1", ",")
+    (['0', '1,5'], ['0', '1'])
+    """
+    line = line.rstrip("\r\n")
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        return [line]
 
 
 def is_whole(row: Sequence[str], width: int) -> bool:

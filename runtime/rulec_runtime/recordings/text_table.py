@@ -17,7 +17,7 @@ from rulec_runtime.recordings.csv_table import (
 from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
-from rulec_runtime.recordings.titles import are_units, is_time, unit_in
+from rulec_runtime.recordings.titles import is_time, units_below
 
 BATCH = 20_000
 """Rows read at a time: cells become numbers before the next rows are read."""
@@ -117,14 +117,12 @@ def text_sheet(
     A row of units below the titles gives the units. Where it is known that there are not more than
     `most` rows, numbers need not stay in memory; `times` are names of columns of times.
     """
-    first = next(rows(), [])
-    has_units = is_whole(first, len(titles)) and are_units(first[: len(titles)])
-    units = [unit_in(cell) for cell in first[: len(titles)]] if has_units else [""] * len(titles)
-    table = TextTable(path, tuple(titles), rows, separator, has_units, most, times)
+    units = units_below(titles, next(rows(), []))
+    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times)
     return Sheet(
         name=name,
         titles=tuple(titles),
-        units=tuple(units),
+        units=units or ("",) * len(titles),
         read=table.read,
         lines=table.lines,
         separator=separator,

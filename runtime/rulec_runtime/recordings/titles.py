@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from rulec_runtime.recordings.csv_table import BLANK
+from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.csv_table import BLANK, is_whole
 from rulec_runtime.recordings.header import parts_of
 
+_NAMESPACE = re.compile(r"\s*nsu?=[^;]*$")
+_IDENTIFIER = re.compile(r"[isgb]=")
 _DATE = re.compile(r"\d{1,4}[-./:]\d")
 
 
@@ -26,14 +29,58 @@ def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:
     )
 
 
+def left_out_above(lines: int) -> tuple[str, ...]:
+    """What is told of so many lines above the titles."""
+    return (f"{plural(lines, 'line', 'lines')} above the titles left out",) if lines else ()
+
+
+def rejoined(titles: Sequence[str], separator: str) -> list[str]:
+    """Titles of which some may be node ids that were cut at their semicolon.
+
+    >>> rejoined(["time", "ns=2", "s=A.dp", "ns=2;s=A.n"], ";")
+    ['time', 'ns=2;s=A.dp', 'ns=2;s=A.n']
+    """
+    found: list[str] = []
+    for title in titles:
+        cut = separator == ";" and found and _NAMESPACE.match(found[-1])
+        if cut and _IDENTIFIER.match(title):
+            found[-1] = f"{found[-1]};{title}"
+        else:
+            found.append(title)
+    return found
+
+
+def units_below(titles: Sequence[str], row: Sequence[str]) -> tuple[str, ...] | None:
+    """Units of the columns, where the row below the titles holds them.
+
+    >>> units_below(["time", "A.dp"], ["s", "[bar]"]), units_below(["time", "A.dp"], ["0", "1"])
+    (('s', 'bar'), None)
+    """
+    width = len(titles)
+    if not (is_whole(row, width) and are_units(row[:width])):
+        return None
+    return tuple(unit_in(cell) for cell in row[:width])
+
+
+def are_values(cells: Sequence[str]) -> bool:
+    """Whether a row is one of readings: two at least, and each of them a number or a date.
+
+    >>> are_values(["1", "2"]), are_values(["1", "bar"]), are_values(["1", "1"])
+    (True, False, False)
+    """
+    named = [cell.strip() for cell in cells if cell.strip()]
+    sure = [cell for cell in named if is_value(cell)]
+    return len(named) > 1 and bool(sure) and len(sure) + named.count("1") == len(named)
+
+
 def are_units(cells: Sequence[str]) -> bool:
     """Whether the row below the titles holds units: two at least, and neither number nor date.
 
-    >>> are_units(["s", "bar", "m3/h", "1"]), are_units(["0.5", "Bad", "Bad"])
-    (True, False)
+    >>> are_units(["s", "bar", "m3/h", "1"]), are_units(["0.5", "Bad", "Bad"]), are_units("111")
+    (True, False, False)
     """
-    named = [cell for cell in cells if cell.strip().lower() not in BLANK]
-    return len(named) > 1 and not any(is_value(cell) for cell in named)
+    named = [cell.strip() for cell in cells if cell.strip().lower() not in BLANK]
+    return len(named) > 1 and {*named} != {"1"} and not any(is_value(cell) for cell in named)
 
 
 def unit_in(cell: str) -> str:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.scratch import arrays, blocks, let_go
 
-_NONE = np.zeros(0, dtype=np.intp)
-
 _STEP = 900.0
 """Zones change at whole quarters of an hour."""
+
+_ANOTHER_HOUR = 2 * 3600.0
+"""Seconds behind which an hour that is shown twice is that of another year."""
 
 
 def in_zone(
@@ -24,43 +27,76 @@ def in_zone(
 ) -> tuple[Array, Array]:
     """Seconds since 1970 in UTC, and seconds ahead of it, of dates in the order of their rows.
 
-    `dates`, shape (n,), are as written where `zones` is NaN. In the hour that is shown twice at the
-    end of summer time, dates behind a step back are the second ones.
+    `dates`, shape (n,), are as written where `zones` is NaN.
     """
-    clock = _clock(path, zone)
+    clock = ZoneClock(path, zone)
     utc, ahead = arrays([((len(dates),), float)] * 2)
-    never, rows, walls, later = 0, [_NONE], [np.zeros(0)], [np.zeros(0)]
     for low, high in blocks(len(dates)):
-        here, own = dates[low:high], zones[low:high]
-        bare = np.isnan(own) & np.isfinite(here)
-        wall = np.where(bare, here, 0.0)
-        quarters, which = np.unique(np.floor(wall / _STEP), return_inverse=True)
-        first, second = (
-            np.array([_offset(clock, quarter * _STEP, f) for quarter in quarters.tolist()])[which]
-            for f in (0, 1)
-        )
-        utc[low:high] = np.where(bare, here - first, here)
-        ahead[low:high] = np.where(bare, first, own)
-        never += int((bare & (first < second)).sum())
-        twice = np.flatnonzero(bare & (first > second))
-        rows.append(twice + low)
-        walls.append(wall[twice])
-        later.append(second[twice])
+        utc[low:high], ahead[low:high] = clock.read(dates[low:high], zones[low:high])
         let_go(dates, zones, utc, ahead)
-    again = _behind_a_step_back(np.concatenate(walls))
-    at, offset = np.concatenate(rows)[again], np.concatenate(later)[again]
-    utc[at], ahead[at] = np.concatenate(walls)[again] - offset, offset
-    ambiguous = len(again)
-    if ambiguous and not again.any():
-        count = plural(ambiguous, "row is", "rows are")
+    if clock.twice and not clock.again:
+        count = plural(clock.twice, "row is", "rows are")
         notes.append(
             f"{path.name}: {count} in the hour that {zone} shows twice, and nothing says which is "
             "meant; the first is taken"
         )
-    if never:
-        count = plural(never, "row is", "rows are")
-        notes.append(f"{path.name}: {count} in the hour that {zone} leaves out; is the zone right?")
+    if clock.never:
+        notes.append(f"{path.name}: {clock.left_out()}")
     return utc, ahead
+
+
+class ZoneClock:
+    """Dates of a zone, block by block in the order of their rows.
+
+    In the hour that is shown twice at the end of summer time, dates behind a step back are the
+    second ones. `twice` counts rows in such hours, `again` those of the second time, `never` rows
+    in hours that the zone leaves out.
+    """
+
+    def __init__(self, path: Path, zone: str) -> None:
+        self._clock, self._zone = _clock(path, zone), zone
+        self._wall, self._second = -np.inf, False
+        self.twice = self.again = self.never = 0
+
+    def resume(self, utc: float) -> None:
+        """The last date that was read before, s since 1970."""
+        with suppress(OverflowError):  # where the calendar ends
+            ahead = offset_of(self._clock, utc)
+            first, second = (_offset(self._clock, utc + ahead, fold) for fold in (0, 1))
+            if first > second:
+                self._wall, self._second = utc + ahead, ahead == second
+
+    def read(self, dates: Array, zones: Array) -> tuple[Array, Array]:
+        """As `in_zone`, of further dates."""
+        bare = np.isnan(zones) & np.isfinite(dates)
+        wall = np.where(bare, dates, 0.0)
+        quarters, which = np.unique(np.floor(wall / _STEP), return_inverse=True)
+        first, second = (
+            np.array([_offset(self._clock, quarter * _STEP, f) for quarter in quarters.tolist()])
+            for f in (0, 1)
+        )
+        first, second = first[which], second[which]
+        self.never += int((bare & (first < second)).sum())
+        twice = np.flatnonzero(bare & (first > second))
+        again = twice[self._behind_a_step_back(wall[twice])]
+        self.twice, self.again = self.twice + len(twice), self.again + len(again)
+        ahead = first.copy()
+        ahead[again] = second[again]
+        return np.where(bare, wall - ahead, dates), np.where(bare, ahead, zones)
+
+    def left_out(self) -> str:
+        """What is told of rows that cannot be."""
+        count = plural(self.never, "row is", "rows are")
+        return f"{count} in the hour that {self._zone} leaves out; is the zone right?"
+
+    def _behind_a_step_back(self, wall: Array) -> NDArray[np.bool_]:
+        """Which dates of hours that are shown twice are of the second time, shape (n,)."""
+        found = np.zeros(len(wall), dtype=bool)
+        for k, date in enumerate(wall.tolist()):
+            same_hour = date - self._wall <= _ANOTHER_HOUR
+            self._second = same_hour and (self._second or date < self._wall)
+            self._wall, found[k] = date, self._second
+        return found
 
 
 def _clock(path: Path, zone: str) -> ZoneInfo:
@@ -86,14 +122,3 @@ def _offset(clock: ZoneInfo, wall: float, fold: int) -> float:
 
 def _seconds(offset: timedelta | None) -> float:
     return 0.0 if offset is None else offset.total_seconds()
-
-
-def _behind_a_step_back(wall: Array) -> np.ndarray:
-    """Which dates of hours that are shown twice are of the second time, shape (n,)."""
-    if not len(wall):
-        return np.zeros(0, dtype=bool)
-    new = np.concatenate([[True], np.diff(wall) > 2 * 3600.0])
-    back = np.cumsum(np.concatenate([[False], np.diff(wall) < 0]))
-    start = np.maximum.accumulate(np.where(new, np.arange(len(wall)), 0))
-    found: np.ndarray = back > back[start]
-    return found

@@ -193,14 +193,6 @@ def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> Non
     taken.until(lambda t: t.times == [0, 1, 3])
 
 
-def test_a_line_of_units_below_the_header_is_refused(tmp_path: Path, abc: Ruleset) -> None:
-    path = tmp_path / "x.csv"
-    path.write_text("time,A.dp,A.n\ns,mbar,rpm\n0,1,2\n")
-    taken = Taken(GrowingFile(path, abc)).take().take()
-    assert taken.kinds() == ["refused"]
-    assert taken.times == []
-
-
 def test_silence_is_told_once_until_rows_come_again(
     tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ from rulec_runtime.live.sources.rotation import (
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_stream import TableStream
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.recording_file import times_of
 
 
 class GrowingFile:
@@ -39,14 +40,14 @@ class GrowingFile:
     def __init__(
         self, path: Path, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
     ) -> None:
-        self._path, self._ruleset = path, ruleset
+        self._path, self._ruleset, self._times = path, ruleset, times_of(ruleset)
         self._remarks = Remarks()
         self._clock = RowClock(path.name, self._remarks)
         self._silence = Silence(limits.STALE)
         self._file: BinaryIO | None = None
         self._head: Head | None = None
         self._cutter = LineCutter()
-        self._table = TableStream(path, ruleset, self._clock, self._remarks)
+        self._table = self._new_table()
         self._started = self._refused = self._missing = False
         self._replaced: float | None = None
         self._tail = b""
@@ -71,13 +72,17 @@ class GrowingFile:
     @property
     def position(self) -> dict[str, Any]:
         """Where reading goes on after the rows handed out so far; it can be stored as JSON."""
-        if self._file is None or self._head is None:
+        if self._file is None:
             return {}
+        offset, tail = self._cutter.offset, self._tail
+        if self._head is None:
+            offset = os.fstat(self._file.fileno()).st_size
+            tail = tail_of(self._file, offset)
         return {
             "inode": inode_of(self._file),
-            "offset": self._cutter.offset,
-            "header": self._head.digest,
-            "tail": hashlib.sha256(self._tail).hexdigest(),
+            "offset": offset,
+            "header": self._head.digest if self._head else "",
+            "tail": hashlib.sha256(tail).hexdigest(),
             "time": self._clock.last if self._clock.begun else None,
             "step": self._clock.step,
             "shift": self._clock.shift,
@@ -110,7 +115,9 @@ class GrowingFile:
             return self._lost("is not there")
         file = self._file or self._open(self._path)
         if self._head is None:
-            return self._read_head() or self._end_of_file()
+            found = self._read_head()
+            if found or self._head is None:
+                return found or self._end_of_file()
         if self._was_cut(file):
             return self._begin_again("was cut; what nobody had read of it is lost")
         data = file.read(limits.PIECE)
@@ -149,21 +156,28 @@ class GrowingFile:
         self.close()
         self._file = file = path.open("rb", buffering=0)
         self._head, self._replaced, self.ended, self._refused = None, None, False, False
-        self._table = TableStream(self._path, self._ruleset, self._clock, self._remarks)
+        self._cutter, self._tail = LineCutter(), b""
+        self._table = self._new_table()
         self._clock.begin()
         return file
 
-    def _read_head(self) -> list[Rows | Notice]:
-        """Read up to the header, as soon as it is whole. Raises at the start of all alone."""
+    def _read_head(self, ended: bool = False) -> list[Rows | Notice]:
+        """Read the head as soon as it is whole, or the file has `ended`. Raises at the start of all
+        alone, there also where only titles have come."""
         assert self._file is not None
         try:
-            head = head_of(self._file, self._path)
-            if head is None:
+            head = head_of(self._file, self._path, self._times)
+            if head is None or head.table is None:
+                return []
+            if not head.whole and not ended:
+                if head.in_sight and not self._started:
+                    self._new_table().begin(head.table)
                 return []
             self._head = head
             self._cutter = LineCutter(head.encoding, head.end)
             self._tail = tail_of(self._file, head.end)
-            return self._table.feed(head.lines)
+            self._table.begin(head.table)
+            return []
         except RecordingRefused as refused:
             if not self._started:
                 raise
@@ -172,6 +186,9 @@ class GrowingFile:
             return [notice("refused", self._clock.now, str(refused))]
         finally:
             self._file.seek(self._cutter.offset if self._head else 0)
+
+    def _new_table(self) -> TableStream:
+        return TableStream(self._path, self._ruleset, self._clock, self._remarks)
 
     def _was_cut(self, file: BinaryIO) -> bool:
         """Whether the file is shorter now, or was written anew up to here and beyond."""
@@ -196,13 +213,17 @@ class GrowingFile:
         self._replaced = self._replaced or now
         if now - self._replaced < limits.LINGER:
             return []
+        if self._head is None:
+            told = self._read_head(ended=True)
+            if self._head is not None:
+                return told
         if not there:
             return self._lost("was taken away; its successor is waited for")
         found: list[Rows | Notice] = []
         if self._cutter.waiting:
             text = f"{self._path.name}: the last row before it was replaced has no end; left out"
             found.append(notice("refused", self._clock.now, text))
-        self._open(following(self._file, self._path, self._head))
+        self._open(following(self._file, self._path, self._head, self._times))
         return found
 
     def _stale(self) -> list[Rows | Notice]:
@@ -234,14 +255,17 @@ class GrowingFile:
         offset = int(position["offset"])
         for path in with_inode(self._path, int(position["inode"])):
             file = self._open(path)
-            tail, head = tail_of(file, offset), head_of(file, path)
-            known = head is not None and head.digest == position["header"]
-            if not known or hashlib.sha256(tail).hexdigest() != position["tail"]:
+            if hashlib.sha256(tail_of(file, offset)).hexdigest() != position["tail"]:
                 continue
-            self._read_head()
-            assert self._head is not None
-            self._cutter = LineCutter(self._head.encoding, offset)
-            self._tail = tail
+            if not position["header"]:
+                self._waiting += self._read_head()
+                return
+            head = head_of(file, path, self._times)
+            if head is None or head.digest != position["header"]:
+                continue
+            self._read_head(ended=True)
+            self._cutter = LineCutter(head.encoding, offset)
+            self._tail = tail_of(file, offset)
             file.seek(offset)
             if self._clock.begun:
                 self._table.resume()

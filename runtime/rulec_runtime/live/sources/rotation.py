@@ -5,28 +5,36 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.line_cutter import LineCutter
-from rulec_runtime.recordings.csv_table import RecordingRefused, before_header
+from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
+from rulec_runtime.recordings.csv_table import RecordingRefused
 
 
 @dataclass(frozen=True)
 class Head:
-    """A file up to the end of its header: `lines`, where they `end`, in bytes, and their digest."""
+    """The head of a file: its `table`, where it ends, in bytes, and a digest of titles and units.
 
-    lines: tuple[str, ...] = ()
+    Lines above the titles, which may say when the file was begun, are no part of the digest.
+    `whole` is False where further lines might change it; `in_sight` where it looks like a table.
+    """
+
+    table: TableHead | None = None
     encoding: str = "utf-8"
     end: int = 0
     digest: str = ""
+    whole: bool = True
+    in_sight: bool = True
 
 
-def head_of(file: BinaryIO, path: Path) -> Head | None:
-    """The head of a file; None as long as its header has no end. The file stands at its start."""
+def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
+    """The head of a file as far as it has come; None without a line that may hold titles. The file
+    stands at its start. Raises `RecordingRefused`."""
     file.seek(0)
     data = b""
     while len(data) <= limits.LONGEST_LINE and (piece := file.read(limits.PIECE)):
@@ -34,19 +42,25 @@ def head_of(file: BinaryIO, path: Path) -> Head | None:
     file.seek(0)
     if data.startswith(b"\x1f\x8b"):
         raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
-    cutter = LineCutter()
-    lines: list[str] = []
+    cutter, search = LineCutter(), HeadSearch(str(path), times)
+    ends = [0]
+    table = None
     for line in data.splitlines(keepends=True):
         for cut in cutter.feed(line):
-            lines.append(cut)
+            ends.append(cutter.offset)
             if "\0" in cut:
                 raise RecordingRefused(f"{path}: this is a binary file; a CSV file is read here")
-            if before_header(cut)[1]:
-                digest = hashlib.sha256(data[: cutter.offset]).hexdigest()
-                return Head(tuple(lines), cutter.encoding, cutter.offset, digest)
-    if len(data) > limits.LONGEST_LINE:
+            table = table or search.add(cut)
+        if table:
+            break
+    whole = table is not None
+    table = table or search.so_far()
+    if not whole and len(data) > limits.LONGEST_LINE:
         raise RecordingRefused(f"{path}: no header in its first {limits.LONGEST_LINE} bytes")
-    return None
+    if table is None:
+        return None
+    digest = hashlib.sha256(data[ends[table.first] : ends[table.end]]).hexdigest()
+    return Head(table, cutter.encoding, ends[table.end], digest, whole, search.in_sight)
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
@@ -73,7 +87,7 @@ def with_inode(path: Path, inode: int) -> Iterator[Path]:
             continue
 
 
-def following(file: BinaryIO, path: Path, head: Head | None) -> Path:
+def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[str]) -> Path:
     """Which file to read behind one that was replaced.
 
     Mostly the one of the same name. Where there was more than one rotation meanwhile, the oldest
@@ -88,7 +102,7 @@ def following(file: BinaryIO, path: Path, head: Head | None) -> Path:
             if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
                 continue
             with other.open("rb", buffering=0) as opened:
-                found = head_of(opened, other)
+                found = head_of(opened, other, times)
         except (OSError, RecordingRefused):
             continue
         if head is not None and found is not None and found.digest == head.digest:

@@ -66,6 +66,7 @@ class StandardInput:
             found += self._remarks.tell("refused", "too long", self._clock.now, text)
         try:
             found += self._table.feed(lines)
+            found += [] if data else self._table.end()
         except RecordingRefused as refused:
             found += [notice("refused", self._clock.now, str(refused))]
             data = b""

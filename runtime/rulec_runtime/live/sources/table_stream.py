@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,19 +12,21 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.row_clock import RowClock
+from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import (
     Column,
-    before_header,
+    cells_of,
     is_whole,
     read_cells,
     refuse_words,
-    separator_of,
 )
 from rulec_runtime.recordings.header import Header, Target, assign
 from rulec_runtime.recordings.recording import foreign
-from rulec_runtime.recordings.recording_file import in_si, largest_reading
+from rulec_runtime.recordings.recording_file import in_si, largest_reading, times_of
 from rulec_runtime.recordings.time_column import dates_of, factor_of_time, plain_times
+from rulec_runtime.recordings.titles import left_out_above
+from rulec_runtime.recordings.zone import ZoneClock
 
 
 class TableStream:
@@ -37,6 +38,7 @@ class TableStream:
 
     def __init__(self, path: Path, ruleset: Ruleset, clock: RowClock, remarks: Remarks) -> None:
         self._path, self._ruleset, self._clock, self._remarks = path, ruleset, clock, remarks
+        self._search = HeadSearch(str(path), times_of(ruleset))
         self._separator = ""
         self._width = 0
         self._header: Header | None = None
@@ -44,63 +46,58 @@ class TableStream:
         self._notes: list[str] = []
         self._begun = False
         self._decimals: dict[str, set[str]] = {}
-
-    @property
-    def has_header(self) -> bool:
-        return self._header is not None
+        self._zone: ZoneClock | None = None
 
     def resume(self) -> None:
         """Rows of it were read before."""
         self._begun = True
 
-    def feed(self, lines: Sequence[str]) -> list[Rows | Notice]:
-        """Rows of further lines, without their ends.
+    def begin(self, head: TableHead) -> None:
+        """Read the head. Raises `RecordingRefused` where the table is none of this plant."""
+        header, notes = Header(), list(left_out_above(head.above))
+        assign(self._path, head.titles, self._ruleset, header, notes, head.units)
+        if not self._ruleset.read.intersection(t.signal for t in header.targets):
+            raise foreign(str(self._path), self._ruleset)
+        units = self._ruleset.units
+        self._factor = factor_of_time(self._path, header.time_title, header.time_unit, units)
+        self._separator, self._width = head.separator, len(head.titles)
+        self._header, self._notes = header, notes
 
-        Raises `RecordingRefused` where the table is none of this plant.
-        """
-        start = 0
-        while self._header is None and start < len(lines):
-            self._before(lines[start])
-            start += 1
+    def feed(self, lines: Sequence[str]) -> list[Rows | Notice]:
+        """Rows of further lines, without their ends; a table that was not begun begins with its
+        head. Raises `RecordingRefused` as `begin` does."""
+        if self._header is None:
+            lines = self._behind_head(lines)
         if self._header is None:
             return []
-        cells = [row for line in lines[start:] if any(row := self._cells(line))]
+        cells = [row for line in lines if any(row := cells_of(line, self._separator))]
         whole = [row for row in cells if is_whole(row, self._width)]
         found: list[Rows | Notice] = []
         if len(whole) < len(cells):
             found += self._told("cells", self._odd(len(cells) - len(whole)))
         return found + self._rows(self._header, whole) if whole else found
 
-    def _before(self, line: str) -> None:
-        """A line up to the header, and the header itself."""
-        stated, is_header = before_header(line)
-        self._separator = stated or self._separator
-        if not is_header:
-            return
-        self._separator = self._separator or separator_of(line)
-        titles = self._cells(line)
-        header = Header()
-        assign(self._path, titles, self._ruleset, header, self._notes)
-        if not self._ruleset.read.intersection(t.signal for t in header.targets):
-            raise foreign(str(self._path), self._ruleset)
-        self._width = len(titles)
-        units = self._ruleset.units
-        self._factor = factor_of_time(self._path, header.time_title, header.time_unit, units)
-        self._header = header
+    def end(self) -> list[Rows | Notice]:
+        """Rows of lines that waited for the end of the head, where nothing more comes."""
+        head = None if self._header else self._search.so_far()
+        if head is None:
+            return []
+        self.begin(head)
+        return self.feed(self._search.behind(head))
 
-    def _cells(self, line: str) -> list[str]:
-        if '"' not in line:
-            return line.split(self._separator)
-        try:
-            return next(csv.reader([line], delimiter=self._separator), [])
-        except csv.Error:
-            return [line]
+    def _behind_head(self, lines: Sequence[str]) -> list[str]:
+        for at, line in enumerate(lines):
+            if head := self._search.add(line):
+                self.begin(head)
+                return [*self._search.behind(head), *lines[at + 1 :]]
+        return []
 
     def _rows(self, header: Header, rows: list[list[str]]) -> list[Rows | Notice]:
         if not self._begun:
             indexes = (header.time, *(t.index for t in header.targets))
             refuse_words(self._path, rows[0], indexes)
         time, kept, found = self._clock.later(self._times([row[header.time] for row in rows]))
+        found += self._impossible()
         if not kept.any():
             return list(found)
         first = [] if self._begun else self._connected(header, float(time[kept][0]))
@@ -120,11 +117,31 @@ class TableStream:
             if np.isfinite(numbers).any():
                 self._clock.dated = False
                 return numbers * self._factor
-            dates, _ = dates_of(cells)
+            dates = self._dates(cells)
             if np.isfinite(dates).any():
                 self._clock.dated = True
             return dates
-        return dates_of(cells)[0] if self._clock.dated else plain_times(cells) * self._factor
+        return self._dates(cells) if self._clock.dated else plain_times(cells) * self._factor
+
+    def _dates(self, cells: list[str]) -> Array:
+        """Seconds since 1970; a date without a zone is in that of the column map."""
+        dates, zones = dates_of(cells)
+        name = self._ruleset.time_zone
+        if not name or not (np.isfinite(dates) & np.isnan(zones)).any():
+            return dates
+        if self._zone is None:
+            self._zone = ZoneClock(self._path, name)
+            if self._clock.begun:
+                self._zone.resume(self._clock.last)
+        return self._zone.read(dates, zones)[0]
+
+    def _impossible(self) -> list[Notice]:
+        """What is told of dates in an hour that the zone leaves out."""
+        if self._zone is None or not self._zone.never:
+            return []
+        text = f"{self._name}: {self._zone.left_out()}"
+        self._zone.never = 0
+        return self._remarks.tell("clock", "zone", self._clock.now, text)
 
     def _readings(self, target: Target, cells: list[str]) -> tuple[Array, list[Notice]]:
         """Numbers of a column in SI, and what is odd about them."""
