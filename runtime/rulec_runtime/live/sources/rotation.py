@@ -48,7 +48,8 @@ def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
     for line in data.splitlines(keepends=True):
         for cut in cutter.feed(line):
             ends.append(cutter.offset)
-            if "\0" in cut:
+            # Below titles it is a broken row, as others that may follow.
+            if "\0" in cut and not search.in_sight:
                 raise RecordingRefused(f"{path}: this is a binary file; a CSV file is read here")
             table = table or search.add(cut)
         if table:
