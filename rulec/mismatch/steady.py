@@ -31,7 +31,12 @@ from rulec.mismatch.evidence.steady.predict import Predictor, predictor_of, pred
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.rows_used import evidence_of
-from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sensors_as_they_are
+from rulec.mismatch.evidence.steady.settle import (
+    no_lasting_errors,
+    plain_of,
+    repair_of,
+    with_sensors_as_they_are,
+)
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
@@ -440,7 +445,7 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
 
 def _refitted(settled: Fitted, starts: Sequence[Configuration], used: np.ndarray) -> Fitted:
     rows: Rows = settled.rows
-    none = dict.fromkeys(rows.system.errors, 0.0)
+    none = no_lasting_errors(rows.system)
     found = [
         fit(rows, s, used, held=none, variance_inflation=settled.variance_inflation) for s in starts
     ]

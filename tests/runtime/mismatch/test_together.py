@@ -22,6 +22,7 @@ from rulec.mismatch.evidence.steady.configuration import (
 from rulec.mismatch.evidence.steady.fit import fit, prior_of
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.states import averaged
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search.settled.by_recording import Alone, ByRecording, by_recording
@@ -144,6 +145,21 @@ def test_a_zero_set_in_between_is_an_error_of_that_recording(name: str) -> None:
     # difference, and a little for all that moves with them.
     assert costs[SHIFT, 0] - costs[0.0, 0] < SHIFT**2
     assert costs[SHIFT, 1] - costs[0.0, 1] > 5.0 * (costs[SHIFT, 0] - costs[0.0, 0])
+
+
+def test_values_to_be_written_do_not_follow_what_one_recording_has_as_its_own() -> None:
+    """A power that one of two recordings reads otherwise moves them by less than half of what it
+    moves them by if all is taken as one recording, with the sensors that there are."""
+    name, moved = "A.P_el", {}
+    for by in (0.0, SHIFT):
+        both = joined(healthy(), shifted(healthy(0.65), name, by))
+        for number, recording in enumerate((both, replace(both, sources=(), source=None))):
+            rows = rows_at(opened(PLANT), recording)
+            fitted = with_sensors_as_they_are(fit(rows, Configuration(), rows.system.data.open))
+            assert all(fitted.setting.values[ERROR + own] == 0.0 for own in rows.system.shared)
+            moved[by, number] = np.array([c.value for c in repair_of(fitted).parameters])
+    apart = [float(np.abs(moved[SHIFT, n] / moved[0.0, n] - 1.0).max()) for n in (0, 1)]
+    assert apart[0] < 0.5 * apart[1]
 
 
 def test_errors_of_sensors_move_in_each_recording_as_they_will(rows: Rows) -> None:

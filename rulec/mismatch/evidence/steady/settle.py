@@ -1,7 +1,8 @@
 """The repaired model as it will be used: with sensors as they are, and what it may be trusted for.
 
 In the search each sensor may err within its class. Whoever uses the model later reads the same
-sensors: their errors belong into the parameters then, as in any calibration on site.
+sensors: what of their errors stays belongs into the parameters then, as in any calibration on
+site. What one of several recordings has as its own does not.
 """
 
 from __future__ import annotations
@@ -12,24 +13,32 @@ from rulec_runtime.limits import NORMAL_SPREAD
 
 from rulec.knowledge.fluid import reading_of
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.result import Changed, Repair
 
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Configuration | None = None) -> Fitted:
-    """Refit a setting (that of the fit unless given) with no error of any sensor.
+    """Refit a setting (that of the fit unless given) with no error of a sensor that stays.
 
-    Terms without physics behind them are left out: nobody should rely on them.
+    Whoever uses the plant reads the same sensors. What one of several recordings has as its own
+    stays an error: values that make up for it would be wrong for the next one. Terms without
+    physics behind them are left out: nobody should rely on them.
     """
     setting = fitted.setting if setting is None else setting
     for candidate in setting.joined:
         if candidate.sort == "free":
             setting = setting.leaving(candidate.id)
-    none = dict.fromkeys(fitted.rows.system.errors, 0.0)
+    none = no_lasting_errors(fitted.rows.system)
     return fit(
         fitted.rows, setting, fitted.used, held=none, variance_inflation=fitted.variance_inflation
     )
+
+
+def no_lasting_errors(system: System) -> dict[str, float]:
+    """Errors of sensors that stay, put to none; those of single recordings are not among them."""
+    return {ERROR + name: 0.0 for name in system.shared}
 
 
 def repair_of(settled: Fitted) -> Repair:
