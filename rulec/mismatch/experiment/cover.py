@@ -43,8 +43,9 @@ def covering(
 
 
 def _shares(limited: Within) -> Array:
-    """Set points of all places as shares of what may be set, shape (n, inputs)."""
+    """Set points of all places as shares of what may be set, shape (n, inputs); none of an input
+    that limits hold where it is."""
     inputs = [limited.places.inputs[name] for name in limited.reach.ranges]
-    ends = limited.reach.ranges.values()
-    shares = [(v - low) / (high - low) for v, (low, high) in zip(inputs, ends, strict=True)]
+    ends = zip(inputs, limited.reach.ranges.values(), strict=True)
+    shares = [(v - low) / (high - low) if high > low else 0.0 * v for v, (low, high) in ends]
     return np.stack(shares, axis=1)

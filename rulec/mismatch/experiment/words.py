@@ -39,10 +39,7 @@ def headline(found: Experiment) -> str:
 def _alone(found: Experiment) -> str:
     """What there is to do where one explanation stands alone."""
     if not found.steps:
-        return (
-            "One explanation stands alone, and within the limits nothing can be set that would "
-            "test it."
-        )
+        return "One explanation stands alone, and nothing may be set that would test it."
     steps = counted(len(found.steps), "step")
     return (
         f"One explanation stands alone. {steps} in {duration(found.steps[-1].until)} test it: they "
@@ -147,7 +144,7 @@ def _limits(found: Experiment) -> Iterator[str]:
     """What a step costs, and which limit forbids a better one."""
     costs: dict[tuple[str, ...], list[int]] = {}
     ends: dict[tuple[str, str], list[int]] = {}
-    for place, step in enumerate(found.steps if found.limited else (), start=1):
+    for place, step in enumerate(found.telling if found.limited else (), start=1):
         if step.costs:
             costs.setdefault(step.costs, []).append(place)
         for end in step.at_end:

@@ -366,6 +366,8 @@ def test_steps_that_cover_are_far_from_all_others() -> None:
     assert covering(limited, may, [0, 4], 9, 100.0) == (2,)
     assert covering(limited, may, [], 2, 240.0) == (2, 0)
     assert covering(limited, may & (speeds != 2.0), [0, 4], 1, 240.0) == (1,)
+    still = replace(limited, reach=Reach({"A.n": (2.0, 2.0)}, 60.0))
+    assert covering(still, may, [0], 9, 240.0) == ()
 
 
 def test_what_nobody_sets_stays_or_follows_the_load() -> None:
