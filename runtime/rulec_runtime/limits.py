@@ -42,6 +42,10 @@ SORTED_AT_ONCE = 2**19
 """Numbers whose median is found by sorting them; of more it is found by counting. Origin:
 numerical, the median is the same."""
 
+TRIED_AT_ONCE = 64
+"""Settled stretches, over all ways to read columns, that are compared at a time. Origin: numerical,
+what is found is the same."""
+
 POINTS_AT_ONCE = 1024
 """Settled stretches that are compared with hypotheses at a time. Origin: numerical, what is found
 is the same."""

@@ -6,7 +6,6 @@ remains what a diagnosis takes from it, so the same passes judge it as if its ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +14,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
 from rulec_runtime.diagnosis.steady.parts import Part
-from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import (
+    Points,
+    one_after_the_other,
+    points_of_stretches,
+)
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause, timeline_of
 
@@ -51,26 +54,12 @@ def joined(before: History, recording: Recording, behind: History) -> History:
     if not len(before):
         return behind
     old, new = before.points, behind.points
-    sizes = (len(before), len(behind))
-    names = [*old.values, *(n for n in new.values if n not in old.values)]
-
-    def table(a: Mapping[str, Array], b: Mapping[str, Array], blank: float) -> dict[str, Array]:
-        return {
-            n: np.concatenate(
-                [a.get(n, np.full(sizes[0], blank)), b.get(n, np.full(sizes[1], blank))]
-            )
-            for n in names
-        }
-
-    lag = table(old.lag, new.lag, 0.0)
-    points = Points(
-        values=table(old.values, new.values, np.nan),
-        u=table(old.u, new.u, np.nan),
-        systematic=table(old.systematic, new.systematic, np.nan),
-        bad={n: c.astype(bool) for n, c in table(old.bad, new.bad, 1.0).items()},
+    both = one_after_the_other([old, new])
+    points = replace(
+        both,
         why={**old.why, **{n: w for n, w in new.why.items() if w}},
         time=np.concatenate([times(old), times(new)]),
-        lag={n: part for n, part in lag.items() if part.any()},
+        lag={n: part for n, part in both.lag.items() if part.any()},
     )
     first, second = before.timeline, behind.timeline
     timeline = Timeline(

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import (
+    Points,
+    one_after_the_other,
+    points_of_stretches,
+)
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
 from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.point_table import each_row, is_point_table
@@ -25,17 +32,43 @@ from rulec_runtime.recordings.stationary import (
     systematic_u,
 )
 
+Tried = TypeVar("Tried")
+"""A way to read the columns of a recording."""
+
 
 @dataclass(frozen=True)
 class Agreement:
     """Per stretch, shape (n,): chi-square of "no fault" over the `limit` of an alarm, and its
-    degrees of freedom; `valid` shape (observers, n)."""
+    degrees of freedom; `valid` shape (observers, n). They are the `chosen` of all that was observed
+    at a time."""
 
     excess: Array
     limit: Array
     freedom: np.ndarray
     valid: np.ndarray
-    observed: Observed
+    every: Observed
+    chosen: slice
+
+    def part(self, chosen: slice) -> Agreement:
+        """Some of all that was observed at a time."""
+        return Agreement(
+            self.excess[chosen],
+            self.limit[chosen],
+            self.freedom[chosen],
+            self.valid[:, chosen],
+            self.every,
+            chosen,
+        )
+
+    @cached_property
+    def observed(self) -> Observed:
+        """What the plan says of the stretches."""
+        return self.every.part(self.chosen)
+
+    @property
+    def points(self) -> Points:
+        """The readings."""
+        return self.every.points.at(self.chosen)
 
     @property
     def sound(self) -> np.ndarray:
@@ -70,6 +103,23 @@ class Bench:
         """As the readings stand."""
         return self.agreement(self.points)
 
+    @cached_property
+    def left_out(self) -> LeftOut:
+        """What any estimate adds to the disagreement of the readings as they stand."""
+        return left_out(self.ruleset, self.recorded.observed)
+
+    @cached_property
+    def widest_limit(self) -> float:
+        """Chi-square of an alarm if every estimate could be used."""
+        every = np.ones(len(self.ruleset.observers), dtype=bool)
+        freedom = len(residual_basis(self.ruleset, every))
+        return chi_square_limit(freedom, self.quantile) if freedom else 0.0
+
+    @property
+    def quantile(self) -> float:
+        """That of an alarm in one of the stretches, of a normal distribution."""
+        return quantile(alarm_chance(len(self.stretches)) / 2)
+
     @property
     def samples(self) -> int:
         """Samples in all stretches."""
@@ -93,17 +143,26 @@ class Bench:
         n = len(observed)
         excess, thresholds = np.full(n, np.inf), np.ones(n)
         freedom = np.zeros(n, dtype=int)
-        limit = quantile(alarm_chance(n) / 2)
         for valid, members in patterns_of(observed.valid):
             basis = residual_basis(self.ruleset, valid)
             if len(basis):
                 test = test_of(self.ruleset, observed, valid, basis, members)
                 chi = test.metric.value
-                thresholds[members] = chi_square_limit(len(basis), limit)
+                thresholds[members] = chi_square_limit(len(basis), self.quantile)
                 excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)
         excess[~np.isfinite(excess)] = np.inf
-        return Agreement(excess, thresholds, freedom, observed.valid, observed)
+        return Agreement(excess, thresholds, freedom, observed.valid, observed, slice(0, n))
+
+    def agreements(
+        self, tried: Iterable[Tried], read: Callable[[Tried], Points]
+    ) -> Iterator[tuple[Tried, Agreement]]:
+        """The same for each way to read, several at a time."""
+        n, left = len(self.stretches), iter(tried)
+        while some := list(islice(left, max(limits.TRIED_AT_ONCE // n, 1))):
+            together = self.agreement(one_after_the_other([read(one) for one in some]))
+            for i, one in enumerate(some):
+                yield one, together.part(slice(i * n, (i + 1) * n))
 
     def explained(self, found: Agreement) -> Explained:
         """What is sound, and which faults fit where."""

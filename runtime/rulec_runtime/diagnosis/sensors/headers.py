@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
+from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.recording import Recording
@@ -48,8 +51,8 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         return None
     plain = _with_all(raw, bench)
     best, least = None, np.inf
-    for misread in _candidates(raw, bench.ruleset, plain, still):
-        found = bench.agreement(bench.with_readings(misread.values, misread.noise))
+    every = (one for one in _candidates(raw, bench.ruleset, plain, still) if _may_agree(bench, one))
+    for misread, found in bench.agreements(every, partial(_read, bench)):
         if not _makes_sense(bench, misread, found) or not _beats_faults(bench, misread, found):
             continue
         explained = bench.explained(found).stretches
@@ -93,6 +96,28 @@ def _rank(bench: Bench) -> int:
     return len(residual_basis(bench.ruleset, usable))
 
 
+def _read(bench: Bench, misread: Misread) -> Points:
+    """The readings of a bench, some columns of which are read differently."""
+    return bench.with_readings(misread.values, misread.noise)
+
+
+def _may_agree(bench: Bench, misread: Misread) -> bool:
+    """Is it another reading that may make what disagrees agree, as far as a part of it tells?"""
+    points = _read(bench, misread)
+    apart = _apart(misread, points)
+    if not apart.any():
+        return False
+    readers = _readers(bench, misread)
+    apart &= bench.left_out.least(readers) <= bench.widest_limit
+    parts = parts_of(bench.ruleset)
+    for part in parts if len(parts) > 1 else ():
+        if apart.any() and readers[part.observers].any():
+            found = replace(bench, ruleset=part.ruleset).agreement(points)
+            left = np.where(found.freedom > 0, found.excess * found.limit, 0.0)
+            apart &= left <= bench.widest_limit
+    return bool(apart.any())
+
+
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
     """Do readings agree that disagreed everywhere before?"""
     running = _running(bench, misread, found)
@@ -123,13 +148,18 @@ def _readers(bench: Bench, misread: Misread) -> np.ndarray:
 def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
     """Stretches in which the other reading can be held against something, and is another one."""
     flags: np.ndarray = found.valid[_readers(bench, misread)].any(axis=0) & (found.freedom > 0)
-    apart = np.zeros(len(flags), dtype=bool)
+    flags &= _apart(misread, found.points)
+    return flags
+
+
+def _apart(misread: Misread, points: Points) -> np.ndarray:
+    """Stretches in which the other reading is another one, shape (n,)."""
+    apart: np.ndarray = np.zeros(len(points), dtype=bool)
     for name in misread.signals:
-        u = found.observed.points.u[name]
         with np.errstate(invalid="ignore"):
             off = np.abs(misread.values[name] - misread.recorded[name])
-            apart |= off > limits.READS_OTHERWISE * u
-    return flags & apart
+            apart |= off > limits.READS_OTHERWISE * points.u[name]
+    return apart
 
 
 def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -67,6 +67,32 @@ class Points:
     def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
         """Standard uncertainties with that by lags, shape (n,) each, SI."""
         return {n: np.hypot(part, self.lag[n]) if n in self.lag else part for n, part in u.items()}
+
+
+def one_after_the_other(several: Sequence[Points]) -> Points:
+    """Points in a row; a signal that some of them lack has no reading there."""
+    sizes = [len(points) for points in several]
+
+    def row(table: str, blank: float) -> dict[str, Array]:
+        tables = [getattr(points, table) for points in several]
+        names = dict.fromkeys(name for one in tables for name in one)
+        return {
+            name: np.concatenate(
+                [one.get(name, np.full(n, blank)) for one, n in zip(tables, sizes, strict=True)]
+            )
+            for name in names
+        }
+
+    times = [points.time for points in several if points.time is not None]
+    return Points(
+        values=row("values", np.nan),
+        u=row("u", np.nan),
+        systematic=row("systematic", np.nan),
+        bad={name: column.astype(bool) for name, column in row("bad", 1.0).items()},
+        why={name: text for points in several for name, text in points.why.items()},
+        time=np.concatenate(times) if len(times) == len(several) else None,
+        lag=row("lag", 0.0),
+    )
 
 
 def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:

@@ -1,0 +1,67 @@
+"""The least disagreement that another value of a reading can leave.
+
+Whatever a reading should have shown, the estimates that do not read it stay as they are. So
+chi-square of these alone is a bound, and most of what a column could be need not be tried. That of
+all estimates but some is had from all of them by a deletion (Cook and Weisberg 1982).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.redundancy import (
+    covariance_of,
+    patterns_of,
+    residual_basis,
+)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Estimates held against each other, at n points.
+
+    Attributes
+    ----------
+    chi : chi-square of all of them, shape (n,).
+    weight : its second derivative by the estimates, halved, shape (n, observers, observers),
+        (s/m3)^2; zero for those that cannot be used.
+    pull : `weight` times the estimates, shape (n, observers), s/m3.
+    """
+
+    chi: Array
+    weight: Array
+    pull: Array
+
+    def least(self, observers: np.ndarray) -> Array:
+        """Chi-square without some observers, by flags, shape (n,)."""
+        block = self.weight[:, observers][:, :, observers]
+        pull = self.pull[:, observers]
+        back = np.linalg.pinv(block, rcond=limits.PSEUDO_INVERSE, hermitian=True)
+        left: Array = self.chi - np.einsum("ni,nij,nj->n", pull, back, pull)
+        return left
+
+
+def left_out(ruleset: Ruleset, observed: Observed) -> LeftOut:
+    """What any of the estimates adds to their disagreement."""
+    n, count = len(observed), len(ruleset.observers)
+    chi, weight, pull = np.zeros(n), np.zeros((n, count, count)), np.zeros((n, count))
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
+        if not len(basis):
+            continue
+        spread = covariance_of(basis, observed.covariance, valid, members)
+        own = basis.T @ np.linalg.solve(
+            spread, np.broadcast_to(basis, (len(members), *basis.shape))
+        )
+        flows = observed.flows[valid][:, members].T
+        towards = np.einsum("nij,nj->ni", own, flows)
+        weight[np.ix_(members, valid, valid)] = own
+        pull[np.ix_(members, valid)] = towards
+        chi[members] = np.einsum("ni,ni->n", towards, flows)
+    return LeftOut(chi, weight, pull)

@@ -1,0 +1,87 @@
+"""What a column could be is tried only where the estimates that do not read it agree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors import headers
+from rulec_runtime.diagnosis.sensors.bench import Bench, bench_of
+from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.recordings.recording import Recording
+
+from tests.rig.follower.plants import Planted, recorded, side_by_side
+from tests.runtime import test_sensor_health as health
+
+ROWS = 200
+
+
+def bench(plant: str, bend: str) -> tuple[Ruleset, Bench]:
+    ruleset = health.plant(plant)
+    bent, _, _ = health.CASES[bend]
+    recording = examine(bent(health.recorded(plant), ruleset), ruleset, headers=False).recording
+    found = bench_of(recording, ruleset)
+    assert found is not None
+    return ruleset, found
+
+
+@pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
+def test_chi_square_without_estimates_is_that_of_the_others(plant: str) -> None:
+    ruleset, of_all = bench(plant, "swapped pressures")
+    tried = 0
+    for signal in sorted(ruleset.observed & set(of_all.points.values)):
+        readers = of_all.readers(signal)
+        values = {**of_all.points.values, signal: np.full(len(of_all.points), np.nan)}
+        others = of_all.agreement(replace(of_all.points, values=values))
+        if not (others.freedom > 0).all() or not readers.any():
+            continue
+        least = of_all.left_out.least(readers)
+        np.testing.assert_allclose(least, others.excess * others.limit, rtol=1e-6, atol=1e-9)
+        tried += 1
+    assert tried > 3
+
+
+def test_several_ways_to_read_at_a_time_are_judged_as_each_is() -> None:
+    _, of_all = bench("abc", "swapped pressures")
+    points = of_all.points
+    ways = [1.0, 1.01, 0.9] * 20
+
+    def read(factor: float) -> Points:
+        return replace(points, values={**points.values, "A.dp": factor * points.values["A.dp"]})
+
+    for factor, found in of_all.agreements(ways, read):
+        alone = of_all.agreement(read(factor))
+        np.testing.assert_allclose(found.excess, alone.excess, rtol=1e-9)
+        np.testing.assert_array_equal(found.freedom, alone.freedom)
+        np.testing.assert_allclose(found.observed.flows, alone.observed.flows, rtol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def leaking() -> tuple[Ruleset, Recording]:
+    """A plant with two hundred readings, in one of whose 29 lines a pump leaks from the start."""
+    ruleset = side_by_side()
+    leak = [Planted("L3A.leakage", 0.3, 0, ROWS)]
+    return ruleset, recorded(ruleset, ROWS, leak, 0.1, np.random.default_rng(3))
+
+
+def test_a_fault_in_a_large_plant_has_few_columns_tried(
+    leaking: tuple[Ruleset, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ruleset, recording = leaking
+    of_all = bench_of(recording, ruleset)
+    assert of_all is not None
+    asked: list[bool] = []
+    may_agree = headers._may_agree
+
+    def counted(of_plant: Bench, misread: Misread) -> bool:
+        asked.append(may_agree(of_plant, misread))
+        return asked[-1]
+
+    monkeypatch.setattr(headers, "_may_agree", counted)
+    assert misread_columns(recording, of_all, set()) is None
+    assert len(asked) > 1000
+    assert sum(asked) < len(asked) / 20
