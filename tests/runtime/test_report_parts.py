@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.report.chart import Panel, axis
+from rulec_runtime.report.terminal_story import explain
 from rulec_runtime.report.thin_curves import COLUMNS, thin_marks, thin_series
 from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
 
@@ -158,3 +161,17 @@ def test_marks_stay_apart() -> None:
     time, size = np.arange(100.0), np.arange(100.0)
     assert [49, 99] == list(thin_marks(time, size, time >= 0, 2))
     assert [] == list(thin_marks(time, size, time < 0, 10))
+
+
+def test_names_stay_whole_on_a_narrow_terminal(leaking: Judged) -> None:
+    """Long periods and bounds go on in the next line instead."""
+    finding = leaking.diagnosis.findings[0]
+    again = dataclasses.replace(
+        finding, since=finding.since + 40_000.0, until=finding.until + 90_000.0
+    )
+    out = Terminal(file=io.StringIO(), width=52, color_system=None)
+    explain(out, dataclasses.replace(leaking.diagnosis, findings=(finding, again)))
+    assert isinstance(out.file, io.StringIO)
+    table = out.file.getvalue().split("probability")[1].split("\n\n")[0]
+    assert table.count(finding.fault.id) == 2
+    assert "…" not in table

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from rich.console import Console
 from rich.table import Table
 from rich.tree import Tree
@@ -71,7 +73,9 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
         return
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fault", "degree", "95 % bounds", "when", "probability"):
-        table.add_column(title, justify="right" if title == "probability" else "left", no_wrap=True)
+        justify: Literal["left", "right"] = "right" if title == "probability" else "left"
+        # On a narrow terminal periods go on in the next line; names and figures stay whole.
+        table.add_column(title, justify=justify, no_wrap=title != "when", overflow="fold")
     for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
         _add(table, row)
     out.print(table)
