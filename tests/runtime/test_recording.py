@@ -293,6 +293,13 @@ def test_missing_columns_are_named(tmp_path: Path, abc: Ruleset) -> None:
     assert ("A.dp", "B.P_el") == found.missing
 
 
+def test_a_temperature_is_no_time(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+    """A column T that stands before that of times is a temperature, by its symbol."""
+    times, *others = SHEET.renamed("time", "t").text().splitlines()
+    rows = [f"T [°C],{times}", *(f"21.5,{row}" for row in others)]
+    same(expected, read("\n".join(rows) + "\n", tmp_path, abc))
+
+
 def test_foreign_column_map(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     """Foreign names with the units of the map; native names go on being read."""
     columns = (

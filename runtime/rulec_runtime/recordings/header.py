@@ -13,7 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
-from rulec_runtime.recordings.time_column import NAMES
+from rulec_runtime.recordings.time_column import is_time
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def assign(
         name, unit = parts_of(title)
         beside = units[index].strip() if units else ""
         named = title != "" and title == ruleset.time_column
-        if named or (header.time < 0 and name.lower() in NAMES):
+        if named or (header.time < 0 and is_time(name)):
             header.time, header.time_title, header.time_unit = index, title, unit.strip() or beside
             continue
         if title in foreign or name in foreign:

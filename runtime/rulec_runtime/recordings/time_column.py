@@ -21,7 +21,19 @@ from rulec_runtime.recordings.zone import in_zone
 NAMES = ("time", "datetime", "timestamp", "date", "t", "zeit")
 """Names of the time column, in lower case."""
 
+TEMPERATURE = "T"
+"""What is no name of the time column: t is a time, and T a temperature (ISO 80000)."""
+
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
+
+
+def is_time(name: str) -> bool:
+    """Does a column by its name hold times?
+
+    >>> is_time("Time"), is_time("t"), is_time("T")
+    (True, True, False)
+    """
+    return name.lower() in NAMES and name != TEMPERATURE
 
 
 def read_times(
