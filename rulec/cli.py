@@ -246,6 +246,9 @@ def _fleet(fleet: argparse.ArgumentParser) -> None:
     fleet.add_argument(
         "--again", action="store_true", help="judge also what was judged before and is unchanged"
     )
+    fleet.add_argument(
+        "--mismatch", action="store_true", help="ask instead what physics the models leave out"
+    )
     json_option(fleet)
 
 

@@ -44,6 +44,10 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options)
     engine = chosen(options.engine, options.jobs, options.scheduler)
     fleet = read_fleet(Path(options.fleet), ruleset_of)
+    if options.mismatch:
+        from rulec.commands import fleet_mismatch
+
+        return fleet_mismatch.run(options, fleet, engine)
     tasks = tasks_of(fleet)
     store = Store(fleet.results, fleet.plant_key, fleet.day_key)
     left = tasks if options.again else [task for task in tasks if not store.is_done(task)]

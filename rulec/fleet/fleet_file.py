@@ -68,6 +68,8 @@ def read_fleet(path: Path, ruleset_of: RulesetOf) -> Fleet:
         day_key=partitions.get("day", "day"),
         results=(base / data.get("results", f"{data['fleet']}.results")).resolve(),
         rulesets=texts,
+        judged_by={hash_of(text): str((base / file).resolve()) for file, text in made.items()},
+        titles=bool(data.get("titles")),
         plants={name: hash_of(made[files[name]]) if name in files else default for name in named},
         default=default,
         only_named=bool(named),

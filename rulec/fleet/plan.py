@@ -17,6 +17,8 @@ class Fleet:
     plant_key, day_key : names of the partitions, as in ``plant=P1/day=2026-01-01/``.
     results : folder of results.
     rulesets : text of each ruleset by its hash.
+    judged_by : folder of the plant, or its ruleset file, that each ruleset is of, by its hash.
+    titles : whether the fleet names columns.
     plants : hash of the ruleset of each plant; of one that is not named, `default` counts.
     only_named : whether plants that are not named are left out.
     first, last : days, ISO 8601; empty where there is no end.
@@ -30,6 +32,8 @@ class Fleet:
     day_key: str
     results: Path
     rulesets: Mapping[str, str]
+    judged_by: Mapping[str, str]
+    titles: bool
     plants: Mapping[str, str]
     default: str
     only_named: bool

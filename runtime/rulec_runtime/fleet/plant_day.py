@@ -82,13 +82,13 @@ def _recording(task: Task, ruleset: Ruleset, stack: ExitStack) -> Recording:
     if not task.files:
         raise RecordingRefused("there is no recording of this day")
     notes: list[str] = []
-    files = [_local(file, stack) for file in task.files]
+    files = [fetched(file, stack) for file in task.files]
     read = (read_file(file, ruleset, notes) for file in files)
     return recording_of(files[0], read, ruleset, notes)
 
 
-def _local(address: str, stack: ExitStack) -> Path:
-    """A file of this machine; one of another place is fetched."""
+def fetched(address: str, stack: ExitStack) -> Path:
+    """A file of this machine; one of another place is fetched, and kept as long as the stack."""
     if "://" not in address:
         return Path(address)
     import fsspec

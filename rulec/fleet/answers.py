@@ -1,0 +1,161 @@
+"""What the models of a fleet leave out: an answer per plant-day, and one table of all.
+
+A plant-day is done where its answer is there. The name of the file holds the key of the work, as
+for what `rulec.fleet.store` keeps.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.plural import plural
+from rulec_runtime.output.write_file import write_data, write_text
+
+ANSWERS, TABLE = "mismatch-answers", "mismatch"
+
+SOUND = "none"
+"""Verdict where a model and its plant agree."""
+
+UNASKED = "unread"
+"""Verdict where nothing could be asked."""
+
+UNTOLD = ("cannot judge", UNASKED)
+"""Verdicts that say nothing of a model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What `rulec mismatch` says of a plant-day.
+
+    Attributes
+    ----------
+    verdict : as `rulec mismatch` has it, or ``unread``, with a `reason`.
+    text : the answer in a sentence or two.
+    module, place, effect, title : of the first explanation, empty where there is none.
+    probability : of that explanation; None where there is none.
+    signal, unit : what is predicted; the errors in that `unit` are of held-out points.
+    shipped, recalibrated, repaired, noise : root mean square errors of the model as it is, with
+        other values, with what it left out, and of readings alone; None where nothing was compared.
+    """
+
+    plant: str
+    day: str
+    verdict: str
+    text: str = ""
+    reason: str = ""
+    module: str = ""
+    place: str = ""
+    effect: str = ""
+    title: str = ""
+    probability: float | None = None
+    signal: str = ""
+    unit: str = ""
+    shipped: float | None = None
+    recalibrated: float | None = None
+    repaired: float | None = None
+    noise: float | None = None
+
+
+def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
+    """The row of an answer in its JSON form, or of a reason why there is none."""
+    if "reason" in form:
+        return Answer(plant=task.plant, day=task.day, verdict=UNASKED, reason=form["reason"])
+    none: dict[str, Any] = {}
+    first = next(iter(form["effects"]), none)
+    where = next(iter(form["locations"]), none)
+    fit = form["fit"] or none
+    errors = fit.get("heldout") or none
+    return Answer(
+        plant=task.plant,
+        day=task.day,
+        verdict=form["verdict"],
+        text=form["headline"],
+        module=where.get("module", ""),
+        place=where.get("place", ""),
+        effect=first.get("effect") or "",
+        title=first.get("title", ""),
+        probability=first.get("probability"),
+        signal=fit.get("signal", ""),
+        unit=fit.get("unit", ""),
+        shipped=errors.get("shipped"),
+        recalibrated=errors.get("recalibrated"),
+        repaired=errors.get("repaired"),
+        noise=errors.get("noise"),
+    )
+
+
+class Answers:
+    """Answers in a folder."""
+
+    def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
+        self.folder, self._plant, self._day = folder, plant_key, day_key
+
+    def is_done(self, task: Task) -> bool:
+        """Whether this very work was done."""
+        return self.file(task).is_file()
+
+    def keep(self, task: Task, form: Mapping[str, Any]) -> None:
+        """Write an answer, in the place of the one before."""
+        file = self.file(task)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(file, json.dumps(form, indent=1, ensure_ascii=False) + "\n")
+        for other in file.parent.glob("*.json"):
+            if other != file:
+                other.unlink()
+
+    def rows(self, tasks: Iterable[Task]) -> list[Answer]:
+        """Rows of plant-days that are done."""
+        read = (json.loads(self.file(task).read_text(encoding="utf-8")) for task in tasks)
+        return [answer_of(task, form) for task, form in zip(tasks, read, strict=True)]
+
+    def write_table(self, rows: Sequence[Answer]) -> Path:
+        """All rows as one Parquet file."""
+        import pyarrow
+        import pyarrow.parquet
+
+        buffer = io.BytesIO()
+        numbers = ("probability", "shipped", "recalibrated", "repaired", "noise")
+        schema = pyarrow.schema(
+            (name, pyarrow.float64() if name in numbers else pyarrow.string())
+            for name in Answer.__dataclass_fields__
+        )
+        table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
+        pyarrow.parquet.write_table(table, buffer)
+        file = self.folder / f"{TABLE}.parquet"
+        write_data(file, buffer.getvalue())
+        return file
+
+    def file(self, task: Task) -> Path:
+        """Where the answer of a plant-day stands."""
+        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
+        folder = self.folder / ANSWERS / f"{self._day}={day}" / f"{self._plant}={plant}"
+        return folder / f"{task.key}.json"
+
+
+def differing(rows: Iterable[Answer]) -> list[Answer]:
+    """Plant-days whose models differ from them."""
+    return [row for row in rows if row.verdict not in (SOUND, *UNTOLD)]
+
+
+def told(rows: Sequence[Answer]) -> str:
+    """All answers in a sentence: how many plants differ, and by what most often."""
+    plants = {row.plant for row in rows}
+    off = differing(rows)
+    which = {row.plant for row in off}
+    if not which:
+        sound = {row.plant for row in rows if row.verdict == SOUND}
+        agree = plural(len(sound), "plant agrees with its model", "plants agree with their models")
+        return agree if sound else "no recording says anything of a model"
+    differ = "differs from its model" if len(which) == 1 else "differ from their models"
+    said = f"{len(which)} of {plural(len(plants), 'plant', 'plants')} {differ}"
+    each = Counter(title for title, _ in {(row.title, row.plant) for row in off if row.title})
+    title, count = min(each.items(), key=lambda one: (-one[1], one[0]), default=("", 0))
+    return f"{said}; most often by: {title} ({count} plants)" if count > 1 else said

@@ -1,0 +1,142 @@
+"""What the models of many plants leave out: a row each, whatever is wrong with a recording."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+from rulec_runtime.fleet.task import Task
+
+from rulec.api.given import ruleset_of
+from rulec.api.plant_day import ask_day
+from rulec.cli import main
+from rulec.commands import fleet_mismatch
+from rulec.engines.call import Engine
+from rulec.fleet.answers import Answer, answer_of, told
+from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.places import tasks_of
+from tests.conftest import ROOT
+
+ABC = ROOT / "plants/abc"
+
+FORM = {
+    "verdict": "named",
+    "headline": "The model leaves out slip.",
+    "effects": [{"effect": "slip", "title": "Slip", "probability": 0.97}],
+    "locations": [{"module": "A", "place": "Q_geo"}],
+    "fit": {
+        "signal": "C.dp",
+        "unit": "bar",
+        "heldout": {"shipped": 3.0, "recalibrated": 2.0, "repaired": 1.0, "noise": 0.9},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four plants: one of them has few columns, one a file that is none."""
+    folder = tmp_path_factory.mktemp("many")
+    files = {
+        "north": ABC / "examples/healthy.csv",
+        "south": ABC / "examples/warm_A.csv",
+        "west": ABC / "examples/fleet/recordings/plant=east/day=2026-01-01/few.csv",
+    }
+    for plant, file in files.items():
+        place = folder / f"recordings/plant={plant}/day=2026-01-01"
+        place.mkdir(parents=True)
+        shutil.copy(file, place)
+    broken = folder / "recordings/plant=east/day=2026-01-01/broken.parquet"
+    broken.parent.mkdir(parents=True)
+    broken.write_bytes(b"PAR1 and no more")
+    (folder / "fleet.yaml").write_text(f"fleet: few\nrecordings: recordings\njudged_by: {ABC}\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tasks(home: Path) -> dict[str, Task]:
+    return {task.plant: task for task in tasks_of(read_fleet(home / "fleet.yaml", ruleset_of))}
+
+
+def test_a_worker_asks_and_never_raises(tasks: dict[str, Task]) -> None:
+    """The answer is that of `rulec mismatch`; a file that is none is a reason."""
+    few = answer_of(tasks["west"], ask_day(tasks["west"], str(ABC)))
+    assert few.verdict == "cannot judge"
+    assert few.text.startswith("Cannot judge")
+    broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
+    assert broken.verdict == "unread"
+    assert "broken.parquet" in broken.reason
+
+
+def test_a_row_holds_place_name_and_proof(tasks: dict[str, Task]) -> None:
+    row = answer_of(tasks["south"], FORM)
+    assert (row.module, row.place, row.effect, row.probability) == ("A", "Q_geo", "slip", 0.97)
+    assert (row.signal, row.shipped, row.repaired) == ("C.dp", 3.0, 1.0)
+
+
+def test_the_sentence_counts_plants() -> None:
+    """By what most of them differ, whatever the number of days."""
+    row = Answer(plant="a", day="1", verdict="named", title="Slip")
+    rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
+    sound = replace(row, plant="d", verdict="none", title="")
+    assert told([*rows, sound]) == (
+        "3 of 4 plants differ from their models; most often by: Slip (2 plants)"
+    )
+    assert told([sound]) == "1 plant agrees with its model"
+    blind = replace(sound, verdict="cannot judge")
+    assert told([blind]) == "no recording says anything of a model"
+
+
+def test_it_goes_on_where_it_was_stopped(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is asked twice; the same answers give the same table and the same words."""
+    put: list[str] = []
+
+    def asked(_: Engine, left: list[Task], fleet: object) -> Iterator[tuple[Task, dict[str, Any]]]:
+        del fleet
+        for task in left:
+            if len(put) == 2:
+                put.append("stopped")
+                raise KeyboardInterrupt
+            put.append(task.plant)
+            yield task, FORM if task.plant == "south" else {"reason": "broken"}
+
+    monkeypatch.setattr(fleet_mismatch, "asked", asked)
+    call = ["fleet", str(home / "fleet.yaml"), "--mismatch", "--json", str(home / "told.json")]
+    assert main(call) == 130
+    assert main(call) == 0
+    assert sorted([*put[:2], *put[3:]]) == ["east", "north", "south", "west"]
+    table = pyarrow.parquet.read_table(home / "few.results/mismatch.parquet")
+    first = table.to_pylist()
+    capsys.readouterr()
+    assert main(call) == 0
+    assert len(put) == 5
+    assert first == pyarrow.parquet.read_table(home / "few.results/mismatch.parquet").to_pylist()
+    out = capsys.readouterr().out
+    assert "1 of 4 plants differs from its model" in " ".join(out.split())
+    form = json.loads((home / "told.json").read_text())
+    (south,) = (row for row in form["plant_days"] if row["plant"] == "south")
+    assert json.loads(Path(south["answer"]).read_text()) == FORM
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("judged_by: abc.json\n", "needs the folder of the plant"),
+        (f"judged_by: {ABC}\ntitles: {{PT1: 'A.dp [mbar]'}}\n", "columns.yaml of the plant"),
+    ],
+)
+def test_what_cannot_be_asked_says_what_to_do(
+    home: Path, text: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (home / "abc.json").write_text(ruleset_of(ABC).to_json(), encoding="utf-8")
+    file = home / "other.yaml"
+    file.write_text(f"fleet: few\nrecordings: recordings\n{text}")
+    assert main(["fleet", str(file), "--mismatch"]) == 1
+    assert said in " ".join(capsys.readouterr().err.split())
