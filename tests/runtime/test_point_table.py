@@ -9,7 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.point_table import each_row, is_point_table
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+from rulec_runtime.recordings.stationary import Stretches
+from rulec_runtime.recordings.together import together
 
 from rulec.prove.truth import abc as abc_rig
 from rulec.prove.truth import calibration_run, record, write_csv
@@ -96,3 +98,29 @@ def test_every_row_is_a_stretch(run: Recording) -> None:
     stretches = each_row(table)
     assert len(table) == len(stretches)
     assert {1} == set(stretches.lengths.tolist())
+
+
+def test_beside_a_table_a_course_counts_by_its_states(run: Recording, abc: Ruleset) -> None:
+    """A row per state in which it rests, with the means of the readings there, and a word on it."""
+    table = _rows(run, _points(run))
+    both = together([Path("table.csv"), Path("course.csv")], [table, run], abc)
+    assert is_point_table(both, abc)
+    assert both.source is not None
+    states = both.values["A.n"][both.source == 1]
+    visited = table.values["A.n"]
+    assert len(states) == pytest.approx(len(visited), abs=2)
+    away = np.abs(states[:, None] - visited).min(axis=1)
+    assert away.max() < 0.01 * visited.mean()
+    assert any("course.csv: its" in note and "table.csv" in note for note in both.notes)
+
+
+def test_a_course_that_never_rests_is_refused_beside_a_table(
+    run: Recording, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [Path("course.csv"), Path("table.csv")]
+    monkeypatch.setattr(
+        "rulec_runtime.recordings.together.find_stretches",
+        lambda *_, **__: Stretches(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)),
+    )
+    with pytest.raises(RecordingRefused, match=r"course\.csv: it never settles, and table\.csv"):
+        together(files, [run, _rows(run, _points(run))], abc)

@@ -72,6 +72,8 @@ def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
             return on
         middle, rest_is_low = found
         on |= segments.level > middle if rest_is_low else segments.level < middle
+        if not on[rest].any():
+            return on
         rest = rest[~on[rest]]
 
 

@@ -17,11 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.given import bytes_of, place_of
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of
+from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
+from rulec_runtime.recordings.sums import means_between
 from rulec_runtime.recordings.wall_clock import Calendar
 
 OWN_CLOCKS = (
@@ -61,7 +64,8 @@ def check_different(paths: Sequence[Path]) -> None:
 def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset) -> Recording:
     """Recordings that were read, as one; `paths` are theirs."""
     names = names_of(paths)
-    _check_alike(names, parts, ruleset)
+    _check_alike(names, parts)
+    parts = _alike(names, parts, ruleset)
     dated = [part.calendar for part in parts if part.calendar is not None]
     one_axis = len(dated) == len(parts)
     starts = _dated_starts(names, parts, dated) if one_axis else _one_behind_the_other(parts)
@@ -128,11 +132,10 @@ def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
     )
 
 
-def _check_alike(names: Sequence[str], parts: Sequence[Recording], ruleset: Ruleset) -> None:
+def _check_alike(names: Sequence[str], parts: Sequence[Recording]) -> None:
     """Refuse recordings that do not show one plant in one way."""
     first, known = parts[0], parts[0].values.keys()
-    kinds = [is_point_table(part, ruleset) for part in parts]
-    for name, part, kind in zip(names[1:], parts[1:], kinds[1:], strict=True):
+    for name, part in zip(names[1:], parts[1:], strict=True):
         lacking, more = sorted(known - part.values.keys()), sorted(part.values.keys() - known)
         if lacking or more:
             has, lacks = (names[0], name) if lacking else (name, names[0])
@@ -140,18 +143,47 @@ def _check_alike(names: Sequence[str], parts: Sequence[Recording], ruleset: Rule
                 f"{lacks} has no column {(lacking or more)[0]}, and {has} has one: are both of "
                 "this plant, with the same sensors? Give both the same columns, or judge each alone"
             )
-        if kind != kinds[0]:
-            table, course = (names[0], name) if kinds[0] else (name, names[0])
-            raise RecordingRefused(
-                f"{table} is a table of operating points, {course} a course in time; judge each "
-                "alone"
-            )
         for signal in sorted(first.scales.keys() & part.scales.keys()):
             if first.scales[signal] != part.scales[signal]:
                 raise RecordingRefused(
                     f"{name}: the column of {signal} is in another unit than in {names[0]}; write "
                     "both in one unit, or judge each alone"
                 )
+
+
+def _alike(
+    names: Sequence[str], parts: Sequence[Recording], ruleset: Ruleset
+) -> Sequence[Recording]:
+    """Beside a table of operating points a course in time counts by those in which it rests."""
+    kinds = [is_point_table(part, ruleset) for part in parts]
+    if all(kinds) or not any(kinds):
+        return parts
+    table = names[kinds.index(True)]
+    return [
+        part if kind else _as_table(name, part, ruleset, table)
+        for name, part, kind in zip(names, parts, kinds, strict=True)
+    ]
+
+
+def _as_table(name: str, part: Recording, ruleset: Ruleset, other: str) -> Recording:
+    """A row per state in which a course rests: means of its readings."""
+    noise = noise_at_work(part, ruleset)
+    states = find_stretches(part, ruleset, noise, longest=len(part))
+    if not len(states):
+        raise RecordingRefused(
+            f"{name}: it never settles, and {other} is a table of operating points; hold each set "
+            "point until readings rest, or judge each alone"
+        )
+    first, last = states.first, states.last
+    count = plural(len(states), "state in which it rests is", "states in which it rests are")
+    note = f"its {count} taken as operating points, as {other} is a table of such"
+    return replace(
+        part,
+        time=means_between(part.time, first, last)[0],
+        values={n: means_between(values, first, last)[0] for n, values in part.values.items()},
+        segment=part.segment[first],
+        notes=(*part.notes, note),
+    )
 
 
 def _dated_starts(

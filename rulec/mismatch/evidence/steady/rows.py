@@ -115,7 +115,7 @@ class Rows:
                 cell = self.cells[number]
                 values = cell.at_points(change)
                 if not np.isfinite(values).all():
-                    values = np.nan_to_num(values)
+                    values = np.nan_to_num(values, posinf=0.0, neginf=0.0)
                 part = cell.table(table)
                 part += maps[number][j] * values
         return table

@@ -80,7 +80,10 @@ def refitted(
     terms: tuple[Term, ...] = (),
     steps: int = 25,
 ) -> Model:
-    """Refit all values, errors of form among them; `near` is a model that is much alike."""
+    """Refit all values, errors of form among them; `near` is a model that is much alike.
+
+    Raises `numpy.linalg.LinAlgError` where the model has no slopes in which to begin.
+    """
     rows, seen = geometry.rows, geometry.seen
     known = Prior(geometry, setting)
     prior, n = known.prior, len(known.prior.names)
@@ -100,6 +103,8 @@ def refitted(
     no_more = np.zeros((int(seen.sum()), 0))
     pressed = np.zeros(n, dtype=bool)
     now = _evaluated(rows, setting, prior, at)
+    if not (np.isfinite(now.residual[seen]).all() and np.isfinite(now.jacobian[seen]).all()):
+        raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
@@ -294,7 +299,7 @@ def climbed(
             if 0 <= best[i] + step < n
         ]
         next_ = max(beside, key=score)
-        if score(next_) <= score(best):
+        if not score(next_) > score(best):
             return best
         best = next_
 
