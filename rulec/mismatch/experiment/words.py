@@ -31,8 +31,8 @@ def headline(found: Experiment) -> str:
     before, after = found.certainty[0], found.certainty[-1]
     steps = counted(len(found.steps), "step")
     return (
-        f"{steps} in {duration(found.steps[-1].until)}: if one of these is true, it can be expected "
-        f"to be {percent(after)} sure, {percent(before)} without."
+        f"{steps} in {duration(found.steps[-1].until)}: if one of these is true, it can be "
+        f"expected to be {percent(after)} sure, {percent(before)} without."
     )
 
 
