@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -201,8 +202,14 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
 
 
 def _mark(fault: FaultSpec, cell: Cell) -> Text:
-    colour, sign = ("green", "+") if cell.sign > 0 else ("red", "-")
-    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, smallest_degree(fault, cell.detectable))
+    return _signed(cell.sign > 0, smallest_degree(fault, cell.detectable))
+
+
+@functools.cache
+def _signed(rises: bool, degree: str) -> Text:
+    """Few differ, in a large matrix: a mark takes longer to style than to find."""
+    colour, sign = ("green", "+") if rises else ("red", "-")
+    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, degree)
 
 
 _KINDS = {
