@@ -15,7 +15,7 @@ import pytest
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
-from rulec.commands.recording_facts import Facts, facts_of
+from rulec.commands.recording_facts import Facts, facts_of, sought_of
 from rulec.effects.model_builder import open_builder
 from tests.conftest import ROOT
 
@@ -31,7 +31,7 @@ def opened(plant: Path) -> Any:
 
 def facts(recording: Path, plant: Path = ABC) -> Facts:
     ruleset, builder = opened(plant)
-    return facts_of(recording, ruleset, builder.matches)
+    return facts_of(recording, ruleset, sought_of(builder.matches))
 
 
 def changed(folder: Path, *changes: Callable[[Table], Table]) -> Path:
@@ -117,7 +117,8 @@ def test_unit_of_a_reading_that_no_law_compares_is_doubted(tmp_path: Path) -> No
         replace(s, reference=4e-4 if s.id == "A.Q" else s.reference) for s in ruleset.signals
     )
     file = changed(tmp_path, with_numbers("A.Q [l/h]", lambda v: v / 1000))
-    found = facts_of(file, replace(ruleset, signals=tuple(signals)), builder.matches)
+    sought = sought_of(builder.matches)
+    found = facts_of(file, replace(ruleset, signals=tuple(signals)), sought)
     assert "is the unit of the column right?" in odd(found)["A.Q"][0]
 
 

@@ -57,7 +57,8 @@ def test_second_start_loads_no_compiler(plant: Path, tmp_path: Path) -> None:
     assert not loaded("diagnose", str(plant / "plant.yaml"), str(RECORDING)) & HEAVY
     assert not loaded("simulate", str(plant), str(RECORDING), "-o", str(tmp_path / "s.csv")) & HEAVY
     assert not loaded("export", str(plant), "--to", "c", "-o", str(tmp_path / "code")) & HEAVY
-    for asked in (("check", str(plant)), ("show", "order", str(plant))):
+    recording = ("check", str(plant), str(RECORDING))
+    for asked in (recording, ("check", str(plant)), ("show", "order", str(plant))):
         loaded(*asked)
         assert not loaded(*asked) & HEAVY
 

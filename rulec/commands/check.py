@@ -17,7 +17,7 @@ from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec.commands.check_formats import json_form, sarif_form
 from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
 from rulec.language.diagnostics import Diagnostic, render_all
-from rulec.passes.kept import kept_of_plant
+from rulec.passes.kept import kept_of_plant, ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.commands.recording_facts import Facts
@@ -36,11 +36,10 @@ def run(options: argparse.Namespace) -> int:
     wrong = any(not one.doubt for one in found)
     facts: dict[str, Facts] = {}
     if recordings and not wrong:
-        from rulec.commands.recording_facts import facts_of
-        from rulec.effects.model_builder import open_builder
+        from rulec.commands.recording_facts import facts_of, sought_in
 
-        ruleset, builder = open_builder(paths[0])
-        facts = {str(path): facts_of(path, ruleset, builder.matches) for path in recordings}
+        sought, ruleset = sought_in(paths[0]), ruleset_of_plant(paths[0])
+        facts = {str(path): facts_of(path, ruleset, sought) for path in recordings}
     options.json = None if options.format == "text" else "-"
     if options.json is None:
         _tell(console(options), options.paths if not facts else paths, found, facts)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -20,10 +21,9 @@ from rulec_runtime.report.made import made_now
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
-from rulec.separation.allowed import allowed_of
-from rulec.separation.pairs import Separated, separate_pairs
-from rulec.separation.table import separated_form, show_separated
-from rulec.simulation.equations import SimulationRefused
+
+if TYPE_CHECKING:  # what separates pairs is loaded where it is asked for
+    from rulec.separation.pairs import Separated
 
 NARROW = 7
 """Characters a column of the matrix takes."""
@@ -41,18 +41,28 @@ def run(options: argparse.Namespace) -> int:
         if pairs is None:
             show(console(options), ruleset, stores)
         else:
+            from rulec.separation.table import show_separated
+
             show_separated(console(options), ruleset, pairs)
     if options.report:
         page = matrix_page(ruleset, made_now("rulec"), stores)
         write_to(options.report, page)
         console(options).print(styled("[dim]report: {}[/]", options.report))
-    more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}
+    more = {}
+    if pairs is not None:
+        from rulec.separation.table import separated_form
+
+        more = {"separate": separated_form(ruleset, pairs)}
     write_json(options, {**json_form(ruleset, stores), **more})
     return 0
 
 
 def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
     """Pairs that are alike, each with the step that separates it best."""
+    from rulec.separation.allowed import allowed_of
+    from rulec.separation.pairs import separate_pairs
+    from rulec.simulation.equations import SimulationRefused
+
     if ruleset.dynamics is not None:
         raise SimulationRefused(
             f"{ruleset.plant} stores; only plants that settle at once have points to compare"
@@ -183,17 +193,23 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
     for residual in residuals:
         module, name = residual.split(".", 1)
         table.add_column(f"{module}\n" + name.replace("-", "-\n"), justify="center")
+    none = styled("[dim]·[/]")  # most of a large matrix
     for fault in ruleset.faults:
-        cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
-        table.add_row(fault.id, *(_mark(fault, cells.get(r)) for r in residuals))
+        cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id] if c.residual in residuals}
+        marks = {name: _mark(fault, cell) for name, cell in cells.items()}
+        table.add_row(fault.id, *(marks.get(r, none) for r in residuals))
     return table
 
 
-def _mark(fault: FaultSpec, cell: Cell | None) -> Text:
-    if cell is None:
-        return styled("[dim]·[/]")
-    colour, sign = ("green", "+") if cell.sign > 0 else ("red", "-")
-    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, smallest_degree(fault, cell.detectable))
+def _mark(fault: FaultSpec, cell: Cell) -> Text:
+    return _signed(cell.sign > 0, smallest_degree(fault, cell.detectable))
+
+
+@functools.cache
+def _signed(rises: bool, degree: str) -> Text:
+    """Few differ, in a large matrix: a mark takes longer to style than to find."""
+    colour, sign = ("green", "+") if rises else ("red", "-")
+    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, degree)
 
 
 _KINDS = {

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
@@ -15,10 +16,78 @@ from rulec_runtime.recordings.header import Header, assign
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of, times_of
 
-from rulec.effects.candidate import Candidate
-from rulec.effects.match_effects import Matches
-from rulec.knowledge.fluid import reading_of
 from rulec.limits import FAR_READING
+from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+
+if TYPE_CHECKING:
+    from rulec.effects.candidate import Candidate
+    from rulec.effects.match_effects import Matches
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """An effect that fits a place of the plant: estimates that it reaches, readings it follows."""
+
+    name: str
+    observers: tuple[str, ...]
+    needs: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sought:
+    """What a search could look for in a plant, whatever the recording.
+
+    `unread` are quantities that no sensor of the plant reads, each with the effects that follow it.
+    """
+
+    effects: tuple[Explanation, ...]
+    unread: Mapping[str, tuple[str, ...]]
+
+
+def sought_in(plant: Path) -> Sought:
+    """What a search could look for in a plant; known from an earlier start where nothing changed.
+
+    Raises `Refused` with all mistakes in it.
+    """
+
+    def sought() -> dict[str, object]:
+        from rulec.effects.model_builder import open_builder  # loads the compiler
+
+        ruleset, builder = open_builder(plant)
+        ruleset_of_plant(plant, lambda: ruleset)
+        return asdict(sought_of(builder.matches))
+
+    found = kept_of_plant(plant, "sought", sought)
+    return Sought(
+        effects=tuple(
+            Explanation(name=e["name"], observers=tuple(e["observers"]), needs=tuple(e["needs"]))
+            for e in found["effects"]
+        ),
+        unread={quantity: tuple(names) for quantity, names in found["unread"].items()},
+    )
+
+
+def sought_of(matches: Matches) -> Sought:
+    """What a search could look for, of all that fits some place."""
+    unread: dict[str, set[str]] = {}
+    for missing in matches.missing:
+        unread.setdefault(missing.quantity, set()).add(missing.name)
+    return Sought(
+        effects=tuple(
+            Explanation(name=c.name, observers=tuple(c.observers), needs=tuple(sorted(_needs(c))))
+            for c in (m.candidate for m in matches.candidates)
+            if c.sort != "fault"
+        ),
+        unread={quantity: tuple(sorted(names)) for quantity, names in unread.items()},
+    )
+
+
+def _needs(candidate: Candidate) -> set[str]:
+    """Readings that drive it."""
+    from rulec.knowledge.fluid import reading_of
+
+    drivers = [*candidate.drivers.values(), *(u.driver for u in candidate.unknowns if u.driver)]
+    return {reading_of(driver) for driver in drivers if "." in reading_of(driver)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +150,7 @@ class Facts:
         return self.faults[0] > 0
 
 
-def facts_of(path: Path, ruleset: Ruleset, matches: Matches) -> Facts:
+def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     """Read a recording and see what it is good for; raises `RecordingRefused`."""
     recording = read_recording(path, ruleset)
     health = examine(recording, ruleset)
@@ -94,14 +163,10 @@ def facts_of(path: Path, ruleset: Ruleset, matches: Matches) -> Facts:
     if balances and ruleset.dynamics is not None:
         seen |= set(ruleset.dynamics.faults)
     faults = [f.id for f in ruleset.faults]
-    effects = [m.candidate for m in matches.candidates if m.candidate.sort != "fault"]
     terms = {t.observer for r in ruleset.residuals if r.id in compared for t in r.terms}
-    reached = [c for c in effects if balances or terms.intersection(c.observers)]
-    found = [c for c in reached if _needs(c) <= usable]
+    reached = [e for e in sought.effects if balances or terms.intersection(e.observers)]
+    found = [e for e in reached if usable.issuperset(e.needs)]
     settled, stretches = _settled(health.recording, ruleset)
-    unread: dict[str, list[str]] = {}
-    for missing in matches.missing:
-        unread.setdefault(missing.quantity, []).append(missing.name)
     return Facts(
         rows=len(recording),
         seconds=float(recording.time[-1] - recording.time[0]),
@@ -114,9 +179,9 @@ def facts_of(path: Path, ruleset: Ruleset, matches: Matches) -> Facts:
         blind=tuple(f for f in faults if f not in seen),
         settled=settled,
         stretches=stretches,
-        effects=(len(found), len(effects)),
-        lacks=tuple(_lacks(ruleset, usable, health, effects)),
-        unread={quantity: tuple(sorted({*names})) for quantity, names in unread.items()},
+        effects=(len(found), len(sought.effects)),
+        lacks=tuple(_lacks(ruleset, usable, health, sought.effects)),
+        unread=sought.unread,
     )
 
 
@@ -128,14 +193,8 @@ def _followed(ruleset: Ruleset, usable: Set[str]) -> bool:
     return usable >= {*dynamics.inputs} and any(name in usable for name in dynamics.outputs)
 
 
-def _needs(candidate: Candidate) -> set[str]:
-    """Readings that drive it."""
-    drivers = [*candidate.drivers.values(), *(u.driver for u in candidate.unknowns if u.driver)]
-    return {reading_of(driver) for driver in drivers if "." in reading_of(driver)}
-
-
 def _lacks(
-    ruleset: Ruleset, usable: Collection[str], health: Health, effects: Collection[Candidate]
+    ruleset: Ruleset, usable: Collection[str], health: Health, effects: Collection[Explanation]
 ) -> Iterator[Lack]:
     """Signals that something reads and that have no reading, with what waits for each."""
     for signal in ruleset.signals:
@@ -143,7 +202,7 @@ def _lacks(
             continue
         estimates = tuple(o.id for o in ruleset.observers if signal.id in o.signals)
         terms = {r.id: {t.observer for t in r.terms} for r in ruleset.residuals}
-        driven = sorted({c.name for c in effects if signal.id in _needs(c)})
+        driven = sorted({e.name for e in effects if signal.id in e.needs})
         if signal.id in ruleset.read or driven:
             yield Lack(
                 signal=signal.id,

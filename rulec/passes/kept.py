@@ -19,8 +19,10 @@ from rulec.knowledge.fingerprint import file_of, named_in, print_of_all, print_o
 from rulec.language.diagnostics import Refused
 
 
-def ruleset_of_plant(plant: Path) -> Ruleset:
+def ruleset_of_plant(plant: Path, make: Callable[[], Ruleset] | None = None) -> Ruleset:
     """The ruleset of a plant, folder or file; compiled only if something has changed.
+
+    `make` gives it in place of the compiler, for who has compiled the plant for another reason.
 
     Raises `Refused` with all mistakes of the first bad pass.
     """
@@ -31,9 +33,12 @@ def ruleset_of_plant(plant: Path) -> Ruleset:
         except (Damaged, RulesetRefused):  # by a tool that wrote others; compile it again
             pass
     before = _print(plant)
-    from rulec.passes.pipeline import compile_plant
+    if make is None:
+        from rulec.passes.pipeline import compile_plant
 
-    ruleset = compile_plant(plant)
+        ruleset = compile_plant(plant)
+    else:
+        ruleset = make()
     _keep(plant, "ruleset", before, ruleset.to_json())
     return ruleset
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.bench.conftest import Results
+from tests.bench.start import GOAL, measured
 from tests.conftest import ROOT, SOURCES, compiled
 
 EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
@@ -36,24 +37,10 @@ def test_help(verb: str, results: Results) -> None:
     results.add(f"start: rulec {verb} --help", seconds("-m", "rulec", verb, "--help"), "s", 0.2)
 
 
-SECOND = ("compile {} -o {}/r.json", "check {}", "matrix {}", "diagnose {} {example}")
-SECOND += ("simulate {} {example} -o {}/s.csv", "show order {}", "export {} --to c -o {}/code")
-
-
-@pytest.mark.parametrize("call", SECOND, ids=lambda c: c.split()[0])
-def test_second_start_on_a_plant(call: str, tmp_path: Path, results: Results) -> None:
-    """Processor time of a whole process, where the compiled plant is kept and where it is not."""
-    plant = ROOT / "plants" / "abc"
-    parts = call.format(plant, tmp_path, example=EXAMPLE).split()
-    for cache, what, goal in ((tmp_path, "kept", 0.4), ("off", "compiled", None)):
-        environment = {**os.environ, "PYTHONPATH": SOURCES, "RULEC_CACHE": str(cache)}
-        command, times = [sys.executable, "-m", "rulec", *parts], []
-        for _ in range(6):
-            begin = os.times()
-            subprocess.run(command, check=True, capture_output=True, env=environment)
-            end = os.times()
-            times.append(sum(end[2:4]) - sum(begin[2:4]))
-        results.add(f"start: rulec {parts[0]}, plant {what}", min(times), "s CPU", goal)
+def test_second_start_on_a_plant(tmp_path: Path, results: Results) -> None:
+    """Processor time until the real work begins, where the compiled plant is kept."""
+    for name, found in measured(tmp_path).items():
+        results.add(f"start: rulec {name}", found, "s CPU", GOAL)
 
 
 def test_diagnose_with_a_ruleset(tmp_path: Path, results: Results) -> None:

@@ -8,12 +8,14 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from functools import partialmethod
 from pathlib import Path
 from queue import Queue
 from typing import Any
 
 import httpx
 import pytest
+from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.cli import main
@@ -142,8 +144,11 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
     log: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What waits outlives the process; what is left at the end is told, and written next time."""
+    # A watch that ends tries for a second, not for as long as a lock may be held.
+    monkeypatch.setattr(Outbox, "close", partialmethod(Outbox.close, 1.0))
     waits = tmp_path / "waits"
     waits.mkdir()
     server = Postgres()

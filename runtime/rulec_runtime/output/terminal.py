@@ -40,7 +40,9 @@ class Terminal(Console):
     ) -> Iterable[Segment]:
         """Segments of what is shown; only rich's own control segments steer the terminal."""
         for segment in super().render(renderable, options):
-            yield segment if segment.control else segment._replace(text=shown(segment.text))
+            # Parts of a table come by here once for each table around them: most stay as they are.
+            is_plain = segment.control or _OTHER.search(segment.text) is None
+            yield segment if is_plain else segment._replace(text=shown(segment.text))
 
 
 def terminal(aside: bool = False, quiet: bool = False) -> Terminal:

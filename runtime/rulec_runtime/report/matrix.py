@@ -6,13 +6,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from string import ascii_lowercase
+from typing import TYPE_CHECKING
 
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import AmbiguousGroup, Cell, FaultSpec, ResidualSpec, Ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.report.tables import framed
 from rulec_runtime.report.text import safe
 from rulec_runtime.report.wording import STATUS
+
+if TYPE_CHECKING:  # the matrix of a plant needs nothing that judges recordings
+    from rulec_runtime.diagnosis.diagnose import Diagnosis
 
 LARGEST = 600
 """Cells shown; of a larger matrix only rows and columns that concern the findings."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.evidence import Evidence
-from rulec_runtime.diagnosis.steady.findings import Finding, Period
-from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course, span
+
+if TYPE_CHECKING:  # words alone need nothing that judges recordings
+    from rulec_runtime.diagnosis.steady.evidence import Evidence
+    from rulec_runtime.diagnosis.steady.findings import Finding, Period
+    from rulec_runtime.recordings.wall_clock import Calendar
 
 STATUS = {
     "F": ("✖", "failure"),

@@ -10,7 +10,7 @@ Source: own derivation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.piecewise import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
@@ -126,21 +127,23 @@ def free(bench: Bench, signal: SignalSpec) -> Freed:
     n = len(bench.stretches)
     grid = np.linspace(low, high, limits.FREED_VALUES)[1:-1]
     step = np.full(n, grid[1] - grid[0])
-    value, excess = np.full(n, grid[0]), np.full(n, np.inf)
-    for one in grid:
-        value, excess = _better(bench, signal, value, excess, np.full(n, one))
+    best = Freed(np.full(n, grid[0]), np.full(n, np.inf))
+    best = _better(bench, signal, best, (np.full(n, one) for one in grid))
     for _ in range(limits.FREED_ROUNDS):
-        centre, step = value.copy(), step / 4.0
-        for k in range(-4, 5):
-            value, excess = _better(bench, signal, value, excess, centre + k * step)
+        centre, step = best.value, step / 4.0
+        best = _better(bench, signal, best, (centre + k * step for k in range(-4, 5)))
+    return best
+
+
+def _better(bench: Bench, signal: SignalSpec, best: Freed, trials: Iterable[Array]) -> Freed:
+    """Take each trial, shape (n,), over where it agrees better, and no estimate is lost by it."""
+    value, excess = best.value, best.excess
+
+    def read(trial: Array) -> Points:
+        return bench.with_readings({signal.id: trial}, {signal.id: 0.0})
+
+    for trial, found in bench.agreements(trials, read):
+        whole = found.freedom >= bench.recorded.freedom
+        better = whole & (found.excess < excess)
+        value, excess = np.where(better, trial, value), np.where(better, found.excess, excess)
     return Freed(value, excess)
-
-
-def _better(
-    bench: Bench, signal: SignalSpec, value: Array, excess: Array, trial: Array
-) -> tuple[Array, Array]:
-    """Take a trial over where it agrees better, and no estimate is lost by it."""
-    found = bench.agreement(bench.with_readings({signal.id: trial}, {signal.id: 0.0}))
-    whole = found.freedom >= bench.recorded.freedom
-    better = whole & (found.excess < excess)
-    return np.where(better, trial, value), np.where(better, found.excess, excess)
