@@ -13,6 +13,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
+from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, only
 from rulec_runtime.live.levels import Levels, levels_of
 from rulec_runtime.live.look import Judged
@@ -36,6 +37,11 @@ class PartKnown:
     found: Found
     settled: float
     due: float
+
+    @property
+    def is_large(self) -> bool:
+        """Does a glance at it take longer than until the next row?"""
+        return len(self.part.ruleset.observed) > limits.SMALL_PLANT
 
     def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
         """After a glance, with so many rows: the next one is due when what was judged has twice as
@@ -70,6 +76,21 @@ class Known:
     parts: tuple[PartKnown, ...]
     levels: Levels
 
+    def to_be_seen(self, moved: np.ndarray, count: int, most: int | None = None) -> list[int]:
+        """Places of the parts whose readings have moved, by flags, and of those that are to be
+        looked at anyway: at most so many, and no large ones, where a number is given."""
+        names = {name for name, flag in zip(self.levels.names, moved, strict=True) if flag}
+        chosen = {i for i, one in enumerate(self.parts) if names & one.part.ruleset.observed}
+        due = [i for i, one in enumerate(self.parts) if count >= one.due and i not in chosen]
+        if most is not None:
+            due = [i for i in due if not self.parts[i].is_large]
+            due = sorted(due, key=lambda i: self.parts[i].due)[:most]
+        return sorted(chosen.union(due))
+
+    def is_large_due(self, count: int) -> bool:
+        """Is a part to be looked at that takes longer than until the next row?"""
+        return any(one.is_large and count >= one.due for one in self.parts)
+
 
 def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: int) -> Known:
     """What is known after a look at everything that had come, so many rows."""
@@ -93,9 +114,11 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
     values = whole.points.values
     level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
     rested = np.full(len(level), float(whole.timeline.samples[-1]))
+    # A recording keeps what was worked out of it once, which nobody asks for again.
+    health = replace(judged.health, recording=replace(recording))
     return Known(
         diagnosis=diagnosis,
-        health=judged.health,
+        health=health,
         noise=judged.noise,
         count=count,
         cut=count - behind,

@@ -68,6 +68,17 @@ class Levels:
         )
         return now, moved, bool(odd.any())
 
+    def after_rows(self, recent: Recording, new: int) -> tuple[Levels, np.ndarray, bool]:
+        """The same after the last rows of a recording."""
+        levels, moved = self, np.zeros(len(self.names), dtype=bool)
+        table = np.array([recent.values[name][len(recent) - new :] for name in self.names])
+        odd = False
+        for row in table.T:
+            levels, some, odd_now = levels.after(row)
+            moved |= some
+            odd |= odd_now
+        return levels, moved, odd
+
     def judged(self, chosen: np.ndarray, level: Array, rested: Array) -> Levels:
         """Some of the signals, by flags, as they have been judged now."""
         known = chosen & np.isfinite(level)

@@ -1,0 +1,45 @@
+"""A look at everything that is remembered, as a function of it alone: it may be done elsewhere."""
+
+from __future__ import annotations
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
+from rulec_runtime.live import limits
+from rulec_runtime.live.forgetting import oldest
+from rulec_runtime.live.known import known_after
+from rulec_runtime.live.look import look
+from rulec_runtime.live.looked import Looked
+from rulec_runtime.live.memory import Memory
+
+
+def looked(ruleset: Ruleset, memory: Memory) -> Looked:
+    """Judge all that is remembered of a plant that settles, and what there is no room for."""
+    recent = memory.recent
+    diagnosis, judged = look(ruleset, recent, memory.before, headers=_in_doubt(memory))
+    known = None
+    if judged is not None and _is_large(memory):
+        known = known_after(ruleset, diagnosis, judged, memory.count)
+    cut, before = 0, memory.before
+    if len(recent) >= 2 * limits.KEPT_ROWS:
+        cut, before = oldest(memory, judged, diagnosis)
+    return Looked(
+        diagnosis=diagnosis,
+        settled=None if judged is None else float(judged.whole.timeline.until[-1]),
+        known=known,
+        cut=cut,
+        before=before,
+    )
+
+
+def _in_doubt(memory: Memory) -> bool:
+    """May headers be wrong? The first rows said it; later a fault that lasts looks like it."""
+    misread = {UNIT.name, SWAPPED.name}
+    told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
+    return memory.before is None or bool(misread.intersection(told))
+
+
+def _is_large(memory: Memory) -> bool:
+    """Does a look at everything take longer than until the next row?"""
+    signals = len(memory.recent.values)
+    numbers = signals * len(memory.recent)
+    return signals > limits.SMALL_PLANT or numbers > limits.SEEN_AT_ONCE
