@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
-from rulec_runtime.live.beside import Looks, caught_up_with
+from rulec_runtime.live.beside import Due, Looks, asked_by
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.forgetting import reference_and_latest, without_first
@@ -64,8 +64,9 @@ def follow(
 def looked_beside(ruleset: Ruleset, memory: Memory, looks: Looks | None) -> Told | None:
     """What a look said that has ended while no row came; None where none has."""
     way = memory.under_way
-    found = None if way is None else way.asked.found(wait=False)
-    return None if found is None else _taken_in(ruleset, memory, found, looks)
+    if way is None or looks is None or (found := way.asked.found(wait=False)) is None:
+        return None
+    return _taken_in(ruleset, memory, found, looks)
 
 
 def concluded(ruleset: Ruleset, memory: Memory) -> Told | None:
@@ -87,13 +88,20 @@ def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> 
         return _looked(ruleset, memory)
     if memory.recent.values.keys() - set(known.levels.names):
         return _looked(ruleset, memory)
+    if looks is None:
+        return _glanced_or_looked(ruleset, memory, known, new)
     if way is not None:
         found = way.asked.found(wait=len(memory.recent) >= limits.MOST_ROWS)
         if found is not None:
-            _, _, odd = known.levels.after_rows(memory.recent, new)
-            memory = replace(memory, under_way=way.doubted(odd))
+            _, due = asked_by(known, memory, new)
+            memory = replace(memory, under_way=way.doubted(due.doubt))
             return _taken_in(ruleset, memory, found, looks)
-    return _glanced(ruleset, memory, known, new, looks)
+    known, due = asked_by(known, memory, new)
+    if way is not None:
+        memory = replace(memory, under_way=way.doubted(due.doubt))
+    else:
+        memory = _begun_if_due(ruleset, memory, known, looks, due)
+    return _glanced(ruleset, memory, known, due.places)
 
 
 def _looked(ruleset: Ruleset, memory: Memory) -> Told:
@@ -119,18 +127,17 @@ def _remembered(memory: Memory, found: Looked, known: Known | None) -> Memory:
     return replace(memory, recent=recent, before=found.before, known=known)
 
 
-def _glanced(ruleset: Ruleset, memory: Memory, known: Known, new: int, looks: Looks | None) -> Told:
+def _glanced_or_looked(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
     levels, moved, odd = known.levels.after_rows(memory.recent, new)
-    if memory.under_way is not None:
-        memory = replace(memory, under_way=memory.under_way.doubted(odd))
-    elif odd or _is_due(memory, known, looks):
-        if looks is None:
-            return _looked(ruleset, memory)
-        memory = _begun(ruleset, memory, looks)
-    known = replace(known, levels=levels)
-    most = None if looks is None else limits.DUE_AT_ONCE
-    places = known.to_be_seen(moved, memory.count, most)
+    if odd or _is_due(memory, known):
+        return _looked(ruleset, memory)
+    places = sorted(known.moved(moved) | known.due(memory.count))
+    return _glanced(ruleset, memory, replace(known, levels=levels), places)
+
+
+def _glanced(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -> Told:
+    """Judge some parts, by their places."""
     if not places:
         diagnosis = replace(known.diagnosis, samples=memory.count)
         return Told(replace(memory, known=known), (), diagnosis)
@@ -140,7 +147,7 @@ def _glanced(ruleset: Ruleset, memory: Memory, known: Known, new: int, looks: Lo
     return _told(ruleset, memory, known.diagnosis, settled_until(known))
 
 
-def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks | None) -> Told:
+def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> Told:
     """What a look found that went on beside the rows, and what they say that came meanwhile.
 
     It is told as of the last row that was judged: what was told since stands or falls by all rows.
@@ -150,29 +157,30 @@ def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks | No
     memory = replace(memory, under_way=None)
     if found.known is None:
         return _looked(ruleset, memory)
-    known, places, odd = caught_up_with(memory, found.known, way)
-    if places:
+    known, due = asked_by(found.known, memory, memory.count - way.count)
+    due = replace(due, doubt=due.doubt or way.doubt)
+    if places := sorted(way.seen.union(due.places)):
         known = glance(ruleset, memory.recent, known, places, memory.count)
         told = _told(ruleset, memory, known.diagnosis, settled_until(known))
     else:
-        # Nothing was told meanwhile, and nothing moved: the look says it as of its own rows.
+        # Nothing was told meanwhile: the look says it as of its own rows.
         told = _told(ruleset, memory, found.diagnosis, found.settled, rows=way.kept)
     memory = _remembered(told.memory, found, known)
-    if looks is not None and (odd or way.again or _is_due(memory, known, looks)):
-        memory = _begun(ruleset, memory, looks)
-    return replace(told, memory=memory)
+    return replace(told, memory=_begun_if_due(ruleset, memory, known, looks, due))
 
 
-def _is_due(memory: Memory, known: Known, looks: Looks | None) -> bool:
-    """Are there three times as many rows, or no room for more? Or would a glance take too long?"""
-    count = memory.count
-    due = len(memory.recent) >= 2 * limits.KEPT_ROWS or count >= limits.LOOKED_AGAIN * known.count
-    return due or (looks is not None and known.is_large_due(count))
+def _is_due(memory: Memory, known: Known) -> bool:
+    """Are there three times as many rows, or no room for more?"""
+    full = len(memory.recent) >= 2 * limits.KEPT_ROWS
+    return full or memory.count >= limits.LOOKED_AGAIN * known.count
 
 
-def _begun(ruleset: Ruleset, memory: Memory, looks: Looks) -> Memory:
-    """Memory with a look at everything under way."""
-    asked, kept = looks.begin(ruleset, memory), len(memory.recent)
+def _begun_if_due(ruleset: Ruleset, memory: Memory, known: Known, looks: Looks, due: Due) -> Memory:
+    """Memory with a look at everything under way, where one is due."""
+    whole = due.doubt or _is_due(memory, known)
+    if not whole and not due.look:
+        return memory
+    asked, kept = looks.begin(ruleset, memory, headers=whole), len(memory.recent)
     return replace(memory, under_way=UnderWay(asked=asked, count=memory.count, kept=kept))
 
 

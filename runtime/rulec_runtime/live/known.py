@@ -38,11 +38,6 @@ class PartKnown:
     settled: float
     due: float
 
-    @property
-    def is_large(self) -> bool:
-        """Does a glance at it take longer than until the next row?"""
-        return len(self.part.ruleset.observed) > limits.SMALL_PLANT
-
     def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
         """After a glance, with so many rows: the next one is due when what was judged has twice as
         many rows, or with the next row while the part does not stand still."""
@@ -76,20 +71,20 @@ class Known:
     parts: tuple[PartKnown, ...]
     levels: Levels
 
-    def to_be_seen(self, moved: np.ndarray, count: int, most: int | None = None) -> list[int]:
-        """Places of the parts whose readings have moved, by flags, and of those that are to be
-        looked at anyway: at most so many, and no large ones, where a number is given."""
-        names = {name for name, flag in zip(self.levels.names, moved, strict=True) if flag}
-        chosen = {i for i, one in enumerate(self.parts) if names & one.part.ruleset.observed}
-        due = [i for i, one in enumerate(self.parts) if count >= one.due and i not in chosen]
-        if most is not None:
-            due = [i for i in due if not self.parts[i].is_large]
-            due = sorted(due, key=lambda i: self.parts[i].due)[:most]
-        return sorted(chosen.union(due))
+    def moved(self, flags: np.ndarray) -> set[int]:
+        """Places of the parts of which readings have moved, by flags of signals."""
+        names = {name for name, flag in zip(self.levels.names, flags, strict=True) if flag}
+        return {i for i, one in enumerate(self.parts) if names & one.part.ruleset.observed}
 
-    def is_large_due(self, count: int) -> bool:
-        """Is a part to be looked at that takes longer than until the next row?"""
-        return any(one.is_large and count >= one.due for one in self.parts)
+    def due(self, count: int) -> set[int]:
+        """Places of the parts that are to be looked at, whatever their readings do."""
+        return {i for i, one in enumerate(self.parts) if count >= one.due}
+
+    @property
+    def large(self) -> set[int]:
+        """Places of the parts of which a glance takes longer than until the next row."""
+        sizes = ((i, len(one.part.ruleset.observed)) for i, one in enumerate(self.parts))
+        return {i for i, size in sizes if size > limits.SMALL_PLANT}
 
 
 def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: int) -> Known:

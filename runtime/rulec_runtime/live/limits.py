@@ -30,13 +30,20 @@ DUE_AT_ONCE = 3
 the rows. Origin: assumed; that takes less than half of a tenth of a second.
 """
 
+PATIENCE = 30
+"""Rows that a look beside them may take before a large part that moves gets a glance, for which
+rows wait. Origin: assumed; several times what a look takes that doubts no header.
+"""
+
 ROWS_AT_A_GLANCE = 60
 """Rows that come together from which on everything is judged. Origin: assumed; a stretch of full
 length."""
 
 MOVED = 5.0
 """Standard deviations of its noise by which a reading, or its mean, is off where it has moved.
-Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged."""
+Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged.
+Where looks go on beside the rows, it is the same chance of Student's distribution, as a few rows
+hardly tell the noise."""
 
 STANDS_STILL = 50.0
 """Equal readings in a row with which a sensor is looked at. Origin: assumed; `STILL_RUN` times

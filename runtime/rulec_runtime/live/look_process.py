@@ -57,16 +57,16 @@ class LookProcess:
         """Of the process; None where there is none."""
         return None if self._running is None else self._running.process.pid
 
-    def begin(self, ruleset: Ruleset, memory: Memory) -> AskedThere:
-        """Begin to look at all that is remembered."""
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool = True) -> AskedThere:
+        """Begin to look at all that is remembered; `headers` as in `looked`."""
         what = replace(memory, known=None, under_way=None)
-        parts = [written(ruleset, what)]
+        parts = [written(ruleset, (what, headers))]
         if self._running is None or not self._running.process.is_alive():
             self.close()
             self._running = _started()
             parts.insert(0, self._ruleset)
         answer = self._running.thread.submit(_answer, self._running.ours, parts)
-        return AskedThere(self, ruleset, what, answer)
+        return AskedThere(self, ruleset, what, headers, answer)
 
     def close(self) -> None:
         """End the process, whatever it does."""
@@ -93,6 +93,7 @@ class AskedThere:
     looks: LookProcess
     ruleset: Ruleset
     memory: Memory
+    headers: bool
     answer: Future[bytes]
 
     def found(self, wait: bool) -> Looked | None:
@@ -103,7 +104,7 @@ class AskedThere:
         try:
             data = self.answer.result()
         except ENDED:
-            return looked(self.ruleset, self.memory)
+            return looked(self.ruleset, self.memory, self.headers)
         found = read(self.ruleset, data)
         if isinstance(found, Exception):
             raise found
@@ -130,12 +131,12 @@ def serve(theirs: Connection) -> None:
     ruleset = pickle.loads(theirs.recv_bytes())
     while True:
         try:
-            memory = read(ruleset, theirs.recv_bytes())
+            memory, headers = read(ruleset, theirs.recv_bytes())
         except ENDED:
             return
         found: Looked | Exception
         try:
-            found = looked(ruleset, memory)
+            found = looked(ruleset, memory, headers)
         except Exception as error:
             found = error
         theirs.send_bytes(written(ruleset, found))

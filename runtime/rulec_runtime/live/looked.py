@@ -51,19 +51,19 @@ class UnderWay:
     asked : the look.
     count : rows that had come; `kept` is how many of them were remembered.
     seen : places of the parts that got a glance since.
-    again : whether a sensor came into doubt since, so that another look is due.
+    doubt : whether a sensor came into doubt since, so that another look is due.
     """
 
     asked: Asked
     count: int
     kept: int
     seen: frozenset[int] = frozenset()
-    again: bool = False
+    doubt: bool = False
 
     def with_seen(self, places: Collection[int]) -> UnderWay:
         """The same when some parts have got a glance."""
         return replace(self, seen=self.seen.union(places))
 
-    def doubted(self, odd: bool) -> UnderWay:
-        """The same when rows may have put a sensor in doubt."""
-        return replace(self, again=self.again or odd)
+    def doubted(self, doubt: bool) -> UnderWay:
+        """The same after rows that may have put a sensor in doubt."""
+        return replace(self, doubt=self.doubt or doubt)

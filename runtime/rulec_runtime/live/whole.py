@@ -12,10 +12,14 @@ from rulec_runtime.live.looked import Looked
 from rulec_runtime.live.memory import Memory
 
 
-def looked(ruleset: Ruleset, memory: Memory) -> Looked:
-    """Judge all that is remembered of a plant that settles, and what there is no room for."""
+def looked(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Looked:
+    """Judge all that is remembered of a plant that settles, and what there is no room for.
+
+    Without `headers` a column is what its header says, unless something else has been told.
+    """
     recent = memory.recent
-    diagnosis, judged = look(ruleset, recent, memory.before, headers=_in_doubt(memory))
+    headers = _is_misread(memory) or (headers and memory.before is None)
+    diagnosis, judged = look(ruleset, recent, memory.before, headers=headers)
     known = None
     if judged is not None and _is_large(memory):
         known = known_after(ruleset, diagnosis, judged, memory.count)
@@ -31,11 +35,14 @@ def looked(ruleset: Ruleset, memory: Memory) -> Looked:
     )
 
 
-def _in_doubt(memory: Memory) -> bool:
-    """May headers be wrong? The first rows said it; later a fault that lasts looks like it."""
+def _is_misread(memory: Memory) -> bool:
+    """Has a column been told to be another than its header says?
+
+    Besides, only the first rows are asked: later a fault that lasts looks like it.
+    """
     misread = {UNIT.name, SWAPPED.name}
     told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
-    return memory.before is None or bool(misread.intersection(told))
+    return bool(misread.intersection(told))
 
 
 def _is_large(memory: Memory) -> bool:

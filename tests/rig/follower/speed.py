@@ -1,5 +1,4 @@
-"""How long rows take: processor time, which other work on the machine disturbs less than a clock.
-"""
+"""How long rows take, in processor time: other work on the machine disturbs a clock more."""
 
 from __future__ import annotations
 
@@ -8,7 +7,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.follower import follow, nothing_yet
@@ -53,7 +51,7 @@ def latency() -> dict[str, Any]:
         lasting = [Planted(LASTING[name], 0.3, BEGINS, ROWS)]
         for kind, planted in (("healthy", []), ("faulty", lasting)):
             recording = recorded(ruleset, ROWS, planted, INTERVAL, np.random.default_rng(7))
-            form = {"signals": len(recording.values), "rows": ROWS}
+            form: dict[str, Any] = {"signals": len(recording.values), "rows": ROWS}
             run = followed(ruleset, recording)
             form |= {name: of_rows(run, *part) for name, part in SPANS.items()}
             form |= {"looks": len(run.looks), "longest_look": max(run.looks, default=0.0)}

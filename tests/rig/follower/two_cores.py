@@ -1,8 +1,9 @@
 """Rows that come at ten a second, on one core, and looks at everything beside them on another.
 
 What either core does takes as long as the processor time it costs: other work on this machine
-disturbs that less than a clock. Looks are done in a process of their own, as in the watch. Rows that
-come while others are judged wait for the end of that, and are judged together.
+disturbs that less than a clock. Looks are done in a process of their own, as in the watch.
+Rows that come while others are judged wait for the end of that, and are judged together. A row that
+says something for which a look is due is judged when a look has seen it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.known import Known
+from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.look_process import LookProcess
 from rulec_runtime.live.looked import Asked, Looked
 from rulec_runtime.live.memory import Memory
@@ -45,19 +48,43 @@ def followed(ruleset: Ruleset, recording: Recording) -> Run:
     memory, first = nothing_yet(ruleset, False), 0
     late, told_of = np.zeros(len(recording)), np.zeros(len(recording), dtype=bool)
     came = INTERVAL * np.arange(len(recording))
+    waiting: list[tuple[int, int, bool]] = []
     clock = Clock()
     with closing(LookProcess(ruleset)) as process:
         looks = OtherCore(process, clock)
         while first < len(recording):
             clock.wait_until(float(came[first]))
             last = int(np.searchsorted(came, clock.now(), side="right"))
+            known, events = memory.known, False
             for told in follow(ruleset, memory, part_of(recording, first, last), looks):
-                memory = told.memory
-                told_of[first:last] |= bool(told.events)
-            late[first:last] = clock.now() - came[first:last]
+                memory, events = told.memory, events or bool(told.events)
+            waiting.append((first, last, _says_news(known, memory, last - first)))
+            done, waiting = _done(waiting, memory)
+            for begin, end in done:
+                late[begin:end] = clock.now() - came[begin:end]
+                told_of[begin:end] |= events
             first = last
+        for begin, end, _ in waiting:
+            late[begin:end] = clock.now() - came[begin:end]
     spent = clock.spent / (len(recording) * INTERVAL)
     return Run(late=late, told_of=told_of, looks=tuple(looks.costs), busy=spent)
+
+
+def _says_news(known: Known | None, memory: Memory, new: int) -> bool:
+    """Do the last rows say anything for which a look at everything is due?"""
+    if known is None or memory.under_way is None:
+        return False
+    _, flags, odd = known.levels.after_rows(memory.recent, new, far_after(known.count))
+    return odd or bool(known.moved(flags) & known.large - memory.under_way.seen)
+
+
+def _done(
+    waiting: list[tuple[int, int, bool]], memory: Memory
+) -> tuple[list[tuple[int, int]], list[tuple[int, int, bool]]]:
+    """Rows that are judged by now, and those that still wait for a look that has seen them."""
+    seen = np.inf if memory.under_way is None or memory.known is None else memory.known.count
+    done = [(first, last) for first, last, news in waiting if not news or last <= seen]
+    return done, [one for one in waiting if one[2] and one[1] > seen]
 
 
 class Clock:
@@ -88,10 +115,10 @@ class OtherCore:
     clock: Clock
     costs: list[float] = field(default_factory=list)
 
-    def begin(self, ruleset: Ruleset, memory: Memory) -> Asked:
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> Asked:
         """Do it, and hand it out when it would be done."""
         before, pid = _spent(self.process.pid), self.process.pid
-        asked, since = self.process.begin(ruleset, memory), self.clock.now()
+        asked, since = self.process.begin(ruleset, memory, headers), self.clock.now()
         wait_for([asked.answer])
         # The first look waits for the start of its process.
         cost = _spent(self.process.pid) - (before if pid == self.process.pid else 0.0)
