@@ -16,8 +16,8 @@ from tests.conftest import compiled
 from tests.rig.follower.plants import Planted, chain, part_of, recorded, side_by_side
 from tests.rig.follower.two_cores import INTERVAL, Run, followed
 
-ROWS = 3000
-"""Five minutes."""
+ROWS = 1800
+"""Three minutes."""
 
 SPANS = {"start": (0, 900), "later": (600, ROWS)}
 """Rows of the first minute and a half, and those behind the first minute."""
