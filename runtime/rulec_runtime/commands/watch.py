@@ -19,6 +19,7 @@ from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, concluded, nothing_yet
 from rulec_runtime.live.look_process import LookProcess
+from rulec_runtime.live.warmed_up import warm_up
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -33,6 +34,8 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
         # What is told of a file that is read to its end depends on nothing but its rows.
         alone = options.until_end or ruleset.dynamics is not None
         looks = None if alone else stack.enter_context(closing(LookProcess(ruleset)))
+        if looks is not None and len(ruleset.observed) > limits.SMALL_PLANT:
+            warm_up(ruleset)
         what = opened(options, ruleset, stack, unwritten)
         memory = _watch(what, ruleset, options.until_end, looks)
     active = {one.status for one in memory.episodes if one.active}

@@ -23,6 +23,7 @@ from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.look_process import LookProcess
 from rulec_runtime.live.looked import Asked, Looked
 from rulec_runtime.live.memory import Memory
+from rulec_runtime.live.warmed_up import warm_up
 from rulec_runtime.recordings.recording import Recording
 
 from tests.rig.follower.plants import part_of
@@ -52,6 +53,7 @@ def followed(ruleset: Ruleset, recording: Recording) -> Run:
     late, told_of = np.zeros(len(recording)), np.zeros(len(recording), dtype=bool)
     came = INTERVAL * np.arange(len(recording))
     waiting: list[tuple[int, int, bool]] = []
+    warm_up(ruleset)
     clock = Clock()
     with closing(LookProcess(ruleset)) as process:
         looks = OtherCore(process, clock, INTERVAL * len(recording))
