@@ -14,6 +14,8 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from rulec_runtime.output.interrupts import interrupts_held
+
 from rulec.engines.call import Call
 from rulec.limits import WORK_AHEAD, WORKER_DEATHS
 
@@ -36,7 +38,7 @@ def run(
         under_way: dict[Future[B], int] = {}
         with _pool(jobs) as pool:
             try:
-                with _interrupts_held():
+                with interrupts_held():
                     _fill(pool, work, calls, shared, waiting, under_way, jobs)
                 while under_way:
                     done, _ = wait(under_way, return_when=FIRST_COMPLETED)
@@ -98,28 +100,6 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-@contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Processes started in here inherit that an interrupt is the parent's business.
-
-    The parent sees one that comes meanwhile behind this: a process that is interrupted, or whose
-    parent is, while it starts would print a traceback.
-    """
-    if threading.current_thread() is not threading.main_thread() or os.name != "posix":
-        yield
-        return
-    held: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, handler)
-    if held:
-        raise KeyboardInterrupt
 
 
 def _start(lifeline: Connection) -> None:

@@ -467,7 +467,8 @@ OPERATIONS_OF_A_CALL = 200
 numerical."""
 
 PLANS_KEPT = 512
-"""Plans of hypotheses tried together that are kept for the next time. Origin: numerical."""
+"""Parts of a plan, as those of hypotheses tried together, that are kept for the next time. Origin:
+numerical."""
 
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""

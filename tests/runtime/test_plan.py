@@ -166,6 +166,18 @@ def test_select_keeps_what_is_needed() -> None:
         plan.select(["nothing"])
 
 
+def test_selections_asked_for_last_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rulec_runtime.limits.PLANS_KEPT", 2)
+    operations = tuple(("add", 0, 1) for _ in range(4))
+    plan = Plan(("a", "b"), (), operations, {f"y{i}": 2 + i for i in range(4)})
+    first, second = plan.select(["y0"]), plan.select(["y1"])
+    assert plan.select(["y0"]) is first
+    plan.select(["y2"])
+    assert plan.select(["y0"]) is first
+    assert plan.select(["y1"]) is not second
+    assert plan.select(["y1"]).run({"a": 1.0, "b": 2.0})["y1"] == [3.0]
+
+
 def test_select_on_a_real_plan(abc: Ruleset) -> None:
     """Each output alone equals that output of the whole plan."""
     inputs = readings_of(abc, 11)

@@ -6,7 +6,7 @@ import argparse
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +15,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
+from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, concluded, nothing_yet
+from rulec_runtime.live.look_process import LookProcess
+from rulec_runtime.live.warmed_up import warm_up
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -28,14 +31,19 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
     ruleset = load(Path(options.plant))
     unwritten: list[str] = []
     with _ends_when_asked(), ExitStack() as stack:
+        # What is told of a file that is read to its end depends on nothing but its rows.
+        alone = options.until_end or ruleset.dynamics is not None
+        looks = None if alone else stack.enter_context(closing(LookProcess(ruleset)))
+        if looks is not None and len(ruleset.observed) > limits.SMALL_PLANT:
+            warm_up(ruleset)
         what = opened(options, ruleset, stack, unwritten)
-        memory = _watch(what, ruleset, options.until_end)
+        memory = _watch(what, ruleset, options.until_end, looks)
     active = {one.status for one in memory.episodes if one.active}
     failed = active & set(options.fail_on.split(","))
     return limits.FAILED if failed else int(bool(unwritten))
 
 
-def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
+def _watch(what: Opened, ruleset: Ruleset, until_end: bool, looks: Looks | None) -> Memory:
     """Rows in, events out; what is remembered in the end."""
     memory, source, present = what.memory, what.source, what.present
     with suppress(KeyboardInterrupt):
@@ -46,12 +54,12 @@ def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
                 recent = nothing_yet(ruleset, source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            for remembered, told, diagnosis in judged(ruleset, memory, came):
+            for remembered, told, diagnosis in judged(ruleset, memory, came, looks):
                 memory = remembered
                 news += told
                 present.update(memory, told, diagnosis)
                 what.screen.show(present.now())
-            if came:
+            if came or news:
                 _keep(what, ruleset, memory, news)
             if not came and until_end:
                 break

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan_code import Step
 from rulec_runtime.contract.plan_kernel import PlanKernel
 
@@ -66,12 +67,15 @@ class Plan:
     def select(self, outputs: Iterable[str]) -> Plan:
         """Keep what the named outputs need; unknown names raise KeyError.
 
-        The same names give the same plan, so that how to run it is worked out once.
+        The same names give the same plan, so that how to run it is worked out once; of many, those
+        that were asked for last are kept.
         """
         names = tuple(outputs)
-        if names not in self._selections:
-            self._selections[names] = self.selected(names)
-        return self._selections[names]
+        found = self._selections.pop(names, None) or self.selected(names)
+        while len(self._selections) >= limits.PLANS_KEPT:
+            del self._selections[next(iter(self._selections))]
+        self._selections[names] = found
+        return found
 
     def narrowed(self) -> Plan:
         """The same plan with those inputs and constants alone that it reads."""

@@ -403,7 +403,9 @@ class Ruleset:
         if observers not in self._slopes:
             names = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in observers)
             there = (n for n in names if n in self.undo.outputs)
-            self._slopes[observers] = self.undo.select(there).narrowed()
+            while len(self._slopes) >= limits.PLANS_KEPT:
+                del self._slopes[next(iter(self._slopes))]
+            self._slopes[observers] = self.undo.selected(there).narrowed()
         return self._slopes[observers]
 
     @cached_property

@@ -8,25 +8,29 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, follow
+from rulec_runtime.live.follower import Memory, follow, looked_beside
 from rulec_runtime.live.rows import Notice, Rows
 
 
 def judged(
-    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice]
+    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice], looks: Looks | None = None
 ) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
     """What is remembered after each block of rows and each notice, what is new, and the diagnosis
-    of rows."""
+    of rows. `looks`: where looks go on beside the rows; one that has ended while nothing came is
+    told as well."""
     for item in _blocks(came):
         if isinstance(item, Notice):
             memory, told = noticed(memory, item)
             yield memory, told, None
             continue
-        for said in follow(ruleset, memory, item):
+        for said in follow(ruleset, memory, item, looks):
             memory = said.memory
             yield memory, said.events, said.diagnosis
+    if not came and (late := looked_beside(ruleset, memory, looks)) is not None:
+        yield late.memory, late.events, late.diagnosis
 
 
 def _blocks(came: Sequence[Rows | Notice]) -> Iterator[Rows | Notice]:

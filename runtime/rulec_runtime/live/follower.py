@@ -8,7 +8,7 @@ diagnosis of the whole recording to the last digit.
 A large plant is looked at so when there are three times as many rows, when there is no room for
 more, when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing
 new needs no look (`levels.py`), and where readings move only their part gets a glance
-(`glance.py`).
+(`glance.py`). Such a look may go on beside the rows that come meanwhile (`beside.py`).
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.live import limits
+from rulec_runtime.live.beside import Due, Looks, asked_by
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.forgetting import without_oldest
+from rulec_runtime.live.forgetting import reference_and_latest, without_first
 from rulec_runtime.live.glance import glance, settled_until
-from rulec_runtime.live.known import Known, known_after
-from rulec_runtime.live.look import look, sight_of
+from rulec_runtime.live.known import Known
+from rulec_runtime.live.look import sight_of
+from rulec_runtime.live.looked import Looked, UnderWay
 from rulec_runtime.live.memory import Memory, appended, nothing_yet
 from rulec_runtime.live.rows import Rows
+from rulec_runtime.live.whole import looked
 
-__all__ = ["Memory", "Told", "concluded", "diagnosis_of", "follow", "nothing_yet"]
+__all__ = ["Memory", "Told", "concluded", "diagnosis_of", "follow", "looked_beside", "nothing_yet"]
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,30 @@ class Told:
     diagnosis: Diagnosis
 
 
-def follow(ruleset: Ruleset, memory: Memory, rows: Rows) -> Iterator[Told]:
-    """Take rows in; a diagnosis after each block of them that memory has room for."""
+def follow(
+    ruleset: Ruleset, memory: Memory, rows: Rows, looks: Looks | None = None
+) -> Iterator[Told]:
+    """Take rows in; a diagnosis after each block of them that memory has room for.
+
+    `looks`: where looks at everything go on beside the rows once something is known; else rows wait
+    for them, and what is told depends on nothing but rows.
+    """
     for low in range(0, len(rows), limits.KEPT_ROWS):
         part = slice(low, low + limits.KEPT_ROWS)
         recent = appended(ruleset, memory.recent, rows, part)
         new = len(rows.time[part])
         memory = replace(memory, recent=recent, count=memory.count + new)
-        told = _looked(ruleset, memory) if memory.known is None else _glanced(ruleset, memory, new)
+        told = _judged(ruleset, memory, new, looks)
         memory = told.memory
         yield told
+
+
+def looked_beside(ruleset: Ruleset, memory: Memory, looks: Looks | None) -> Told | None:
+    """What a look said that has ended while no row came; None where none has."""
+    way = memory.under_way
+    if way is None or looks is None or (found := way.asked.found(wait=False)) is None:
+        return None
+    return _taken_in(ruleset, memory, found, looks)
 
 
 def concluded(ruleset: Ruleset, memory: Memory) -> Told | None:
@@ -67,75 +81,118 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
     return _looked(ruleset, memory).diagnosis if len(memory.recent) else None
 
 
+def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> Told:
+    """Judge rows at a glance; all that is remembered where nothing is known yet, or much is new."""
+    known, way = memory.known, memory.under_way
+    if known is None or new > limits.ROWS_AT_A_GLANCE:
+        return _looked(ruleset, memory)
+    if memory.recent.values.keys() - set(known.levels.names):
+        return _looked(ruleset, memory)
+    if looks is None:
+        return _glanced_or_looked(ruleset, memory, known, new)
+    if way is not None:
+        found = way.asked.found(wait=len(memory.recent) >= limits.MOST_ROWS)
+        if found is not None:
+            _, due = asked_by(known, memory, new)
+            memory = replace(memory, under_way=way.doubted(due.doubt))
+            return _taken_in(ruleset, memory, found, looks)
+    known, due = asked_by(known, memory, new)
+    if way is not None:
+        memory = replace(memory, under_way=way.doubted(due.doubt))
+    else:
+        memory = _begun_if_due(ruleset, memory, known, looks, due)
+    return _glanced(ruleset, memory, known, due.places)
+
+
 def _looked(ruleset: Ruleset, memory: Memory) -> Told:
     """Judge all that is remembered, tell what is new, and give up what there is no room for."""
-    recent, judged = memory.recent, None
-    if ruleset.dynamics is None:
-        diagnosis, judged = look(ruleset, recent, memory.before, headers=_in_doubt(memory))
-    else:
-        diagnosis = diagnose(recent, ruleset)
-    settled = None if judged is None else float(judged.whole.timeline.until[-1])
-    told = _told(ruleset, memory, diagnosis, settled)
-    known = None
-    if judged is not None and _is_large(ruleset, memory):
-        known = known_after(ruleset, diagnosis, judged, memory.count)
-    memory = replace(told.memory, known=known)
-    if len(recent) >= 2 * limits.KEPT_ROWS:
-        memory = without_oldest(memory, judged, diagnosis)
-    return replace(told, memory=memory)
+    if memory.under_way is not None:
+        memory.under_way.asked.drop()
+        memory = replace(memory, under_way=None)
+    if ruleset.dynamics is not None:
+        told = _told(ruleset, memory, diagnose(memory.recent, ruleset), None)
+        memory = replace(told.memory, known=None)
+        if len(memory.recent) >= 2 * limits.KEPT_ROWS:
+            recent = reference_and_latest(memory.recent, memory.episodes)
+            memory = replace(memory, recent=recent)
+        return replace(told, memory=memory)
+    found = looked(ruleset, memory)
+    told = _told(ruleset, memory, found.diagnosis, found.settled)
+    return replace(told, memory=_remembered(told.memory, found, found.known))
 
 
-def _in_doubt(memory: Memory) -> bool:
-    """May headers be wrong? The first rows said it; later a fault that lasts looks like it."""
-    misread = {UNIT.name, SWAPPED.name}
-    told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
-    return memory.before is None or bool(misread.intersection(told))
+def _remembered(memory: Memory, found: Looked, known: Known | None) -> Memory:
+    """What is kept when what a look found has been told."""
+    recent = without_first(memory.recent, found.cut)
+    return replace(memory, recent=recent, before=found.before, known=known)
 
 
-def _is_large(ruleset: Ruleset, memory: Memory) -> bool:
-    """Does a look at everything take longer than until the next row?"""
-    signals = len(memory.recent.values)
-    numbers = signals * len(memory.recent)
-    return signals > limits.SMALL_PLANT or numbers > limits.SEEN_AT_ONCE
-
-
-def _glanced(ruleset: Ruleset, memory: Memory, new: int) -> Told:
+def _glanced_or_looked(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
-    known, recent = memory.known, memory.recent
-    assert known is not None
-    soon = memory.count >= limits.LOOKED_AGAIN * known.count or len(recent) >= 2 * limits.KEPT_ROWS
-    if soon or new > limits.ROWS_AT_A_GLANCE or recent.values.keys() - set(known.levels.names):
+    levels, moved, odd = known.levels.after_rows(memory.recent, new)
+    if odd or _is_due(memory, known):
         return _looked(ruleset, memory)
-    levels, moved = known.levels, np.zeros(len(known.levels.names), dtype=bool)
-    table = np.array([recent.values[name][-new:] for name in levels.names])
-    for row in table.T:
-        levels, some, odd = levels.after(row)
-        moved |= some
-        if odd:
-            return _looked(ruleset, memory)
-    known = replace(known, levels=levels)
-    places = _to_be_seen(known, moved, memory.count)
+    places = sorted(known.moved(moved) | known.due(memory.count))
+    return _glanced(ruleset, memory, replace(known, levels=levels), places)
+
+
+def _glanced(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -> Told:
+    """Judge some parts, by their places."""
     if not places:
         diagnosis = replace(known.diagnosis, samples=memory.count)
         return Told(replace(memory, known=known), (), diagnosis)
-    known = glance(ruleset, recent, known, places, memory.count)
-    memory = replace(memory, known=known)
+    known = glance(ruleset, memory.recent, known, places, memory.count)
+    way = None if memory.under_way is None else memory.under_way.with_seen(places)
+    memory = replace(memory, known=known, under_way=way)
     return _told(ruleset, memory, known.diagnosis, settled_until(known))
 
 
-def _to_be_seen(known: Known, moved: np.ndarray, count: int) -> list[int]:
-    """Places of the parts whose readings have moved, or that are to be looked at anyway."""
-    names = {name for name, flag in zip(known.levels.names, moved, strict=True) if flag}
-    return [
-        place
-        for place, one in enumerate(known.parts)
-        if count >= one.due or names & one.part.ruleset.observed
-    ]
+def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> Told:
+    """What a look found that went on beside the rows, and what they say that came meanwhile.
+
+    It is told as of the last row that was judged: what was told since stands or falls by all rows.
+    """
+    way = memory.under_way
+    assert way is not None
+    memory = replace(memory, under_way=None)
+    if found.known is None:
+        return _looked(ruleset, memory)
+    known, due = asked_by(found.known, memory, memory.count - way.count)
+    due = replace(due, doubt=due.doubt or way.doubt)
+    if places := sorted(way.seen.union(due.places)):
+        known = glance(ruleset, memory.recent, known, places, memory.count)
+        told = _told(ruleset, memory, known.diagnosis, settled_until(known))
+    else:
+        # Nothing was told meanwhile: the look says it as of its own rows.
+        told = _told(ruleset, memory, found.diagnosis, found.settled, rows=way.kept)
+    memory = _remembered(told.memory, found, known)
+    return replace(told, memory=_begun_if_due(ruleset, memory, known, looks, due))
 
 
-def _told(ruleset: Ruleset, memory: Memory, diagnosis: Diagnosis, settled: float | None) -> Told:
-    """What is new with a diagnosis."""
-    sight = sight_of(memory.recent, settled)
+def _is_due(memory: Memory, known: Known) -> bool:
+    """Are there three times as many rows, or no room for more?"""
+    full = len(memory.recent) >= 2 * limits.KEPT_ROWS
+    return full or memory.count >= limits.LOOKED_AGAIN * known.count
+
+
+def _begun_if_due(ruleset: Ruleset, memory: Memory, known: Known, looks: Looks, due: Due) -> Memory:
+    """Memory with a look at everything under way, where one is due."""
+    whole = due.doubt or _is_due(memory, known)
+    if not whole and not due.look:
+        return memory
+    asked, kept = looks.begin(ruleset, memory, headers=whole), len(memory.recent)
+    return replace(memory, under_way=UnderWay(asked=asked, count=memory.count, kept=kept))
+
+
+def _told(
+    ruleset: Ruleset,
+    memory: Memory,
+    diagnosis: Diagnosis,
+    settled: float | None,
+    rows: int | None = None,
+) -> Told:
+    """What is new with a diagnosis, of so many of the rows where it is not of all."""
+    sight = sight_of(memory.recent.time[:rows], settled)
     episodes, events = changes(ruleset, memory.episodes, diagnosis, sight, memory.number)
     memory = replace(memory, episodes=episodes, number=memory.number + len(events))
     return Told(memory, events, replace(diagnosis, samples=memory.count))

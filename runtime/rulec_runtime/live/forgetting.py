@@ -15,24 +15,29 @@ from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.recording import Recording
 
 
-def without_oldest(memory: Memory, judged: Judged | None, diagnosis: Diagnosis) -> Memory:
-    """The older half of the rows becomes operating points."""
+def oldest(
+    memory: Memory, judged: Judged | None, diagnosis: Diagnosis
+) -> tuple[int, History | None]:
+    """How many rows of a plant that settles there is no room for, and the operating points of all
+    that are before the others then."""
     recent = memory.recent
-    if diagnosis.ruleset.dynamics is not None:
-        return replace(memory, recent=_reference_and_latest(recent, memory.episodes))
     cut = len(recent) - limits.KEPT_ROWS
-    before = memory.before
-    if judged is not None:
-        # A stretch that goes on behind the cut stays whole.
-        firsts = judged.stretches.first
-        cut = int(firsts[firsts >= cut][0]) if (firsts >= cut).any() else cut
-        gone = np.ones(len(judged.whole), dtype=bool)
-        gone[len(gone) - len(firsts) :] = judged.stretches.last <= cut
-        gone &= ~_over(judged, diagnosis)
-        before = _thinned(some(judged.whole, gone))
-        timeline = replace(before.timeline, later=before.timeline.later - (len(recent) - cut))
-        before = replace(before, timeline=timeline)
-    return replace(memory, recent=_rows(recent, np.arange(cut, len(recent))), before=before)
+    if judged is None:
+        return cut, memory.before
+    # A stretch that goes on behind the cut stays whole.
+    firsts = judged.stretches.first
+    cut = int(firsts[firsts >= cut][0]) if (firsts >= cut).any() else cut
+    gone = np.ones(len(judged.whole), dtype=bool)
+    gone[len(gone) - len(firsts) :] = judged.stretches.last <= cut
+    gone &= ~_over(judged, diagnosis)
+    before = _thinned(some(judged.whole, gone))
+    timeline = replace(before.timeline, later=before.timeline.later - (len(recent) - cut))
+    return cut, replace(before, timeline=timeline)
+
+
+def without_first(recent: Recording, cut: int) -> Recording:
+    """The rows from a number on."""
+    return _rows(recent, np.arange(cut, len(recent))) if cut else recent
 
 
 def _over(judged: Judged, diagnosis: Diagnosis) -> np.ndarray:
@@ -57,7 +62,7 @@ def _thinned(history: History) -> History:
     return history
 
 
-def _reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Recording:
+def reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Recording:
     """The latest rows; while a fault is there, also those before it, which it is compared with."""
     n, kept = len(recent), limits.KEPT_ROWS
     active = [one.since for one in episodes if one.kind == "fault" and one.active]

@@ -13,6 +13,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
+from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, only
 from rulec_runtime.live.levels import Levels, levels_of
 from rulec_runtime.live.look import Judged
@@ -70,6 +71,21 @@ class Known:
     parts: tuple[PartKnown, ...]
     levels: Levels
 
+    def moved(self, flags: np.ndarray) -> set[int]:
+        """Places of the parts of which readings have moved, by flags of signals."""
+        names = {name for name, flag in zip(self.levels.names, flags, strict=True) if flag}
+        return {i for i, one in enumerate(self.parts) if names & one.part.ruleset.observed}
+
+    def due(self, count: int) -> set[int]:
+        """Places of the parts that are to be looked at, whatever their readings do."""
+        return {i for i, one in enumerate(self.parts) if count >= one.due}
+
+    @property
+    def large(self) -> set[int]:
+        """Places of the parts of which a glance takes longer than until the next row."""
+        sizes = ((i, len(one.part.ruleset.observed)) for i, one in enumerate(self.parts))
+        return {i for i, size in sizes if size > limits.SMALL_PLANT}
+
 
 def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: int) -> Known:
     """What is known after a look at everything that had come, so many rows."""
@@ -93,9 +109,11 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
     values = whole.points.values
     level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
     rested = np.full(len(level), float(whole.timeline.samples[-1]))
+    # A recording keeps what was worked out of it once, which nobody asks for again.
+    health = replace(judged.health, recording=replace(recording))
     return Known(
         diagnosis=diagnosis,
-        health=judged.health,
+        health=health,
         noise=judged.noise,
         count=count,
         cut=count - behind,

@@ -43,14 +43,16 @@ class Levels:
     same: Array
     lost: Array
 
-    def after(self, row: Array) -> tuple[Levels, np.ndarray, bool]:
+    def after(self, row: Array, far: float = limits.MOVED) -> tuple[Levels, np.ndarray, bool]:
         """Readings after one more row, shape (signals,): which have moved, and whether a sensor is
-        to be looked at, as its reading stands still, is gone, or is back."""
+        to be looked at, as its reading stands still, is gone, or is back. `far`: standard
+        deviations by which a reading is off where it has moved."""
         with np.errstate(invalid="ignore"):
             sound = (row >= self.low) & (row <= self.high)
             total, rows = np.where(sound, self.total + row, self.total), self.rows + sound
-            moved = self._off(row, 1.0) | self._off((row + self.before.sum(axis=0)) / 3.0, 3.0)
-            moved |= self._off(total / np.maximum(rows, 1.0), np.maximum(rows, 1.0))
+            moved = self._off(row, 1.0, far)
+            moved |= self._off((row + self.before.sum(axis=0)) / 3.0, 3.0, far)
+            moved |= self._off(total / np.maximum(rows, 1.0), np.maximum(rows, 1.0), far)
         moved &= sound
         moved |= sound != (self.lost == 0.0)
         same = np.where(row == self.before[-1], self.same + 1.0, 0.0)
@@ -68,6 +70,19 @@ class Levels:
         )
         return now, moved, bool(odd.any())
 
+    def after_rows(
+        self, recent: Recording, new: int, far: float = limits.MOVED
+    ) -> tuple[Levels, np.ndarray, bool]:
+        """The same after the last rows of a recording."""
+        levels, moved = self, np.zeros(len(self.names), dtype=bool)
+        table = np.array([recent.values[name][len(recent) - new :] for name in self.names])
+        odd = False
+        for row in table.T:
+            levels, some, odd_now = levels.after(row, far)
+            moved |= some
+            odd |= odd_now
+        return levels, moved, odd
+
     def judged(self, chosen: np.ndarray, level: Array, rested: Array) -> Levels:
         """Some of the signals, by flags, as they have been judged now."""
         known = chosen & np.isfinite(level)
@@ -79,9 +94,9 @@ class Levels:
             rows=np.where(known, 0.0, self.rows),
         )
 
-    def _off(self, mean: Array, rows: Array | float) -> np.ndarray:
+    def _off(self, mean: Array, rows: Array | float, far: float) -> np.ndarray:
         """Is the mean of some rows another than that which was judged?"""
-        spread = limits.MOVED * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
+        spread = far * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
         off: np.ndarray = np.abs(mean - self.level) > np.maximum(spread, self.least)
         return off
 
@@ -90,6 +105,18 @@ def _turns(before: Array, now: Array, enough: float) -> np.ndarray:
     """Has something lasted long enough with this row, or ended that had?"""
     turns: np.ndarray = (now == enough) | ((before >= enough) & (now == 0.0))
     return turns
+
+
+def far_after(rows: int) -> float:
+    """Standard deviations by which a reading is off where it has moved, if so many rows told its
+    noise: as unlikely as `MOVED` of a normal distribution.
+
+    The quantile of Student's distribution by Wallace, "Bounds on normal approximations to Student's
+    and the chi-square distributions", Ann. Math. Stat. 30 (1959).
+    """
+    freedom = max(rows - 1.0, 1.0)
+    likened = limits.MOVED * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0)
+    return float(np.sqrt(freedom * np.expm1(likened**2 / freedom)))
 
 
 def levels_of(ruleset: Ruleset, recording: Recording, noise: Mapping[str, float]) -> Levels:

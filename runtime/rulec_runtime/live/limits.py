@@ -8,6 +8,10 @@ KEPT_ROWS = 1024
 twice as many are there before the older half becomes operating points. Origin: assumed; seventeen
 stretches of full length, more than a fault takes to be told."""
 
+MOST_ROWS = 3 * KEPT_ROWS
+"""Rows in memory with which a look that goes on beside them is waited for. Origin: assumed; at ten
+rows a second that is 100 s after memory was full, so that rows hardly ever wait."""
+
 SMALL_PLANT = 60
 """Signals of a plant up to which all that is remembered is judged with each row, as long as it is
 little: see `SEEN_AT_ONCE`. Origin: assumed; that takes less than the
@@ -21,13 +25,25 @@ LOOKED_AGAIN = 3
 """Times as many rows with which everything is judged again at first: noise is known better then.
 Origin: assumed."""
 
+DUE_AT_ONCE = 3
+"""Parts that get a glance with one row while nothing of them has moved, where looks go on beside
+the rows. Origin: assumed; that takes less than half of a tenth of a second.
+"""
+
+PATIENCE = 30
+"""Rows that a look beside them may take before a large part that moves gets a glance, for which
+rows wait. Origin: assumed; several times what a look takes that doubts no header.
+"""
+
 ROWS_AT_A_GLANCE = 60
 """Rows that come together from which on everything is judged. Origin: assumed; a stretch of full
 length."""
 
 MOVED = 5.0
 """Standard deviations of its noise by which a reading, or its mean, is off where it has moved.
-Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged."""
+Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged.
+Where looks go on beside the rows, it is the same chance of Student's distribution, as a few rows
+hardly tell the noise."""
 
 STANDS_STILL = 50.0
 """Equal readings in a row with which a sensor is looked at. Origin: assumed; `STILL_RUN` times

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rulec_runtime import limits as common
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
@@ -82,9 +83,9 @@ def unsettled(recording: Recording, whole: History) -> Iterator[Period]:
         yield Period(float(recording.time[first]), float(recording.time[-1]), text)
 
 
-def sight_of(recent: Recording, settled: float | None) -> Sight:
-    """How far a diagnosis looks; `settled` is the time of the last settled row, if there is any."""
-    time = recent.time
+def sight_of(time: Array, settled: float | None) -> Sight:
+    """How far a diagnosis looks that judged rows of these times, s, shape (n,); `settled` is the
+    time of the last settled row, if there is any."""
     interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     return Sight(
         since=float(time[0]),

@@ -11,6 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
 from rulec_runtime.live.known import Known
+from rulec_runtime.live.looked import UnderWay
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -29,6 +30,7 @@ class Memory:
     number : events told so far.
     known : what the last look at everything found, which lasts until something moves; it is not
         kept beyond the end of the process.
+    under_way : a look at everything that goes on beside the rows; it ends with the process.
     """
 
     recent: Recording
@@ -37,6 +39,7 @@ class Memory:
     episodes: tuple[Episode, ...] = ()
     number: int = 0
     known: Known | None = None
+    under_way: UnderWay | None = None
 
 
 def nothing_yet(ruleset: Ruleset, dated: bool) -> Memory:

@@ -1,8 +1,4 @@
-"""How long looks take: processor time, which other work on the machine disturbs less than a clock.
-
-Rows come at ten a second. As in the watch, those that come during a look wait for its end, and are
-judged together.
-"""
+"""How long rows take, in processor time: other work on the machine disturbs a clock more."""
 
 from __future__ import annotations
 
@@ -11,26 +7,20 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.recordings.recording import Recording
 
 from tests.conftest import compiled
-from tests.rig.follower.plants import (
-    Planted,
-    chain,
-    part_of,
-    recorded,
-    side_by_side,
-)
+from tests.rig.follower.plants import Planted, chain, part_of, recorded, side_by_side
+from tests.rig.follower.two_cores import INTERVAL, Run, followed
 
-INTERVAL = 0.1
-"""Seconds from row to row."""
+ROWS = 1800
+"""Three minutes."""
 
-ROWS = 900
-"""A minute and a half."""
+SPANS = {"start": (0, 900), "later": (600, ROWS)}
+"""Rows of the first minute and a half, and those behind the first minute."""
 
 BEGINS = 300
 """Row with which a fault begins that lasts."""
@@ -53,46 +43,33 @@ def steps(ruleset: Ruleset, recording: Recording, step: int) -> Iterator[tuple[f
         yield time.process_time() - begin, events
 
 
-def followed(ruleset: Ruleset, recording: Recording) -> tuple[Array, Array, float]:
-    """From a row to the end of its look, s, whether it told events, and processor time, s."""
-    memory, done, first, spent = nothing_yet(ruleset, False), 0.0, 0, 0.0
-    late, told_of = np.zeros(len(recording)), np.zeros(len(recording), dtype=bool)
-    came = INTERVAL * np.arange(len(recording))
-    while first < len(recording):
-        start = max(done, float(came[first]))
-        last = int(np.searchsorted(came, start, side="right"))
-        begin = time.process_time()
-        for told in follow(ruleset, memory, part_of(recording, first, last)):
-            memory = told.memory
-            told_of[first:last] |= bool(told.events)
-        cost = time.process_time() - begin
-        done, spent = start + cost, spent + cost
-        late[first:last] = done - came[first:last]
-        first = last
-    return late, told_of, spent
-
-
-def latency(rows: int = ROWS) -> dict[str, Any]:
+def latency() -> dict[str, Any]:
     """From sample to event at ten rows a second, ms, without a fault and with one that lasts."""
     found: dict[str, Any] = {}
     for name, plant in PLANTS.items():
         ruleset = plant()
-        lasting = [Planted(LASTING[name], 0.3, BEGINS, rows)]
+        lasting = [Planted(LASTING[name], 0.3, BEGINS, ROWS)]
         for kind, planted in (("healthy", []), ("faulty", lasting)):
-            recording = recorded(ruleset, rows, planted, INTERVAL, np.random.default_rng(7))
-            late, told_of, spent = followed(ruleset, recording)
-            late *= 1e3
-            found.setdefault(name, {})[kind] = {
-                "signals": len(recording.values),
-                "rows": rows,
-                "p50": float(np.percentile(late, 50)),
-                "p99": float(np.percentile(late, 99)),
-                "longest": float(late.max()),
-                "events": float(late[told_of].max(initial=0.0)),
-                "within_100_ms": float(np.mean(late < 100.0)),
-                "busy": spent / (rows * INTERVAL),
-            }
+            recording = recorded(ruleset, ROWS, planted, INTERVAL, np.random.default_rng(7))
+            form: dict[str, Any] = {"signals": len(recording.values), "rows": ROWS}
+            run = followed(ruleset, recording)
+            form |= {name: of_rows(run, *part) for name, part in SPANS.items()}
+            form |= {"looks": len(run.looks), "longest_look": max(run.looks, default=0.0)}
+            form |= {"busy": run.busy, "busy_beside": sum(run.looks) / (ROWS * INTERVAL)}
+            found.setdefault(name, {})[kind] = form
     return found
+
+
+def of_rows(run: Run, first: int, last: int) -> dict[str, float]:
+    """Of some of the rows: how late they were judged, ms."""
+    late, told_of = 1e3 * run.late[first:last], run.told_of[first:last]
+    return {
+        "p50": float(np.percentile(late, 50)),
+        "p99": float(np.percentile(late, 99)),
+        "longest": float(late.max()),
+        "events": float(late[told_of].max(initial=0.0)),
+        "within_100_ms": float(np.mean(late < 100.0)),
+    }
 
 
 def replay() -> dict[str, Any]:

@@ -1,0 +1,150 @@
+"""Looks at everything in a process of their own: rows are judged meanwhile as if there were none.
+
+A thread would take turns with the rows, and each of its turns is as long as a row may take. The
+process is started when the first look is due. It is handed the ruleset once, and then what is
+remembered; it ends with this process, or when it is told to, whatever it does.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.handed_over import read, written
+from rulec_runtime.live.looked import Looked
+from rulec_runtime.live.memory import Memory
+from rulec_runtime.live.whole import looked
+from rulec_runtime.output.interrupts import interrupts_held
+
+ENDED = (EOFError, OSError)
+"""What a connection raises when the process at its other end is no more."""
+
+
+@dataclass(frozen=True)
+class _Running:
+    """The process, this end of the pipe to it, and the thread that waits for its answers."""
+
+    process: BaseProcess
+    ours: Connection
+    thread: ThreadPoolExecutor
+
+    def end(self) -> None:
+        """At once, whatever it does."""
+        self.process.kill()
+        self.process.join()
+        self.thread.shutdown(wait=True)
+        self.ours.close()
+
+
+class LookProcess:
+    """Looks go on in one process, one at a time; to be closed."""
+
+    def __init__(self, ruleset: Ruleset) -> None:
+        # Without what was worked out of it: the process does that itself.
+        self._ruleset = pickle.dumps(replace(ruleset), pickle.HIGHEST_PROTOCOL)
+        self._running: _Running | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process; None where there is none."""
+        return None if self._running is None else self._running.process.pid
+
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool = True) -> AskedThere:
+        """Begin to look at all that is remembered; `headers` as in `looked`."""
+        what = replace(memory, known=None, under_way=None)
+        parts = [written(ruleset, (what, headers))]
+        if self._running is None or not self._running.process.is_alive():
+            self.close()
+            self._running = _started()
+            parts.insert(0, self._ruleset)
+        answer = self._running.thread.submit(_answer, self._running.ours, parts)
+        return AskedThere(self, ruleset, what, headers, answer)
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        if self._running is not None:
+            self._running.end()
+            self._running = None
+
+
+def _started() -> _Running:
+    # Not forked: threads may hold a lock, and other systems cannot fork.
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs,), daemon=True)
+    with interrupts_held():
+        process.start()
+    theirs.close()
+    return _Running(process, ours, ThreadPoolExecutor(1, "look"))
+
+
+@dataclass(frozen=True)
+class AskedThere:
+    """A look in the process."""
+
+    looks: LookProcess
+    ruleset: Ruleset
+    memory: Memory
+    headers: bool
+    answer: Future[bytes]
+
+    def found(self, wait: bool) -> Looked | None:
+        """What it found; None while it goes on. A look that was lost with its process is done
+        here."""
+        if not wait and not self.answer.done():
+            return None
+        try:
+            data = self.answer.result()
+        except ENDED:
+            return looked(self.ruleset, self.memory, self.headers)
+        found = read(self.ruleset, data)
+        if isinstance(found, Exception):
+            raise found
+        assert isinstance(found, Looked)
+        return found
+
+    def drop(self) -> None:
+        """End the process, so that nothing waits for this look."""
+        if not self.answer.done():
+            self.looks.close()
+
+
+def _answer(ours: Connection, parts: list[bytes]) -> bytes:
+    """Hand parts over, and wait for what comes back; in a thread, as a pipe holds little."""
+    for part in parts:
+        ours.send_bytes(part)
+    return ours.recv_bytes()
+
+
+def serve(theirs: Connection) -> None:
+    """Look at what is handed over, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_outlived, daemon=True).start()
+    ruleset = pickle.loads(theirs.recv_bytes())
+    while True:
+        try:
+            memory, headers = read(ruleset, theirs.recv_bytes())
+        except ENDED:
+            return
+        found: Looked | Exception
+        try:
+            found = looked(ruleset, memory, headers)
+        except Exception as error:
+            found = error
+        theirs.send_bytes(written(ruleset, found))
+
+
+def _outlived() -> None:
+    """End with the parent, also in the middle of a look."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
