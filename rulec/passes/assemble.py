@@ -130,6 +130,7 @@ class _Instance:
         }
         self.nodes = self._symbol_nodes()
         self._blocks = {p: b for b in module.blocks for p in b.parameters}
+        self._responses: dict[str, Node] = {}
 
     def _symbol_nodes(self) -> dict[sympy.Symbol, Node]:
         graph, symbols = self.graph, self.model.symbols
@@ -250,8 +251,14 @@ class _Instance:
     def back_pressure_response(self, gathered: str) -> Node:
         """How the flow follows a pressure downstream, two components in series.
 
-        The primary observers of two components hold at once; their common signal adapts.
+        The primary observers of two components hold at once; their common signal adapts. It is the
+        same for every module downstream.
         """
+        if gathered not in self._responses:
+            self._responses[gathered] = self._respond(gathered)
+        return self._responses[gathered]
+
+    def _respond(self, gathered: str) -> Node:
         graph, variable = self.graph, GATHERED + gathered
         primaries = [names[0] for names in self.module.type.components().values()]
         for line in primaries:

@@ -70,9 +70,13 @@ def derive_signatures(
     ]
     graph = assembly.graph
     outputs = {}
+    onsets: dict[tuple[str, Node], Node] = {}
     for i, (h, _, _, scaled, slope) in enumerate(candidates):
         outputs[f"slope:{i}"] = slope
-        outputs[f"effect:{i}"] = graph.mul(slope, _per_degree(assembly, h, scaled))
+        onset = onsets.get((h.id, scaled))
+        if onset is None:
+            onset = onsets[h.id, scaled] = _per_degree(assembly, h, scaled)
+        outputs[f"effect:{i}"] = graph.mul(slope, onset)
     for residual, variance in assembly.residual_variances.items():
         outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
     for observer, node in assembly.observers.items():

@@ -33,6 +33,8 @@ class _Undo:
         self.graph = Graph([*plant.signals, *(f"x:{fault}" for fault in faults)])
         self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
+        # Slopes of readings, which all modules upstream share.
+        self._inner: dict[tuple[str, str, str], Node] = {}
         for name in plant.modules:
             self._gather(name)
         for name in plant.modules:
@@ -72,5 +74,7 @@ class _Undo:
                 for (signal, fault), inner in self.models[m].undone.signal_slopes.items():
                     if signal == s:
                         key = f"dq:{name}.{observer}:{m}.{fault}"
-                        node = graph.mul(outer, lower(graph, inner, self.tables[m]))
+                        if (m, signal, fault) not in self._inner:
+                            self._inner[m, signal, fault] = lower(graph, inner, self.tables[m])
+                        node = graph.mul(outer, self._inner[m, signal, fault])
                         outputs[key] = graph.add(outputs.get(key, graph.zero), node)

@@ -363,6 +363,10 @@ AGREES_OTHERWISE = 0.1
 """Share of stretches in which readings must agree when read differently, without any fault. Origin:
 assumed."""
 
+NEAREST_RESIDUALS = 12
+"""Residuals that are asked first whether a reading may have shown another value; abc has nine in
+all. Origin: numerical, more cost more and those of few readings tell most."""
+
 HEADER_ODDS = 6.0
 """Chi-square that a fault must leave beyond what another reading of the columns leaves, to be no
 rival: odds of 20 to 1 at one operating point. Origin: assumed."""

@@ -119,3 +119,36 @@ def test_whole_process(size: int, tmp_path: Path, results: Results) -> None:
         subprocess.run(command, check=True, capture_output=True, env=environment)
         times.append(time.perf_counter() - begin)
     results.add(f"process: compile {size} modules", statistics.median(times), "s")
+
+
+ALONE = """
+import resource, sys, time
+from pathlib import Path
+from rulec.passes.pipeline import compile_plant
+compile_plant(Path(sys.argv[1]))
+begin = time.process_time()
+text = compile_plant(Path(sys.argv[2])).to_json()
+seconds = time.process_time() - begin
+print(seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, len(text) / 1e6)
+"""
+
+
+def test_alone(tmp_path: Path, results: Results) -> None:
+    """Long chains compiled and written, each in a process of its own, against plant abc."""
+    abc = ROOT / "plants" / "abc"
+    plants = {"abc": abc}
+    for size in (200, 1000):
+        (tmp_path / str(size)).mkdir()
+        plants[f"chain of {size}"] = written("chain", size, tmp_path / str(size))
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    first: list[float] = []
+    for name, plant in plants.items():
+        command = [sys.executable, "-c", ALONE, str(abc), str(plant)]
+        ran = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+        found = [float(word) for word in ran.stdout.split()]
+        first = first or found
+        for what, unit, one, of_abc in zip(
+            ("CPU time", "peak memory", "file"), ("s", "MB", "MB"), found, first, strict=True
+        ):
+            results.add(f"{name}: {what}", one, unit)
+            results.add("    against plant abc", one / of_abc, "")

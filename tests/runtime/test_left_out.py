@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import headers
 from rulec_runtime.diagnosis.sensors.bench import Bench, bench_of
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.sensors.near import Near, Verdicts
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.recording import Recording
 
@@ -74,14 +77,41 @@ def test_a_fault_in_a_large_plant_has_few_columns_tried(
     ruleset, recording = leaking
     of_all = bench_of(recording, ruleset)
     assert of_all is not None
-    asked: list[bool] = []
-    may_agree = headers._may_agree
+    known: list[int] = []
+    judge = Near.judge
 
-    def counted(of_plant: Bench, misread: Misread) -> bool:
-        asked.append(may_agree(of_plant, misread))
-        return asked[-1]
+    def counted(near: Near, signal: str, values: Array, *rest: Any) -> Verdicts:
+        known.append(len(values))
+        return judge(near, signal, values, *rest)
 
-    monkeypatch.setattr(headers, "_may_agree", counted)
+    monkeypatch.setattr(Near, "judge", counted)
+    tried = [*headers._candidates(recording, of_all, headers._with_all(recording, of_all), set())]
+    assert sum(known) > 1000
+    assert len(tried) < sum(known) / 20
     assert misread_columns(recording, of_all, set()) is None
-    assert len(asked) > 1000
-    assert sum(asked) < len(asked) / 20
+
+
+@pytest.mark.parametrize("bend", ["swapped pressures", "dead power"])
+@pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
+def test_what_is_not_tried_would_be_refused(
+    plant: str, bend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ruleset, of_all = bench(plant, bend)
+    recording = health.CASES[bend][0](health.recorded(plant), ruleset)
+
+    def candidates() -> list[Misread]:
+        plain = headers._with_all(recording, of_all)
+        return [*headers._candidates(recording, of_all, plain, set())]
+
+    tried = {one.text for one in candidates() if headers._may_agree(of_all, one)}
+
+    def allowing(near: Near, signal: str, values: Array, *rest: Any) -> Verdicts:
+        none = np.zeros(values.shape, dtype=bool)
+        return Verdicts(~none, none, ~none)
+
+    monkeypatch.setattr(Near, "judge", allowing)
+    left = [one for one in candidates() if one.text not in tried]
+    assert len(left) > 10
+    for one, found in of_all.agreements(left, lambda m: headers._read(of_all, m)):
+        sense = headers._makes_sense(of_all, one, found)
+        assert not (sense and headers._beats_faults(of_all, one, found)), one.text

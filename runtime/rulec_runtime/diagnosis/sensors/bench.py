@@ -164,9 +164,10 @@ class Bench:
             for i, one in enumerate(some):
                 yield one, together.part(slice(i * n, (i + 1) * n))
 
-    def explained(self, found: Agreement) -> Explained:
-        """What is sound, and which faults fit where."""
-        isolation = isolate(self.ruleset, found.observed, all_tried=True)
+    def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
+        """What is sound, and which faults fit where; unless `all_tried`, degrees and distances of
+        those alone that may fit."""
+        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried)
         fits = isolation.probability > 0
         fits[:, isolation.pair[:, 0] >= 0] = False
         quiet = isolation.judged & ~isolation.deviating
@@ -179,9 +180,25 @@ class Bench:
         """The same for the readings as they stand."""
         return self.explained(self.recorded)
 
+    @cached_property
+    def rivals_as_recorded(self) -> Explained:
+        """Faults that fit the readings as they stand; of the others nothing is known."""
+        return self.explained(self.recorded, all_tried=False)
+
     def readers(self, signal: str) -> np.ndarray:
         """Flags of the observers that read a signal."""
-        return np.array([signal in o.signals for o in self.ruleset.observers], dtype=bool)
+        none = np.zeros(len(self.ruleset.observers), dtype=bool)
+        return self._readers.get(signal, none)
+
+    @cached_property
+    def _readers(self) -> Mapping[str, np.ndarray]:
+        """The same of all signals that are read."""
+        count = len(self.ruleset.observers)
+        found: dict[str, np.ndarray] = {}
+        for i, observer in enumerate(self.ruleset.observers):
+            for signal in observer.signals:
+                found.setdefault(signal, np.zeros(count, dtype=bool))[i] = True
+        return found
 
 
 @once

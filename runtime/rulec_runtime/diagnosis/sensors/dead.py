@@ -44,11 +44,15 @@ def dead_readings(
 
 
 def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Samples at which a reading is at zero, or at the low end of its range, or below."""
+    """Samples at which a reading is at zero, or at the low end of its range, or below.
+
+    Where a small part of its range is what it usually shows, that is not zero.
+    """
     low = signal.offset if signal.lowest is None else signal.lowest
     size = abs(signal.reference - signal.offset)
     if signal.lowest is not None and signal.highest is not None:
-        size = signal.highest - signal.lowest
+        span, usual = signal.highest - signal.lowest, signal.reference - signal.lowest
+        size = usual if 0.0 < usual <= limits.AT_ZERO * span else span
     with np.errstate(invalid="ignore"):
         flags: np.ndarray = values <= low + limits.AT_ZERO * size
     return flags

@@ -9,18 +9,20 @@ Source: own derivation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
-from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
+from rulec_runtime.diagnosis.sensors.near import Near
+from rulec_runtime.diagnosis.sensors.units import like_a_reading, mixups, of_one_dimension
 from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -51,7 +53,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         return None
     plain = _with_all(raw, bench)
     best, least = None, np.inf
-    every = (one for one in _candidates(raw, bench.ruleset, plain, still) if _may_agree(bench, one))
+    every = (one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one))
     for misread, found in bench.agreements(every, partial(_read, bench)):
         if not _makes_sense(bench, misread, found) or not _beats_faults(bench, misread, found):
             continue
@@ -108,7 +110,10 @@ def _may_agree(bench: Bench, misread: Misread) -> bool:
     if not apart.any():
         return False
     readers = _readers(bench, misread)
-    apart &= bench.left_out.least(readers) <= bench.widest_limit
+    least = bench.left_out.least(readers)
+    apart &= least <= bench.widest_limit
+    if apart.any() and _rival(bench, misread, bench.rivals_as_recorded, least):
+        return False
     parts = parts_of(bench.ruleset)
     for part in parts if len(parts) > 1 else ():
         if apart.any() and readers[part.observers].any():
@@ -168,52 +173,123 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     A slope of the very reading whose unit is in doubt is no rival: it would have to hit the ratio
     of two units.
     """
-    before = bench.recorded
-    readers = _readers(bench, misread)
-    judged = before.valid[readers].any(axis=0) & (before.freedom > 1)
+    before, explained = bench.recorded, bench.explained_as_recorded
+    judged = _judged(bench, misread)
     if judged.mean() < limits.NEARLY_ALL:
         return True
-    explained = bench.explained_as_recorded
-    least = np.where(before.sound, before.excess * before.limit, np.inf)
-    for i, fault in enumerate(bench.ruleset.faults):
-        fits, distance = explained.fits[i], explained.distance[i]
-        least = np.fmin(least, distance)
-        own = fault.in_sensor and set(fault.scales) & set(misread.signals)
-        off = judged & fits & ~before.sound
-        if (own and misread.condition is UNIT) or not off.any():
-            continue
-        left = (found.excess * found.limit)[off]
-        as_well = np.median(distance[off] - left) < limits.HEADER_ODDS
-        covers = (fits | before.sound)[judged].mean() >= limits.NEARLY_ALL
-        if covers and as_well and _steady(explained, i, off):
-            return False
+    if _rival(bench, misread, explained, found.excess * found.limit):
+        return False
     if misread.condition is UNIT:
         return True
     # Two columns are seldom swapped: what one fault leaves must be gone by it.
     after = bench.explained(found)
+    least = np.where(before.sound, before.excess * before.limit, np.inf)
+    least = np.fmin(least, np.min(explained.distance, axis=0, initial=np.inf))
     rest = np.min(after.distance, axis=0, initial=np.inf)
     rest = np.fmin(rest, found.excess * found.limit)
     return bool(np.median((least - rest)[judged]) > limits.SWAP_GAIN)
 
 
-def _candidates(
-    raw: Recording, ruleset: Ruleset, plain: Bench, still: Set[str]
-) -> Iterator[Misread]:
+def _judged(bench: Bench, misread: Misread) -> np.ndarray:
+    """Stretches, shape (n,), in which what reads the columns can be held against something."""
+    before = bench.recorded
+    flags: np.ndarray = before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1)
+    return flags
+
+
+def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) -> bool:
+    """Is there a fault of one degree that explains all, and as well as what leaves a chi-square of
+    `left`, shape (n,), or more?"""
+    before, judged = bench.recorded, _judged(bench, misread)
+    if judged.mean() < limits.NEARLY_ALL:
+        return False
+    for i in np.flatnonzero(explained.fits.any(axis=1)).tolist():
+        fault, fits = bench.ruleset.faults[i], explained.fits[i]
+        own = fault.in_sensor and set(fault.scales) & set(misread.signals)
+        off = judged & fits & ~before.sound
+        if (own and misread.condition is UNIT) or not off.any():
+            continue
+        as_well = np.median((explained.distance[i] - left)[off]) < limits.HEADER_ODDS
+        covers = (fits | before.sound)[judged].mean() >= limits.NEARLY_ALL
+        if covers and as_well and _steady(explained, i, off):
+            return True
+    return False
+
+
+def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> Iterator[Misread]:
+    """Other readings of columns that those nearest to them allow in some stretch."""
+    ruleset, near = bench.ruleset, Near(bench)
     known = {n for n in plain.noise if np.isfinite(plain.points.values[n]).any()}
     names = (ruleset.observed & known) - still
     used = [s for s in ruleset.signals if s.id in names]
-    yield from _other_units(raw, ruleset, plain, [s.id for s in used])
-    for one, other in exchangeable(used, ruleset.units):
-        a, b = plain.points.values[one.id], plain.points.values[other.id]
-        text = f"{one.id} and {other.id} are swapped: each shows what the other one should"
+    for name in (s.id for s in used):
+        yield from _near_ones(near, name, [*_other_units(raw, ruleset, plain, [name])])
+    for one, other in _swapped(near, plain, used):
+        a, b = plain.points.values[one], plain.points.values[other]
+        text = f"{one} and {other} are swapped: each shows what the other one should"
         yield Misread(
             condition=SWAPPED,
-            signals=(one.id, other.id),
-            values={one.id: b, other.id: a},
-            recorded={one.id: a, other.id: b},
-            noise={one.id: plain.noise[other.id], other.id: plain.noise[one.id]},
+            signals=(one, other),
+            values={one: b, other: a},
+            recorded={one: a, other: b},
+            noise={one: plain.noise[other], other: plain.noise[one]},
             text=text,
         )
+
+
+def _near_ones(near: Near, name: str, misreads: Sequence[Misread]) -> Iterator[Misread]:
+    """Those that the residuals nearest to a reading allow in some stretch."""
+    values = np.array([one.values[name] for one in misreads])
+    noise = np.array([one.noise[name] for one in misreads])
+    if len(values):
+        apart = np.array([_apart(one, _read(near.bench, one)) for one in misreads])
+        told = near.judge(name, values, noise, [None] * len(values))
+        left = _left(apart, told.allowed, told.lost & ~near.gains(name), told.stays)
+        yield from compress(misreads, [bool(flag) for flag in left])
+
+
+def _left(
+    apart: np.ndarray, allowed: np.ndarray, lost: np.ndarray, stays: np.ndarray
+) -> np.ndarray:
+    """Flags, shape (k,), of what may agree somewhere and loses next to nothing by it.
+
+    All of shape (k, n): stretches in which it is another reading, is allowed, loses an estimate
+    that others check, and keeps one that reads it.
+    """
+    most = (1.0 - limits.NEARLY_ALL) * apart.sum(axis=-1)
+    flags: np.ndarray = (apart & allowed).any(axis=-1) & (apart & ~lost).any(axis=-1)
+    flags &= (apart & lost & stays).sum(axis=-1) <= most
+    return flags
+
+
+def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[tuple[str, str]]:
+    """Pairs of columns that differ, and each of which may be the other one, in their order."""
+    pairs: set[tuple[str, str]] = set()
+    for group in of_one_dimension(used, near.bench.ruleset.units):
+        names = [signal.id for signal in group]
+        values = np.array([plain.points.values[name] for name in names])
+        noise = np.array([plain.noise[name] for name in names])
+        apart = np.zeros((len(names), *values.shape), dtype=bool)
+        gains = np.array([near.gains(name) for name in names])
+        for i, name in enumerate(names):
+            with np.errstate(invalid="ignore"):
+                off = np.abs(values - values[i])
+                apart[i] = off > limits.READS_OTHERWISE * near.u(name, values, noise)
+        apart |= apart.transpose(1, 0, 2)
+        allowed, left = apart.copy(), np.triu(apart.any(axis=2), 1)
+        lost, stays = np.zeros((2, *apart.shape), dtype=bool)
+        for i, name in enumerate(names):
+            (tried,) = np.nonzero(left[i])
+            told = near.judge(name, values[tried], noise[tried], [names[j] for j in tried])
+            allowed[i, tried] &= told.allowed
+            lost[i, tried] |= told.lost & ~gains[i] & ~gains[tried]
+            stays[i, tried] |= told.stays
+            left[i, tried] = _left(*(table[i, tried] for table in (apart, allowed, lost, stays)))
+            for table in (allowed, lost, stays, left):
+                table[tried, i] = table[i, tried]
+        pairs |= {(names[i], names[j]) for i, j in np.argwhere(np.triu(left, 1))}
+    place = {signal.id: i for i, signal in enumerate(used)}
+    yield from sorted(pairs, key=lambda pair: (place[pair[0]], place[pair[1]]))
 
 
 def _other_units(

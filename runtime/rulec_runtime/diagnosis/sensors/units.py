@@ -52,11 +52,22 @@ def exchangeable(
     signals: Sequence[SignalSpec], units: Mapping[str, UnitSpec]
 ) -> Iterator[tuple[SignalSpec, SignalSpec]]:
     """Pairs of columns that may stand in each other's place: readings of one dimension."""
-    dimension = {s.id: parse_unit(s.unit, units) for s in signals}
-    for one, other in combinations(signals, 2):
-        own, its = dimension[one.id], dimension[other.id]
-        if own is not None and its is not None and own.dimension == its.dimension:
+    group = {s.id: i for i, same in enumerate(of_one_dimension(signals, units)) for s in same}
+    for one, other in combinations((s for s in signals if s.id in group), 2):
+        if group[one.id] == group[other.id]:
             yield one, other
+
+
+def of_one_dimension(
+    signals: Sequence[SignalSpec], units: Mapping[str, UnitSpec]
+) -> list[list[SignalSpec]]:
+    """The same in groups, all of which may stand in each other's place."""
+    found: dict[tuple[float, ...], list[SignalSpec]] = {}
+    for signal in signals:
+        unit = parse_unit(signal.unit, units)
+        if unit is not None:
+            found.setdefault(unit.dimension, []).append(signal)
+    return [*found.values()]
 
 
 def like_a_reading(signal: SignalSpec, values: Array, noise: float) -> bool:

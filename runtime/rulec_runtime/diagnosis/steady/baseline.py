@@ -124,11 +124,12 @@ SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systema
 def _covariance(shared: Array, errors: Array) -> Array:
     """Covariance of flows, shape (flows, flows, n), by their slopes, (flows, errors, n), and the
     covariance of the errors."""
-    moved = errors @ shared
     if len(shared) < limits.MANY_RESIDUALS:
-        few: Array = np.einsum("omn,pmn->opn", shared, moved)
+        few: Array = np.einsum("omn,pmn->opn", shared, errors @ shared)
         return few
-    many: Array = shared.transpose(2, 0, 1) @ moved.transpose(2, 1, 0)
+    # One product of large matrices per point, in place of one per flow.
+    slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
+    many: Array = (slopes @ errors) @ slopes.transpose(0, 2, 1)
     return many.transpose(1, 2, 0)
 
 

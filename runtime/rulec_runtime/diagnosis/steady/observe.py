@@ -110,7 +110,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     flows = np.array([out[f"q:{o.id}"] for o in observers])
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
-        valid[i] &= _usable(ruleset, observer, points, out, n)
+        valid[i] &= usable_by_readings(ruleset, observer, points.values, out)
     slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, _units(points, n)))
     lasting = [np.broadcast_to(systematic[name], (n,)) for name in of_residuals]
     residuals = (
@@ -174,18 +174,24 @@ def with_errors(
     )
 
 
-def _usable(
-    ruleset: Ruleset, observer: ObserverSpec, points: Points, out: Mapping[str, Array], n: int
+def usable_by_readings(
+    ruleset: Ruleset,
+    observer: ObserverSpec,
+    readings: Mapping[str, Array | float],
+    out: Mapping[str, Array],
 ) -> np.ndarray:
-    """Readings above their minimum, arguments of roots and the flow itself positive."""
+    """Readings above their minimum, arguments of roots and the flow itself positive: shape (n,).
+
+    `out` holds estimates (``q:``) and guards as the plan gives them, shape (n,) each.
+    """
     with np.errstate(invalid="ignore"):
         usable: np.ndarray = out[f"q:{observer.id}"] > 0
         for guard in observer.guards:
             usable &= out[guard.output] > 0
         for signal in observer.signals:
             minimum = ruleset.signal_by_id[signal].minimum
-            if minimum is not None and signal in points.values:
-                usable &= points.values[signal] >= minimum
+            if minimum is not None and signal in readings:
+                usable &= readings[signal] >= minimum
     return usable
 
 
