@@ -1,10 +1,10 @@
 """What the nearest residuals say of other values of a reading.
 
-Each residual bounds chi-square of the whole plant from below. In a long plant few residuals with few
-readings in them tell so at a small part of the cost. They are held to the limit of as many degrees
-of freedom as they are, where that is less than the plant's: a disagreement between neighbours drowns
-in the noise of hundreds of estimates, but not in that of a few. That is a test, and sharper than
-the bound; in a small plant it is the bound.
+Each residual bounds chi-square of the whole plant from below. In a long plant few residuals with
+few readings in them tell so at a small part of the cost. They are held to the limit of as many
+degrees of freedom as they are, where that is less than the plant's: a disagreement between
+neighbours drowns in the noise of hundreds of estimates, but not in that of a few. That is a test,
+and sharper than the bound; in a small plant it is the bound.
 
 Source: own derivation; the bound is the Cauchy-Schwarz inequality.
 """
