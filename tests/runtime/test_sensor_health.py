@@ -14,6 +14,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.recordings.clock import in_order
 from rulec_runtime.recordings.reading_unit import parse_unit
@@ -243,3 +244,11 @@ def test_a_clock_that_was_set_back_is_told() -> None:
     two = np.arange(100.0)
     two[[40, 41]] = two[[41, 40]]
     assert (True, ()) == (in_order(two).sorted, in_order(two).sets)
+
+
+@pytest.mark.parametrize(("usual", "zero"), [(0.5, True), (0.004, False)])
+def test_a_small_part_of_a_range_is_no_zero_where_it_is_usual(usual: float, zero: bool) -> None:
+    """A mixer that loses 4 mbar under a sensor of 1 bar is alive; a pump's sensor at 4 mbar not."""
+    signal = replace(plant("abc").signal_by_id["C.dp"], lowest=0.0, highest=1e5, offset=0.0)
+    shown = at_zero(replace(signal, reference=usual * 1e5), np.array([0.0, 400.0]))
+    assert [True, zero] == shown.tolist()
