@@ -172,3 +172,14 @@ def test_recordings_that_do_not_suit_each_other_are_refused(tmp_path: Path, abc:
     foreign.write_text("time [s],X.y [bar]\n0,1\n1,2\n", encoding="utf-8")
     with pytest.raises(RecordingRefused, match="no column belongs to this plant"):
         read_recordings([first, foreign], abc)
+
+
+def test_a_note_names_its_file_once(tmp_path: Path, abc: Ruleset) -> None:
+    """Also one that begins with it."""
+    paths = [written(tmp_path / "a.csv", 700), written(tmp_path / "b.csv", 900)]
+    lines = paths[1].read_text(encoding="utf-8").splitlines()
+    blank = [",".join((*line.split(",")[:-1], "")) for line in lines[1:]]
+    paths[1].write_text("\n".join([lines[0], *blank]) + "\n", encoding="utf-8")
+    notes = [note for note in read_recordings(paths, abc).notes if "A.T" in note]
+    assert notes
+    assert all(note.count("b.csv") == 1 for note in notes)

@@ -82,7 +82,8 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
     notes += [calendar.zero()] if calendar is not None else []
     for name, part in zip(names, parts, strict=True):
         own = part.calendar.zero() if part.calendar is not None else ""
-        notes += [f"{name}: {note}" for note in part.notes if note != own]
+        about = f"{name}: "
+        notes += [about + note.removeprefix(about) for note in part.notes if note != own]
     return Recording(
         time=time,
         values={
