@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ def ask_day(task: Task, plant: str) -> dict[str, Any]:
     try:
         with ExitStack() as stack:
             files = [fetched(file, stack) for file in task.files]
-            return mismatch(plant, _recordings(files)).to_dict()
+            return mismatch(plant, _recording(files, stack)).to_dict()
     except (Refusal, OSError) as error:
         return {"reason": one_line(str(error))}
     except MemoryError:
@@ -32,7 +33,14 @@ def ask_day(task: Task, plant: str) -> dict[str, Any]:
         return {"reason": one_line(text)[:300]}
 
 
-def _recordings(files: list[Path]) -> list[Path]:
-    """Files of one folder are one recording."""
+def _recording(files: list[Path], stack: ExitStack) -> Path:
+    """Files of a plant-day are one recording: the folder that they are in, or are put in."""
     folders = {file.parent for file in files}
-    return [*folders] if len(files) > 1 and len(folders) == 1 else files
+    if len(files) == 1:
+        return files[0]
+    if len(folders) == 1:
+        return folders.pop()
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rulec-")))
+    for number, file in enumerate(files):
+        (folder / f"{number:04d}-{file.name}").symlink_to(file.resolve())
+    return folder

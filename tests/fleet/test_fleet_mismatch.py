@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import pytest
 from rulec_runtime.fleet.task import Task
 
 from rulec.api.given import ruleset_of
-from rulec.api.plant_day import ask_day
+from rulec.api.plant_day import _recording, ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
 from rulec.engines.call import Engine
@@ -71,6 +72,18 @@ def test_a_worker_asks_and_never_raises(tasks: dict[str, Task]) -> None:
     broken = answer_of(tasks["east"], ask_day(tasks["east"], str(ABC)))
     assert broken.verdict == "unread"
     assert "broken.parquet" in broken.reason
+
+
+def test_files_of_a_plant_day_are_one_recording(tmp_path: Path) -> None:
+    """Also where they were fetched one by one; in their order, whatever they are called."""
+    files = [tmp_path / folder / "part.csv" for folder in ("b", "a")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text(file.parent.name)
+    with ExitStack() as stack:
+        folder = _recording(files, stack)
+        assert ["b", "a"] == [file.read_text() for file in sorted(folder.iterdir())]
+    assert not folder.exists()
 
 
 def test_a_row_holds_place_name_and_proof(tasks: dict[str, Task]) -> None:
