@@ -363,10 +363,17 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     which.add_argument(
         "--real", action="store_true", help="real recordings, as far as they are there"
     )
-    prove.add_argument(
+    cases = prove.add_mutually_exclusive_group()
+    cases.add_argument(
         "--hard",
         action="store_true",
         help="cases with form errors, coloured noise, drifts, and wrong cables or files",
+    )
+    cases.add_argument(
+        "--production",
+        action="store_true",
+        help="settled plants that make a few products in a part of what may be set; with "
+        "--rounds 2 experiments may go as far as a file of limits says",
     )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
@@ -381,9 +388,10 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     )
     prove.add_argument(
         "--baselines",
-        action="store_true",
+        nargs="*",
+        choices=("same", "random", "sweep"),
         help="with --rounds 2: besides the recipe the same inputs again, random ones and a sweep "
-        "of equal length; three searches more per case",
+        "of equal length, or those that are named; a search more per case for each",
     )
     _engine_options(prove)
     prove.add_argument(

@@ -29,7 +29,9 @@ def _planned(folder: Path) -> dict[str, Any]:
     recorded = (folder / "recording.csv").read_text(encoding="utf-8").splitlines()
     hours = max(float(recorded[-1].partition(",")[0]) / 3600.0, USUAL_HOURS)
     said = folder / "recipe.json"
-    run_tool("experiment", folder / ANSWER, "--hours", f"{hours:.6g}", "--json", said)
+    limits = folder / "limits.yaml"
+    allowed = ("--limits", limits) if limits.exists() else ()
+    run_tool("experiment", folder / ANSWER, "--hours", f"{hours:.6g}", "--json", said, *allowed)
     found: dict[str, Any] = json.loads(said.read_text(encoding="utf-8"))
     return found
 

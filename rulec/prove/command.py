@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import importlib
 import json
 import tempfile
@@ -116,7 +117,7 @@ def _mistake(options: argparse.Namespace) -> str | None:
 
 def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
     """What is wrong with the options of a second round."""
-    if options.baselines and options.rounds < 2:
+    if options.baselines is not None and options.rounds < 2:
         return "--baselines: they are asked beside a second recording; add --rounds 2"
     if options.rounds < 2:
         return None
@@ -147,11 +148,14 @@ def parser() -> argparse.ArgumentParser:
 def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     """Which cases, and how often they were opened."""
     known = register()
+    made = functools.partial(
+        Partition, only=options.only, hard=options.hard, produced=options.production
+    )
     if options.final:
         final = known["final"]
-        return Partition("final", final["seed"], False, options.only, options.hard), final["opened"]
+        return made("final", final["seed"], False), final["opened"]
     seed = known["development"]["seed"] if options.seed is None else options.seed
-    return Partition("development", seed, options.quick, options.only, options.hard), 0
+    return made("development", seed, options.quick), 0
 
 
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:

@@ -27,7 +27,7 @@ RECIPE, SAME, RANDOM, SWEEP = "recipe", "same", "random", "sweep"
 ARMS = {
     RECIPE: "as proposed",
     SAME: "the same inputs again, from the beginning of the first recording on",
-    RANDOM: "as many steps, drawn within the range of each input",
+    RANDOM: "as many steps, drawn within what may be set",
     SWEEP: "all inputs together from the lowest value to the highest",
 }
 """Ways to run the plant again, in words; all but the first are baselines."""
@@ -73,17 +73,17 @@ def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) 
     Raises ValueError where the recipe sets what nobody can set.
     """
     samples, points = samples_of(recipe, case.scene.pace), _points(case.scene, recipe)
-    names = sorted({name for point in points for name in point})
     if arm == RECIPE:
         return list(zip(points, samples, strict=True))
+    ranges = _ranges(case, sorted({name for point in points for name in point}))
     if arm == RANDOM:
-        shares = stream(seed, "random inputs").uniform(size=(len(points), len(names)))
+        shares = stream(seed, "random inputs").uniform(size=(len(points), len(ranges)))
     else:
         steps = max(len(points), sum(samples) // SWEEP_HOLD)
         along = np.linspace(0.0, 1.0, steps) if steps > 1 else np.array([0.5])
-        shares = np.repeat(along[:, None], len(names), axis=1)
+        shares = np.repeat(along[:, None], len(ranges), axis=1)
         samples = np.diff(np.linspace(0, sum(samples), steps + 1).astype(int)).tolist()
-    drawn = [_within(case, names, row) for row in shares]
+    drawn = [{**points[-1], **_within(ranges, row)} for row in shares]
     return list(zip(drawn, samples, strict=True))
 
 
@@ -104,11 +104,19 @@ def _points(scene: Scene, recipe: Mapping[str, Any]) -> list[Point]:
     return found
 
 
-def _within(case: SettledCase, names: Sequence[str], shares: Array) -> Point:
-    """A point at shares of the displayed ranges of inputs in the first recording."""
-    point = {}
-    for name, share in zip(names, shares.tolist(), strict=True):
+def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Displayed ends between which inputs may be set, else those of the first recording."""
+    found = {}
+    for name in names:
         values = case.scene.given[name][case.scene.first :]
-        low, high = (displayed(case, name, float(v)) for v in (values.min(), values.max()))
-        point[name] = low + share * (high - low)
-    return point
+        ends = case.may_be_set.get(name, (values.min(), values.max()))
+        if not case.may_be_set or name in case.may_be_set:
+            low, high = (displayed(case, name, float(end)) for end in ends)
+            found[name] = low, high
+    return found
+
+
+def _within(ranges: Mapping[str, tuple[float, float]], shares: Array) -> Point:
+    """A point at shares of ranges."""
+    ends = zip(ranges.items(), shares.tolist(), strict=True)
+    return {name: low + share * (high - low) for (name, (low, high)), share in ends}

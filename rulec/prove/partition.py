@@ -54,7 +54,8 @@ SHORT = 256
 @dataclass(frozen=True)
 class Partition:
     """Cases by seed; `name` is `development` or `final`; `only` those whose name holds a word;
-    `hard` cases with difficulties instead of the others."""
+    `hard` cases with difficulties instead of the others; `produced` plants that make few
+    products."""
 
     name: str
     seed: int
@@ -62,6 +63,7 @@ class Partition:
     only: str = ""
     # Not in the digest of the other runs; names of cases tell these apart.
     hard: bool = field(default=False, repr=False)
+    produced: bool = field(default=False, repr=False)
 
     @property
     def digest(self) -> str:
@@ -76,6 +78,9 @@ class Partition:
         return [found[i] for i in order if self.only in found[i].name]
 
     def _in_order(self) -> Iterator[Planned]:
+        if self.produced:
+            yield from stationary.planned(self.seed, stationary.PRODUCED, small=True)
+            return
         if self.hard:
             counts = stationary.HARD_QUICK if self.quick else stationary.HARD
             yield from stationary.planned(self.seed, counts, self.quick)

@@ -27,9 +27,11 @@ from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.settled.plan import SettledCase
 
 
-def arms_of(baselines: bool) -> tuple[str, ...]:
-    """How plants are run again."""
-    return tuple(ARMS) if baselines else (RECIPE,)
+def arms_of(baselines: Sequence[str] | None) -> tuple[str, ...]:
+    """How plants are run again: as proposed, and in ways that are named; in all where none is."""
+    if baselines is None:
+        return (RECIPE,)
+    return tuple(arm for arm in ARMS if arm in (RECIPE, *baselines) or not baselines)
 
 
 def asked_again(
@@ -58,7 +60,7 @@ def asked_again(
         if seals[i] and any(not recorded(folder_of(work, i), arm) for arm in arms)
     ]
     done(_run, "running again", [words for words in lacking if _recipe(words[1])])
-    again = [f / ROUND / arm for f in folders if _recipe(f) for arm in arms]
+    again = [f / ROUND / arm for arm in arms for f in folders if _recipe(f)]
     done(ask_again, "asking again", [(f,) for f in again if not (f / FORM).exists()])
 
 

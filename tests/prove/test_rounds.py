@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.engines.call import Engine
@@ -128,6 +129,24 @@ def test_ways_to_run_again_are_of_equal_length(fault: SettledCase) -> None:
     for name, course in courses(fault, recipe, "recipe").items():
         assert course[11] == pytest.approx(fault.scene.given[name].min(), rel=1e-3)
         assert course[20] == pytest.approx(fault.scene.given[name].max(), rel=1e-3)
+
+
+def test_in_production_a_plant_may_be_run_farther_than_it_was(tmp_path: Path) -> None:
+    """What was recorded is a part of what its limits allow; baselines stay within these."""
+    plan = Planned("made", "production", "dosing", "production", ("fouling",), 300.0, small=True)
+    case = plan.make()
+    case.write(tmp_path)
+    limits = yaml.safe_load((tmp_path / "limits.yaml").read_text(encoding="utf-8"))["inputs"]
+    allowed, recipe = case.may_be_set, recipe_for(case)
+    assert limits.keys() == allowed.keys() == set(case.scene.rig.inputs)
+    assert limits["A.n"]["highest"] == pytest.approx(60.0 * allowed["A.n"][1])
+    random, sweep = (courses(case, recipe, arm) for arm in ("random", "sweep"))
+    for name, (low, high) in allowed.items():
+        recorded = case.scene.given[name][case.scene.first :]
+        assert np.ptp(recorded) < 0.35 * (high - low)
+        for course in (random[name], sweep[name]):
+            assert low - 0.5 <= course.min() <= course.max() <= high + 0.5
+        assert np.ptp(sweep[name]) > 2.0 * np.ptp(recorded)
 
 
 def test_what_nobody_can_set_is_refused(fault: SettledCase) -> None:
@@ -319,6 +338,7 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
     ("words", "why"),
     [
         (["--baselines"], "add --rounds 2"),
+        (["--baselines", "same"], "add --rounds 2"),
         (["--rounds", "2"], "add --only stationary"),
         (["--rounds", "2", "--hard"], "leave --hard out"),
         (["--rounds", "2", "--real"], "leave --real out"),

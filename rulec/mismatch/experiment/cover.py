@@ -1,11 +1,13 @@
 """Operating points that cover what may be set, for what no explanation foretells.
 
 Steps that tell explanations apart are as good as those explanations are. What is true may be none
-of them, bend elsewhere than where they were fitted, or err less than laws usually do; at operating
-points far from each other that shows.
+of them, bend elsewhere than where they were fitted, or err less than laws usually do. Points that
+lie far from each other show that; but with several inputs the farthest ones are corners, where each
+input has two values, and two do not tell how a law bends. So points are spread over each input
+alone and over all of them together.
 
-Source: Johnson, Moore and Ylvisaker 1990 (maximin distance designs); Box and Draper 1959 (designs
-that guard against a wrong model).
+Source: Joseph, Gul and Ba 2015 (maximum projection designs); Box and Draper 1959 (designs that
+guard against a wrong model).
 """
 
 from __future__ import annotations
@@ -22,24 +24,37 @@ from rulec.mismatch.experiment.within import Within
 def covering(
     limited: Within, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
 ) -> tuple[int, ...]:
-    """Up to so many places beside some steps, each the one farthest from all of them, as long as
-    there is time, s; the first one in the middle where there is no step.
+    """Up to so many places beside some steps, each the one farthest from all of them by the product
+    of distances along each input, as long as there is time, s; the first one in the middle where
+    there is no step.
 
     `among`, shape (n,), flags places that may be chosen.
     """
     at = _shares(limited)
     left = [place for place in np.flatnonzero(among).tolist() if place not in steps]
-    before, found = list(steps), list[int]()
+    found: list[int] = []
+    near = np.sum([_near(at, point, most) for point in at[list(steps)]], axis=0)
     while left and len(found) < most:
-        near = at[before] if before else at.mean(axis=0, keepdims=True)
-        far = np.linalg.norm(at[left][:, None] - near[None], axis=2).min(axis=1)
-        place = left[int(np.argmax(far) if before else np.argmin(far))]
-        if not far.max() > 0.0 or limited.seconds([*found, place]) > seconds:
+        # Before any step all are as good.
+        worst = near if steps or found else np.linalg.norm(at - at.mean(axis=0), axis=1)
+        place = min(left, key=worst.__getitem__)
+        if not np.isfinite(worst[place]) or limited.seconds([*found, place]) > seconds:
             break
         left.remove(place)
         found.append(place)
-        before.append(place)
+        near = near + _near(at, at[place], most)
     return tuple(found)
+
+
+def _near(at: Array, point: Array, most: int) -> Array:
+    """What one of at most so many points adds to the criterion at all places, shape (n,): infinite
+    where they coincide.
+
+    Of one input values are as good as apart where so many evenly spread ones are.
+    """
+    apart = np.abs(at - point)
+    near: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
+    return np.where(apart.any(axis=1), near, np.inf)
 
 
 def _shares(limited: Within) -> Array:

@@ -64,21 +64,45 @@ def one_of_few(random: np.random.Generator, samples: int) -> Array:
     return few_states(random, ["alone"], samples)["alone"]
 
 
+PRODUCTION = "production"
+"""Profile of a plant that makes its few products."""
+
+PART = 0.3
+"""Part of the range of a setting that production uses."""
+
+
+def products(random: np.random.Generator, modules: Sequence[str], samples: int) -> dict[str, Array]:
+    """All modules change together between a few products, each in a part of its range."""
+    runs = few_states(random, modules, samples)
+    return {m: random.uniform(0.0, 1.0 - PART) + PART * run for m, run in runs.items()}
+
+
+def one_of_products(random: np.random.Generator, samples: int) -> Array:
+    """The course of one setting alone, in a part of its range."""
+    return products(random, ["alone"], samples)["alone"]
+
+
 PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "steps": steps,
     "ramps": ramps,
     "start-stop": steps,
     "long-constant": long_constant,
     "few-states": one_of_few,
+    PRODUCTION: one_of_products,
 }
+TOGETHER: Mapping[str, Callable[[np.random.Generator, Sequence[str], int], dict[str, Array]]] = {
+    "few-states": few_states,
+    PRODUCTION: products,
+}
+"""Profiles in which all modules change together."""
 
 
 def shares(
     random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
 ) -> dict[str, Array]:
     """Course of each module's setting, 0 to 1, shape (before+samples,)."""
-    if profile == "few-states":
-        runs = few_states(random, modules, samples)
+    if profile in TOGETHER:
+        runs = TOGETHER[profile](random, modules, samples)
         return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
     make = PROFILES[profile]
     return {m: np.concatenate([visits(random, before), make(random, samples)]) for m in modules}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..units import BAR, LITRE_PER_HOUR
@@ -28,3 +29,13 @@ def write_plant(rig: Rig, folder: Path) -> None:
     if links:
         lines += ["connections:", *links]
     (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_limits(rig: Rig, ranges: Mapping[str, tuple[float, float]], file: Path) -> None:
+    """Write how far inputs may be set; `ranges` in SI."""
+    lines = ["limits: concealed", "inputs:"]
+    for name, ends in ranges.items():
+        sensor = rig.sensors[name]
+        low, high = ((end - sensor.offset) / sensor.scale for end in ends)
+        lines.append(f'  {name}: {{lowest: {low:.6g}, highest: {high:.6g}, unit: "{sensor.unit}"}}')
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -17,13 +17,14 @@ from ..streams import FURTHER, stream
 from .answer import answer_of, connection_of
 from .blurred import blurred
 from .connection_effects import WAYS
+from .drive import PRODUCTION
 from .effect import Made
 from .effects import Placed, effect_of, places_of
-from .folder import write_plant
+from .folder import write_limits, write_plant
 from .reference import reference
 from .rig import Rig
 from .rigs import bench_rig, dosing_rig, oil_rig, valve_rig, warm_rig
-from .scene import Scene, scene
+from .scene import Scene, may_be_set, scene
 from .sized import sized
 from .solve import Stalled
 from .term import Change
@@ -109,10 +110,18 @@ class SettledCase:
     """The plant as its file has it, where that is another one."""
     planted: tuple[tuple[Placed, float], ...] = ()
 
+    @property
+    def may_be_set(self) -> dict[str, tuple[float, float]]:
+        """How far inputs may be set, SI, where that is farther than was recorded."""
+        return may_be_set(self.scene.rig) if self.plan.profile == PRODUCTION else {}
+
     def write(self, folder: Path) -> None:
-        """Write `plant/` and `recording.csv`, and `earlier.csv` to calibrate with, if any."""
+        """Write `plant/` and `recording.csv`, `earlier.csv` to calibrate with, if any, and
+        `limits.yaml` where more may be set than was recorded."""
         scene_, first = self.scene, self.scene.first
         write_plant(self.stated or scene_.rig, folder / "plant")
+        if self.may_be_set:
+            write_limits(scene_.rig, self.may_be_set, folder / "limits.yaml")
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
         gone = self.answer.unrecorded
         shown = {h: v[first:] for h, v in columns.items() if not gone or f".{gone} [" not in h}

@@ -39,6 +39,12 @@ ACROSS, BEHIND = (0.3 * BAR, 9.0 * BAR), (0.1 * BAR, 3.0 * BAR)
 TRAVEL = 0.08, 0.98
 """Range of the travel of a valve."""
 
+USED = 0.08, 0.95
+"""Part of the range of a speed or load in which a plant is run."""
+
+OPENED = 0.1, 1.0
+"""Range of the flow that the valve behind a pump lets through, in parts of the largest one."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -164,7 +170,7 @@ def scene(
     given = {}
     for m in rig.pumps:
         low, high = load if rig.by_load else rig.kind(m).speeds
-        setting = low + (high - low) * (0.08 + 0.87 * share[m])
+        setting = low + (high - low) * (USED[0] + (USED[1] - USED[0]) * share[m])
         place = f"{m}.{'dp' if rig.by_load else 'n'}"
         given[place] = approach(seconds, setting, INERTIA.speed)
         if place in hard.wobble:
@@ -174,7 +180,7 @@ def scene(
             travel = TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * make(random, samples)
             given[f"{m}.x"] = opened_slowly(seconds, travel)
         if rig.by_meter:
-            opened = 0.1 + 0.9 * make(random, samples)
+            opened = OPENED[0] + (OPENED[1] - OPENED[0]) * make(random, samples)
             usual = rig.numbers[f"{m}.n0"][0]
             given[f"{m}.Q"] = FLOW * opened_slowly(seconds, opened) * given[f"{m}.n"] / usual
     temperatures = {
@@ -216,6 +222,22 @@ def scene(
         pace,
         correlated,
     )
+
+
+def may_be_set(rig: Rig) -> dict[str, tuple[float, float]]:
+    """How far an operator may set inputs, SI: as far as plants are run at all. Nobody sets a
+    temperature."""
+    found = {}
+    for m in rig.pumps:
+        low, high = (ACROSS if rig.by_travel else LOAD) if rig.by_load else rig.kind(m).speeds
+        ends = low + (high - low) * USED[0], low + (high - low) * USED[1]
+        found[f"{m}.{'dp' if rig.by_load else 'n'}"] = ends
+        if rig.by_travel:
+            found[f"{m}.x"] = TRAVEL
+        if rig.by_meter:
+            usual = rig.numbers[f"{m}.n0"][0]
+            found[f"{m}.Q"] = FLOW * OPENED[0] * ends[0] / usual, FLOW * OPENED[1] * ends[1] / usual
+    return found
 
 
 def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from .drive import PRODUCTION
 from .effect import Effect
 from .effects import CONNECTIONS, EFFECTS, WIRING, effect_of
 from .plan import Planned
@@ -46,6 +47,10 @@ HARD: Mapping[str, int] = {
 }
 """Of a run with difficulties; in the group `all` every one of them. Plants of the group `wiring`
 keep to their laws: what is wrong with them is in the cables or the file."""
+
+PRODUCED: Mapping[str, int] = {"production": 36, "production-clean": 6, "production-unnamed": 6}
+"""Of a run of small plants that make a few products, in a part of what may be set; they keep to
+their laws."""
 
 CONNECTED: Mapping[str, int] = {"connection": 24}
 """Of a run of plants that are connected otherwise than stated; they keep to their laws."""
@@ -99,6 +104,8 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             difficulties = DIFFICULTIES.get(group.removesuffix("-clean"), ())
             if "form" in difficulties:
                 profile = "few-states"
+            if group in PRODUCED:
+                profile = PRODUCTION
             name = f"stationary-{seed}-{group}-{'+'.join(effects)}-{i}"
             yield Planned(name, group, family, profile, effects, aim, conceal, small, difficulties)
 
@@ -107,7 +114,7 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
     """Names of effects of each case: all in turn, in an order by the seed."""
     pools: dict[str, Sequence[tuple[str, ...]]] = {
         "clean": [()],
-        **{g: [()] for g in HARD if g.endswith("-clean")},
+        **{g: [()] for g in (*HARD, *PRODUCED) if g.endswith("-clean")},
         "hiding": HIDING,
         "wiring": [(name,) for name in WIRING],
         "connection": [(name,) for name in CONNECTIONS],
@@ -139,8 +146,8 @@ def _meet(one: Effect, other: Effect) -> bool:
 
 
 def _fits(effect: Effect, group: str) -> bool:
-    match group:
-        case "single":
+    match group.removeprefix("production-"):
+        case "single" | "production":
             return effect.sort == "physics"
         case "calibrated":
             return effect.sort == "physics" and not effect.timed and _curves_can_be_found(effect)
@@ -151,8 +158,8 @@ def _fits(effect: Effect, group: str) -> bool:
             return effect.sort == "physics" and effect.driver != "" and not effect.corner
         case "form" | "coloured" | "drift" | "all":
             return True
-        case _:
-            return effect.sort == group
+        case sort:
+            return effect.sort == sort
 
 
 def _curves_can_be_found(effect: Effect) -> bool:
