@@ -304,10 +304,6 @@ COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module. Origin:
 assumed."""
 
-FLICKERING = 2.0
-"""How much less expected a sensor is that errs in some periods only, in log odds. Origin:
-assumed."""
-
 SURPASSED = 1.35
 """Times the gain of a name that a free curve must gain to say that the name only imitates it.
 Origin: assumed."""
@@ -316,44 +312,11 @@ HOPELESS = 0.5
 """Share of the gain that is needed, or to be beaten, which the linearised gain of a trial must
 promise: it is estimated to first order, and seldom doubles. Origin: assumed."""
 
-NEEDED = 8.0
-"""Gain in log likelihood that an explanation at settled points needs beyond the logarithm of
-those tried and the worth of all points. In 38 clean recordings the best explanation gained 8.5
-in one, and less than its price in the others; after this was chosen, none of 100 other clean
-recordings reported anything. Origin: measured by `python -m tests.rig.mismatch clean`."""
-
 NEEDED_OVER_TIME = 3.0
 """Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm
 of those tried. Origin: assumed."""
 
-# Blocks that were not fitted to, and rivals.
-
-SURE = 3.0
-"""Standard deviations, robust over blocks, by which a gain differs from none. Origin:
-distribution (normal, two-sided, 0.3 %)."""
-
-SEED = 20_240_117
-"""Rivals are drawn from one fixed seed, so that the same recording gives the same answer.
-Origin: numerical."""
-
-STEADY = 0.9
-"""Share of the gain of a term that its mean explains as well where its course has no part in it.
-Origin: assumed."""
-
-EVEN = 1.5
-"""Odds up to which two are told apart by blocks that they were not fitted to. Origin: assumed."""
-
 # How much of the search at settled points is tried.
-
-MANY = 3
-"""Explanations from which on it is asked whether two that are chosen together say the same.
-Origin: assumed."""
-
-OTHERS = 4
-"""Other explanations of each that are tried in an exchange. Origin: assumed."""
-
-SECONDS = 2
-"""Seconds that are tried beside each single explanation. Origin: assumed."""
 
 PAIR_GAINS_MORE = 1.5
 """Times what its parts gain alone, linearised, that a pair gains which hides itself. Origin:
@@ -418,9 +381,6 @@ SHORTEST = 3
 """Means that a period has at least. Origin: assumed."""
 
 # What has no name.
-
-LATENT_PLACES = 3
-"""Places at which a driver that nobody recorded is tried. Origin: assumed."""
 
 LATENT_KNOTS = (2, 4, 7, 12, 20, 40)
 """Values of a course that is free in time: as few as tell it. Origin: assumed."""

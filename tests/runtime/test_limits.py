@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from collections import Counter
 from collections.abc import Iterator
 from numbers import Real
 from pathlib import Path
@@ -71,6 +72,26 @@ def test_every_number_has_a_meaning_and_an_origin(file: Path) -> None:
     tree = ast.parse(file.read_text(encoding="utf-8"))
     without = [name for name, text in constants(tree) if not ORIGIN.search(" ".join(text.split()))]
     assert without == []
+
+
+def test_every_number_is_used() -> None:
+    """By the code, not by tests alone."""
+    code = [p for top in ("rulec", "runtime") for p in (ROOT / top).rglob("*.py")]
+    used = Counter(
+        name
+        for file in code
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Load)
+        for name in [node.id if isinstance(node, ast.Name) else node.attr]
+        if name.isupper()
+    )
+    unused = [
+        f"{file.relative_to(ROOT)}: {name}"
+        for file in FILES
+        for name, _ in constants(ast.parse(file.read_text(encoding="utf-8")))
+        if not used[name]
+    ]
+    assert unused == []
 
 
 def test_numbers_stand_in_limits_alone() -> None:
