@@ -22,7 +22,7 @@ from rulec_runtime.report.text import number
 from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch import limits
+from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.verdict import is_spoiled
 from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.inference.prove import rms

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import number
 
-from rulec.mismatch import limits
+from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.result import Estimate
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.shape_words import Drawable, memory_words, shape_words, turns_of
 from rulec.mismatch.evidence.model import Model, Variable
 from rulec.mismatch.result import Beaten, Region, Shape
@@ -99,7 +100,7 @@ def answer_of(branches: Branches, height: float) -> str:
     gap, least = abs(branches.gap), limits.BRANCHES_COUNT * height
     if gap > limits.BRANCHES_CLEAR * branches.u and gap > least:
         return "yes"
-    return "no" if gap + limits.NORMAL_95 * branches.u < least else "cannot be told"
+    return "no" if gap + common.NORMAL_95 * branches.u < least else "cannot be told"
 
 
 def _beaten(lost: Lost, name: str, driver: Variable) -> Beaten:

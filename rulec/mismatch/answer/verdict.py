@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import TIME, Missing
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.wording import onset, region_words
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape, Standing
 from rulec.mismatch.structure.hypotheses import CONNECTION
@@ -62,7 +63,7 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
         return "unnamed" if left or findings else "none"
     physics = [f for f in named if f.sort in OF_THE_MODEL]
     deciding = physics or named
-    if deciding[0].probability < limits.CERTAIN:
+    if deciding[0].probability < common.CERTAIN:
         return "ambiguous"
     if physics:
         return "named"
@@ -92,7 +93,7 @@ def headline_of(
             f"explains.{follows}"
         )
     pairs = list(zip(told, names, strict=True))
-    sure = [(f.sort, n) for f, n in pairs if f.probability >= limits.CERTAIN]
+    sure = [(f.sort, n) for f, n in pairs if f.probability >= common.CERTAIN]
     if verdict == "ambiguous":
         beside = f" Sure beside that: {_joined([n for _, n in sure])}." if sure else ""
         return _open(*_deciding(pairs)) + beside
@@ -104,7 +105,7 @@ def headline_of(
     if verdict in ("fault", "sensor"):
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
-    doubtful = [n for f, n in pairs if f.probability < limits.CERTAIN]
+    doubtful = [n for f, n in pairs if f.probability < common.CERTAIN]
     said += [f"Not sure: {_joined(doubtful)}"] if doubtful else []
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
 
@@ -116,7 +117,7 @@ def _deciding(pairs: Sequence[tuple[Finding, str]]) -> tuple[Finding, str]:
 
 def _open(finding: Finding, name: str) -> str:
     """What is likeliest, alone or with all that are about as likely."""
-    if any(a.probability >= limits.MENTIONED for a in finding.alternatives):
+    if any(a.probability >= common.MENTIONED for a in finding.alternatives):
         return f"Several explanations fit about equally: {name}."
     probability = percent(finding.probability)
     return f"Not sure enough to be named: {name} ({probability})."
@@ -132,7 +133,7 @@ def _with_others(finding: Finding) -> str:
     grown = next((p for p in finding.periods if p.growth), None)
     if grown is not None:
         name += f" that grows since {onset(grown)}"
-    others = [_inside(a.title) for a in finding.alternatives if a.probability >= limits.MENTIONED]
+    others = [_inside(a.title) for a in finding.alternatives if a.probability >= common.MENTIONED]
     return " or ".join([name, *others])
 
 
@@ -168,14 +169,14 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     if verdict in ("none", "unnamed", "cannot judge"):
         return ""
     most, signal = _farthest(fits)
-    if most < limits.FAR_OFF:
+    if most < common.FAR_OFF:
         return ""
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 
 
 def _perhaps(standing: Sequence[Standing]) -> str:
     """What may be missing, and may as well not; empty where that is hardly so."""
-    likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
+    likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
     if not likely:
         return ""
     said = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
@@ -188,7 +189,7 @@ def _perhaps(standing: Sequence[Standing]) -> str:
 
 def _nothing(most: float, signal: str) -> str:
     """No explanation is likely; a law that is not exact may all the same be off by much."""
-    if most < limits.FAR_OFF:
+    if most < common.FAR_OFF:
         return "Nothing is missing: what recalibration leaves is noise."
     return (
         f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, no more "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 
 
 def coarse_step(values: Array, u: float) -> float:

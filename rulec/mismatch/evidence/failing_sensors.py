@@ -21,7 +21,7 @@ from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import glitches_in
 
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.coarse_steps import coarse_step
 from rulec.mismatch.result import Finding, Location, Period
 

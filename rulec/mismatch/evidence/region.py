@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Variable
 from rulec.mismatch.result import Region
 

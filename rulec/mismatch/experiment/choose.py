@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaincinv
 
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.divergence import divergences
 from rulec.mismatch.experiment.foretell import Foretold
 

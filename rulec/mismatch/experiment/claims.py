@@ -10,9 +10,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import CHANGE, Configuration
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import (
     ERROR,
     Configuration,
@@ -21,6 +21,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, with_properties
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
@@ -198,9 +199,9 @@ def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     stay = [name.startswith(ERROR) for name in names] & ~np.array(own, dtype=bool)
     kept = np.where(own, 0.0, 1.0)
     if any(own):
-        return kept, np.flatnonzero(stay), limits.OWN_ERROR
+        return kept, np.flatnonzero(stay), common.OWN_ERROR
     # Of one recording it is not known which part of an error stays: two are alike by so much.
-    alike = 1.0 - limits.OWN_ERROR
+    alike = 1.0 - common.OWN_ERROR
     return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
 
 

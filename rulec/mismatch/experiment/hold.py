@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.choose import Choice, chosen
 from rulec.mismatch.experiment.foretell import Foretold
 from rulec.mismatch.experiment.within import Within

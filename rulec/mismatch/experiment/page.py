@@ -17,7 +17,7 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.tables import Column, table
 from rulec_runtime.report.text import percent, safe
 
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.result import Experiment
 from rulec.mismatch.experiment.words import (
     as_read,

@@ -14,11 +14,11 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.cover import covering
 from rulec.mismatch.experiment.foretell import Foretold, foretold

@@ -13,9 +13,10 @@ from rulec_runtime.limits import SETTLING
 from rulec_runtime.recordings.recording import Recording
 from scipy.stats import qmc
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.foretell import Places
 from rulec.mismatch.experiment.surroundings import surroundings, unset
 from rulec.separation.allowed import Allowed
@@ -59,7 +60,7 @@ def usual_reach(system: System, present: Mapping[str, float], sample: float) -> 
         ran = values[np.isfinite(values) & (values >= least)]
         if len(ran):
             low, high = float(ran.min()), float(ran.max())
-            if high - low > limits.FEATURE_VARIES * float(np.nanmedian(data.noise[signal.id])):
+            if high - low > common.FEATURE_VARIES * float(np.nanmedian(data.noise[signal.id])):
                 ranges[signal.id] = (low, high)
     return Reach(ranges, _usual_step(data, sample), present)
 

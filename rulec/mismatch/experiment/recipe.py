@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.text import percent
 
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.result import Experiment, Reading
 from rulec.mismatch.experiment.words import (
     as_read,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.sensors import Advised
 from rulec.mismatch.result import Standing
 

@@ -16,8 +16,8 @@ import numpy as np
 from rulec.knowledge.knowledge import SensorClass
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.claims import Claims, Quantity, claims_of
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.refit import Model

@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.limits import SAME_FLOW
-from rulec.mismatch import limits
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.foretell import Foretold, Places
 from rulec.mismatch.experiment.reach import Reach
 

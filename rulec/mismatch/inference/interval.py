@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.model import Line
+from rulec.mismatch.inference import limits
 from rulec.mismatch.result import Confounded
 
 
@@ -25,23 +26,23 @@ def _end(line: Line, side: float) -> float:
     """Where the likelihood has fallen by enough, on one side; at most the end of the range."""
     reach = line.value - line.lowest if side < 0 else line.highest - line.value
     pace = line.pace
-    step, inside, outside = min(limits.NORMAL_95 * line.u, reach), 0.0, np.inf
+    step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
     for _ in range(pace.steps):
         if step <= 0.0:
             break
         fall = line.fall(side * step)
-        if fall < limits.DROP:
+        if fall < common.DROP:
             inside = step
             if step >= reach:
                 break
-            ratio = float(np.sqrt(limits.DROP / fall)) if fall > 0 else pace.uphill
+            ratio = float(np.sqrt(common.DROP / fall)) if fall > 0 else pace.uphill
             grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
             between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
             step = min(step * grow, reach, between)
         else:
             outside = step
-            step = max(step * float(np.sqrt(limits.DROP / fall)), 0.25 * (inside + outside))
-        if abs(fall - limits.DROP) < pace.near:
+            step = max(step * float(np.sqrt(common.DROP / fall)), 0.25 * (inside + outside))
+        if abs(fall - common.DROP) < pace.near:
             break
     return float(line.value + side * step)
 

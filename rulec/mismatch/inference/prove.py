@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 
-from rulec.mismatch import limits
+from rulec.mismatch.inference import limits
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Errors, Fit
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.search import limits
 
 KNOTS = np.linspace(0.0, 1.0, 41)
 """Shares of a driver's range at which functions are kept; between them they are straight."""

@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Spot
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.search import limits
 
 
 def curve_at(

@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
-from rulec.mismatch import limits
+from rulec.mismatch.search import limits
 
 
 def levels_of(course: Array, weight: Array) -> Array:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
 from rulec.mismatch.evidence.steady.screen import InitialCandidate
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.knots import clipped, levels_of
 from rulec.mismatch.search.periods import degree_course
 from rulec.mismatch.search.time_varying import spot_of

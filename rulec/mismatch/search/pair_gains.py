@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.screen import ScoreTest
+from rulec.mismatch.search import limits
 
 
 def pair_gains(

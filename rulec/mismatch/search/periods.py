@@ -15,7 +15,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.screen import (
@@ -24,6 +23,7 @@ from rulec.mismatch.evidence.steady.screen import (
     columns_of,
     score_tests_at,
 )
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.search import limits
 
 
 @dataclass(frozen=True)

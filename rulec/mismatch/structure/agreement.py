@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec.mismatch import limits
+from rulec.mismatch.structure import limits
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import listed
 from scipy.special import expit
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.hypotheses import CLOCK, Hypothesis, Taken
 from rulec.mismatch.structure.moving import Moving
 
@@ -163,7 +164,7 @@ def _judged(moving: Moving, shift: Shift) -> Shift:
 
 def _changes(moving: Moving, seen: np.ndarray) -> int:
     """How many changes there are among samples, shape (n,): runs, cut at the ends of blocks."""
-    block = np.arange(len(seen)) * limits.BLOCKS // len(seen)
+    block = np.arange(len(seen)) * common.BLOCKS // len(seen)
     first = seen & ~(np.concatenate([[False], seen[:-1]]) & (np.diff(block, prepend=-1) == 0))
     return int(first.sum())
 
@@ -201,9 +202,9 @@ def taken_of(
     """The best shift, if it is sure and leaves so little; with others that explain as much."""
     sound = [s for s in shifts if s.by and s.left < leaves]
     best = max(sound, key=lambda s: s.odds(tried), default=None)
-    if best is None or float(expit(best.odds(tried))) <= limits.CERTAIN:
+    if best is None or float(expit(best.odds(tried))) <= common.CERTAIN:
         return None
-    near = best.odds(tried) - float(np.log(limits.CERTAIN / (1.0 - limits.CERTAIN)))
+    near = best.odds(tried) - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [s for s in sound if s is not best and s.odds(tried) > near]
     hypothesis = hypothesis_of(best, alike, pace_of(recording), ruleset)
     return Taken(hypothesis, best.gain, float(expit(best.odds(tried))))

@@ -18,7 +18,8 @@ from rulec_runtime.recordings.recording import Recording
 from scipy.special import expit
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
 from rulec.mismatch.structure.hypotheses import Hypothesis, Taken, hypotheses
@@ -111,7 +112,7 @@ def _column(
         compared = Compared(plain.over(rows), there.over(rows))
         odds = compared.gain + price
         probability = float(expit(odds))
-        sure = probability > limits.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
+        sure = probability > common.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
         if sure and compared.each > most:
             most = compared.each
             best = Taken(hypothesis, compared.gain, probability)

@@ -20,12 +20,12 @@ from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.samples import ESTIMATION
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.structure import limits
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
@@ -26,6 +26,7 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock import shifts_of, taken_of
 from rulec.mismatch.structure.connections import Rewiring, rewirings
@@ -102,7 +103,7 @@ class Settled:
     def clock(self, recording: Recording) -> Taken | None:
         """Columns whose clock is off, if some are; a table of points has no time."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
-        if found is None or found.data.of_rows or len(found.data) < limits.FEWEST_POINTS:
+        if found is None or found.data.of_rows or len(found.data) < common.FEWEST_POINTS:
             return None
         system, setting = found.fitted.rows.system, found.fitted.setting
         moving = moving_of(recording, found.data, system, setting)

@@ -17,7 +17,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.mending import Mending
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.clock import Shift, longest, nearest, pace_of, sizes_of
 
@@ -37,7 +38,7 @@ def shifts_against_cause(
     before = judge(recording, 0).likelihood
     sides = dict.fromkeys(dynamics.inputs, 1) | dict.fromkeys(dynamics.outputs, -1)
     # What is less than two samples of a simulation hardly shows in it.
-    least = 2 * -(-len(recording) // limits.SAMPLE_BUDGET)
+    least = 2 * -(-len(recording) // common.SAMPLE_BUDGET)
     sizes = [by for by in sizes_of(recording) if by >= least]
     if not sizes:
         return [], 1

@@ -19,13 +19,14 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.stores.drift import drift_of
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock import taken_of
 from rulec.mismatch.structure.connections import Rewiring
@@ -65,7 +66,7 @@ class Stores:
         shown = [n for n in dynamics.outputs if n in recording.values]
         return Agreement(
             rows=sum(int(known.sum()) for known in problem.known.values()),
-            count=float(limits.BLOCKS * len(problem.signals)) * float(record.open.mean()),
+            count=float(common.BLOCKS * len(problem.signals)) * float(record.open.mean()),
             likelihood=likelihood,
             excess=excess,
             gross=gross,

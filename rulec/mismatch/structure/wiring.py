@@ -18,7 +18,8 @@ from rulec_runtime.recordings.recording import Recording
 from scipy.special import expit
 
 from rulec.knowledge.sources import Sources
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
 from rulec.mismatch.structure.hypotheses import CONNECTION, Hypothesis, Taken
@@ -85,14 +86,14 @@ def connection_of(recording: Recording, stated: Wired, columns: int) -> Taken | 
     gain = _beyond_physics(recording, stated, first)
     if not _sure(gain + price):
         return None
-    near = first.compared.gain - float(np.log(limits.CERTAIN / (1.0 - limits.CERTAIN)))
+    near = first.compared.gain - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [o.rewiring for o in sound if o is not first and o.compared.gain > near]
     hypothesis = hypothesis_of(first.rewiring, alike, stated.sources)
     return Taken(hypothesis, first.compared.gain, float(expit(gain + price)))
 
 
 def _sure(odds: float) -> bool:
-    return float(expit(odds)) > limits.CERTAIN
+    return float(expit(odds)) > common.CERTAIN
 
 
 def _beyond_physics(recording: Recording, stated: Wired, judged: _Judged) -> float:

@@ -15,7 +15,7 @@ from pathlib import Path
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch import limits
+from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled

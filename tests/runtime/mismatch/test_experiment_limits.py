@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.foretell import Foretold, Places
 from rulec.mismatch.experiment.hold import best_within
 from rulec.mismatch.experiment.reach import (

@@ -11,11 +11,11 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.limits import RELEASE
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
 from rulec.mismatch.evidence.steady.model import model_of
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.limits import RELEASE
 from tests.runtime.mismatch.made import (
     USUAL,
     Built,

@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
-from rulec.mismatch.limits import ODD, STEP_PENALTY
+from rulec.mismatch.search.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.periods import degree_course, in_periods
 from rulec.mismatch.search.segments import apart, cut, few_levels
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour

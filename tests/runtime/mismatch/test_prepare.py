@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rulec_runtime.recordings.recording import Recording
 
+from rulec.mismatch.evidence.limits import POINT_BUDGET
 from rulec.mismatch.evidence.samples import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
-from rulec.mismatch.limits import POINT_BUDGET
 from tests.runtime.mismatch.made import HOLD, alone, compared, opened, recorded, tour
 
 SAMPLES = 300

@@ -8,9 +8,9 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.language import expression
 from rulec.limits import MAX_EQUATION_LENGTH
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain
 from rulec.mismatch.search.settled.told import with_term

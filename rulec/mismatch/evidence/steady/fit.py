@@ -17,7 +17,8 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import (
     ERROR,
     Configuration,
@@ -85,7 +86,7 @@ def prior_of(
     several = bool(system.data.sources)
     for i, name in enumerate(errors, start=k):
         own = reading_and_recording(name)[1] is not None
-        share = limits.OWN_ERROR if own else 1.0 - limits.OWN_ERROR if several else 1.0
+        share = common.OWN_ERROR if own else 1.0 - common.OWN_ERROR if several else 1.0
         precision[i, i] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     bounds = setting.limits()

@@ -16,7 +16,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
@@ -126,7 +127,7 @@ def alike(first: Suspect, second: Suspect) -> bool:
     """Do errors at two places look the same in all residuals?"""
     cosine = np.abs(first.column @ second.column)
     cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
-    return bool(cosine > limits.SAME_PATTERN)
+    return bool(cosine > common.SAME_PATTERN)
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:

@@ -9,7 +9,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
@@ -77,7 +78,7 @@ class SteadyModel(Model):
         (span,), (name,) = course.periods, course.names()
         degree, known = self.fitted.setting.values[name], onset_of(self.fitted, course)
         rate, u = HOUR * degree / (span.until - span.since), HOUR * known.u_rate
-        far = limits.NORMAL_95 * u
+        far = common.NORMAL_95 * u
         growth = Growth(
             rate=rate, u=u, lower=max(rate - far, 0.0), upper=rate + far, u_since=known.u_since
         )

@@ -14,7 +14,7 @@ from rulec_runtime.contract.ruleset import ResidualSpec, SignalSpec
 from rulec_runtime.recordings.reading_unit import parse_unit
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.system import System
 from rulec.simulation.shut_off import is_flow

@@ -17,7 +17,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import MEDIAN, TIME, Candidate, Unknown
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, prior_of, student_weights
 from rulec.mismatch.evidence.steady.system import System

@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import NORMAL_SPREAD
 
 from rulec.knowledge.fluid import reading_of
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.system import System

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 
 
 def inverses_of(tables: Sequence[Array]) -> list[Array]:

@@ -16,7 +16,8 @@ from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.limits import NORMAL_SPREAD
 from rulec_runtime.recordings.stationary import Stretches
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
@@ -63,7 +64,7 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
     own = [values for name, (values, _) in every.items() if name.partition(".")[0] == module]
     if len(own) < len(every):
         own += _flow_as_set(system, flows, module, [values for values, _ in every.values()])
-    columns = [values / (limits.FORM_LENGTH * _spread(values)) for values in own]
+    columns = [values / (common.FORM_LENGTH * _spread(values)) for values in own]
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
     far = np.sqrt(5.0 * square)

@@ -14,7 +14,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.mismatch import limits
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 

@@ -16,7 +16,8 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of
 from rulec.mismatch.evidence.stores.simulation_problem import (
@@ -251,7 +252,7 @@ class Fitter:
         near = at.copy()
         for i, unknown in enumerate(self._unknowns, self._count):
             if unknown.null is not None and unknown.id not in known:
-                near[i] = unknown.null + limits.GENTLE * self._scale[i]
+                near[i] = unknown.null + common.GENTLE * self._scale[i]
         return np.asarray(np.clip(near, self._low, self._high))
 
     def ahead(self, at: Array, judged: Judged, basis: Array) -> Array:
@@ -393,7 +394,7 @@ class Fitter:
         for i, unknown, end in at_end:
             back = limits.INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
             steep = abs(float(slopes[:, i] @ residual))
-            if steep * back > limits.PRESSING and 0.5 * steep**2 * open_[i] > limits.DROP:
+            if steep * back > limits.PRESSING and 0.5 * steep**2 * open_[i] > common.DROP:
                 found.append(unknown.id)
         return tuple(found)
 

@@ -17,7 +17,8 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
@@ -40,7 +41,7 @@ class Suspect:
 def suspects(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
     found: list[Suspect] = []
-    for knots in limits.COURSE_KNOTS:
+    for knots in common.COURSE_KNOTS:
         found = _suspects(bench, fitted, judged, knots)
         # The smoother a course that will do, the more its place is worth.
         if found and found[0].share > limits.SMOOTH_ENOUGH:

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import spot_column, suspect_at
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.branches import gap_between, visits_on_branches, ways_there
 from rulec.mismatch.search.curve_found import Branches, CurveFound
 from rulec.mismatch.search.settled.geometry import Functions

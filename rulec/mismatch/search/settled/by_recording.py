@@ -16,12 +16,13 @@ from rulec_runtime.recordings.together import part_of
 from rulec_runtime.report.text import listed
 
 from rulec.effects.candidate import TIME, Candidate
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.result import Likely, Moved
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.scan import id_of, name_of
 from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
@@ -119,10 +120,10 @@ def _rows_of(
 ) -> Rows | None:
     """Rows of some recordings; None where they are too few."""
     data = prepare(recording, system.ruleset, heldout)
-    if data is None or int(data.open.sum()) < limits.FEWEST_POINTS:
+    if data is None or int(data.open.sum()) < common.FEWEST_POINTS:
         return None
     rows = rows_of(system_of(system.ruleset, system.builder, data), Configuration())
-    return rows if rows.groups >= limits.FEWEST_POINTS else None
+    return rows if rows.groups >= common.FEWEST_POINTS else None
 
 
 def _said(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
@@ -174,12 +175,12 @@ def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
         return "none"
     best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
     sort = SORTED.get(sorts[best], "unnamed")
-    return "ambiguous" if sort != "unnamed" and found[best] < limits.CERTAIN else sort
+    return "ambiguous" if sort != "unnamed" and found[best] < common.CERTAIN else sort
 
 
 def _likely(found: Mapping[str, float], titles: Mapping[str, str]) -> tuple[Likely, ...]:
     """What may be right, the likeliest first."""
-    kept = sorted((k for k, p in found.items() if p >= limits.MENTIONED), key=lambda k: -found[k])
+    kept = sorted((k for k, p in found.items() if p >= common.MENTIONED), key=lambda k: -found[k])
     return tuple(Likely(key, titles[key], found[key]) for key in kept)
 
 
@@ -194,6 +195,6 @@ def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ..
     first, last = shares
     every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
     largest = {key: max(old or 0.0, new) for key, (old, new) in every.items()}
-    kept = [key for key, share in largest.items() if share >= limits.MENTIONED]
+    kept = [key for key, share in largest.items() if share >= common.MENTIONED]
     kept.sort(key=lambda key: (-largest[key], key))
     return tuple(Moved(key, titles[key], *every[key]) for key in kept)

@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.extent import usual_size
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
@@ -20,6 +20,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.sizes import Size, size_of
 
 
@@ -58,7 +59,7 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
     for own in np.unique(source):
         here = np.flatnonzero(source == own)
         phase = (time[here] - time[here[0]]) / max(float(np.ptp(time[here])), 1e-300)
-        alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
+        alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / common.FORM_LENGTH) ** 2)
         smooth = _smooth_over(alike, limits.MOVING_RANK)
         whole = np.zeros((len(time), smooth.shape[1]))
         whole[here] = smooth

@@ -8,11 +8,12 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import TIME, Spot
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of, term_of
 from rulec.mismatch.search.settled.refit import Model
@@ -107,7 +108,7 @@ def varying(fitted: Fitted, module: str) -> list[str]:
         if (
             given
             and noise is not None
-            and spread > limits.FEATURE_VARIES * float(np.nanmedian(noise))
+            and spread > common.FEATURE_VARIES * float(np.nanmedian(noise))
         ):
             names.append(name)
     return names

@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Term
 from rulec.mismatch.search.settled.refit import Model
 

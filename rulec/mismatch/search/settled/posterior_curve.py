@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.refit import Model

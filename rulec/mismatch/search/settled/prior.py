@@ -8,10 +8,10 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import TIME, Unknown
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry
 
 

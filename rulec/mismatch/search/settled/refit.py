@@ -21,11 +21,11 @@ from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.fit import Prior as Known
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
 from rulec.mismatch.search.settled.geometry import USUAL, Geometry, Random, Sizes, Term
 from rulec.mismatch.search.settled.prior import Prior

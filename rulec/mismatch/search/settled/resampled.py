@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.states import states_of
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.refit import Model
 
@@ -68,7 +69,7 @@ def _parts(geometry: Geometry) -> Sequence[NDArray[np.intp]]:
     """Number of the part of each point, in two ways: operating states within one length of the
     errors of form, and stretches of time."""
     system = geometry.rows.system
-    states = states_of(system, limits.FORM_LENGTH)
+    states = states_of(system, common.FORM_LENGTH)
     if not system.data.timed:
         return [states]
     order = np.argsort(np.argsort(system.data.time, kind="stable"), kind="stable")

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, lasting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -22,6 +22,7 @@ from rulec.mismatch.evidence.steady.screen import (
     starts,
 )
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.periods import coming_and_going, in_periods
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.refit import Model
@@ -159,7 +160,7 @@ def alike_faults(found: Sequence[Column]) -> Alike:
             other: abs(float(rows @ own)) / float(np.linalg.norm(rows) * np.linalg.norm(own))
             for other, own in faults.items()
         }
-        alike[name] = frozenset(o for o, cosine in cosines.items() if cosine > limits.SAME_PATTERN)
+        alike[name] = frozenset(o for o, cosine in cosines.items() if cosine > common.SAME_PATTERN)
     return alike
 
 

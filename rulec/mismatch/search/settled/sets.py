@@ -9,12 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_references
 from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import nameless, smooth, terms
 from rulec.mismatch.search.settled.nested import beside, holds
@@ -53,7 +54,7 @@ class Posterior:
     @property
     def told(self) -> Names:
         """The most probable set; nothing, where it is not sure that anything is missing."""
-        return frozenset() if self.nothing >= limits.MENTIONED else self.best
+        return frozenset() if self.nothing >= common.MENTIONED else self.best
 
     @property
     def nothing(self) -> float:
@@ -227,7 +228,7 @@ def _take_up(search: Search, part: Posterior) -> None:
         # What switched does so at other times in another recording.
         own = [known.get((t.name, t.basis.length)) for t in model.terms]
         there = tuple(term for term in own if term is not None)
-        if part.sets[names] < limits.REPORTED or len(there) < len(own) or not names:
+        if part.sets[names] < common.REPORTED or len(there) < len(own) or not names:
             continue
         with contextlib.suppress(np.linalg.LinAlgError):
             search.keep(names, search.refit(at_points(model.setting, time), plain, there))
@@ -262,7 +263,7 @@ def _challenge(search: Search) -> None:
         model = search.models[rest]
         own = columns(search.geometry, model, search.alike)
         own = [c for c in own if not holds(model.terms, c.rows)]
-        for one in scan(search.geometry, model, own, search.alike, limits.LOST_TOLD, ids):
+        for one in scan(search.geometry, model, own, search.alike, common.LOST_TOLD, ids):
             if len(one.starts) == 1 and rest | one.names not in search.odds:
                 _join(search, rest, one)
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.onset import onset_of
+from rulec.mismatch.search import limits
 
 
 def sharpened(fitted: Fitted, unknown: str) -> Fitted:

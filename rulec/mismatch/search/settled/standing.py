@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import Presence, Standing
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import smooth, terms
 from rulec.mismatch.search.settled.refit import Model
@@ -23,7 +24,7 @@ from rulec.mismatch.search.settled.told import candidates_of, titled_with_module
 def standing_of(posterior: Posterior) -> tuple[Standing, ...]:
     """The sets that are still possible, the likeliest first."""
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
-    likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= limits.REPORTED]
+    likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]
     return tuple(_standing(posterior, names, probability) for names, probability in likely)
 
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME, Candidate
 from rulec.language.expression import Rejected
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspect_at
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.result import Rival
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve import curve_at
 from rulec.mismatch.search.latent_input import free_course, switched_course
@@ -199,7 +200,7 @@ def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[st
     spots = {s.id: f"{s.module}.{s.place}" for s in geometry.rows.system.builder.spots}
     own = posterior.names
     names = sorted(_alike(posterior, term.name) - {term.name}, key=lambda n: -own[n])
-    near = [n.rpartition("~")[0] for n in names if own[n] >= limits.MENTIONED]
+    near = [n.rpartition("~")[0] for n in names if own[n] >= common.MENTIONED]
     return tuple(spots[id_] for id_ in near if id_ in spots)
 
 

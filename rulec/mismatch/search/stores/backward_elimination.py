@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
 from rulec.mismatch.result import Rival
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted, Odds
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
 from rulec.mismatch.search.stores.price import needed

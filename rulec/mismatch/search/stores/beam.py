@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 
 Task = tuple[Fitted, tuple[Candidate, ...]]
 """A fitted model, and what is joined instead."""

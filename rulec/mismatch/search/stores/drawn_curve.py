@@ -19,9 +19,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import Basis
 from rulec.mismatch.search.stores.searcher import Searcher
 

@@ -14,9 +14,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.screen import ScoreTest
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.pair_gains import pair_gains
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.searcher import Searcher

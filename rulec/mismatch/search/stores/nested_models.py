@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.stores.searcher import Searcher
 
 

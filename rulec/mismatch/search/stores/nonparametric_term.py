@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.searcher import Searcher
@@ -23,7 +24,7 @@ def or_nameless(searcher: Searcher, named: Fitted, bare: Sequence[Fitted], tried
     """
     plain = bare[0]
     tasks = curves(searcher, bare, searcher.bench.builder.spots)
-    drawn = searcher.refined(searcher.ranked(tasks, plain)[: limits.DRAWN], plain)
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[: common.DRAWN], plain)
     best = max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
     known = searcher.gain(named, plain)
     enough = needed(len(tasks)) + (limits.SURPASSED * known if known > needed(tried) else 0.0)

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from rulec_runtime.simulation.balances import TIME
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.stores.searcher import Searcher
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME, RanAway
 
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import response
 from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.branches import enough_visits, ways_there
 from rulec.mismatch.search.curve_found import Branches, CurveFound
@@ -122,7 +123,7 @@ def _means(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -
     Each may be off the curve by as much as that is high; those that say more than this are told.
     """
     height = float(np.std(drawn.form.table @ drawn.amounts))
-    found = response(bench, drawn.fitted, drawn.place.spot, limits.COURSE_KNOTS[0])
+    found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS[0])
     if found is None or not height > 0.0:
         return np.zeros((0, 3))
     moved, shapes, size = found
@@ -161,7 +162,7 @@ def _branches(
         return None
     fitted, spot = drawn.fitted, drawn.place.spot
     height = float(np.ptp(drawn.form.table @ drawn.amounts))
-    step = limits.GENTLE * height
+    step = common.GENTLE * height
     try:
         moved = _shown(bench, fitted, spot.id, {spot.unknown: step * side})
         moved -= _shown(bench, fitted, spot.id, {spot.unknown: 0.0 * side})

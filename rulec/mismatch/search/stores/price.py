@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search import limits
 
 
 def price_of(fitted: Fitted, news: float) -> float:

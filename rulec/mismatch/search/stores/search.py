@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.stores.beam import distinct, swaps_of, tasks_of
 from rulec.mismatch.search.stores.masked_pair import hiding_pairs
 from rulec.mismatch.search.stores.nested_models import begun_alike, with_kin

@@ -13,11 +13,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.drift import moved_again
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed, price_of
 
@@ -32,7 +33,7 @@ class Searcher:
     def plain(self) -> Fitted:
         """The model without anything joined, recalibrated from many starts."""
         best = self.polished(
-            self.trial(None, (), 4 * limits.SCATTERED, limits.THOROUGH, 2 * limits.DESCENDED)
+            self.trial(None, (), 4 * limits.SCATTERED, common.THOROUGH, 2 * limits.DESCENDED)
         )
         # Two tanks in a row look nearly alike the other way round.
         for first, second in self._alike(best):
@@ -169,7 +170,7 @@ class Searcher:
                 )
                 judged = replace(judged, drift=drift)
             try:
-                fitted = fitter.finish(fitter.vector(fitted.values), judged, limits.THOROUGH, 2)
+                fitted = fitter.finish(fitter.vector(fitted.values), judged, common.THOROUGH, 2)
             except RanAway:
                 return fitted
             judged = replace(judged, noise=fitted.noise, slow=fitted.slow)

@@ -11,10 +11,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME
 
 from rulec.effects.candidate import Candidate, Spot
-from rulec.mismatch import limits
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.region import where_most
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import CurveFound, Lost
 from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn, place_of, promise
 from rulec.mismatch.search.stores.posterior_curve import axis_of, course_of, curve_of
@@ -83,7 +84,7 @@ def _drawn(searcher: Searcher, plain: Fitted, ways: Sequence[Way]) -> list[Drawn
     with ThreadPoolExecutor(searcher.workers) as pool:
         seen = list(pool.map(promised, ways))
         order = sorted(range(len(ways)), key=lambda i: -seen[i])
-        best = [ways[i] for i in order[: limits.DRAWN] if seen[i] > 0.0]
+        best = [ways[i] for i in order[: common.DRAWN] if seen[i] > 0.0]
         curves = list(pool.map(lambda way: drawn(searcher, plain, *way), best))
     return sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
 
@@ -91,7 +92,7 @@ def _drawn(searcher: Searcher, plain: Fitted, ways: Sequence[Way]) -> list[Drawn
 def _told(searcher: Searcher, found: Found, first: Drawn, others: Sequence[Drawn]) -> Unnamed:
     """A curve with other places that are not told from its own, and names that lost to it."""
     bench, own = searcher.bench, first.place
-    least = first.gain + float(np.log(limits.MENTIONED))
+    least = first.gain + float(np.log(common.MENTIONED))
     alike = [
         f"{o.place.spot.module}.{o.place.spot.place}"
         for o in others

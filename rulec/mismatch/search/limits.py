@@ -1,0 +1,433 @@
+"""Every number that decides in the search for what is left out, with its origin."""
+
+from __future__ import annotations
+
+# Fits to settled points.
+
+HALF_STEPS = 50
+"""Steps of a refit to half of the blocks, which starts near its end. Origin: numerical."""
+
+# Fits to plants that store.
+
+TRIAL_EVALUATIONS = 8
+"""Evaluations of a trial. Origin: numerical."""
+
+# Prices and gains: log likelihood and log odds.
+
+RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
+"""How much less expected each sort is, in log odds: laws are simplified more often than sensors
+leave their class. A free form is chosen among thousands, and pays for that. Origin: assumed."""
+
+COMMON = 6.0
+"""What a claim about several modules must gain more than one about a single module. Origin:
+assumed."""
+
+SURPASSED = 1.35
+"""Times the gain of a name that a free curve must gain to say that the name only imitates it.
+Origin: assumed."""
+
+HOPELESS = 0.5
+"""Share of the gain that is needed, or to be beaten, which the linearised gain of a trial must
+promise: it is estimated to first order, and seldom doubles. Origin: assumed."""
+
+NEEDED_OVER_TIME = 3.0
+"""Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm
+of those tried. Origin: assumed."""
+
+# How much of the search at settled points is tried.
+
+PAIR_GAINS_MORE = 1.5
+"""Times what its parts gain alone, linearised, that a pair gains which hides itself. Origin:
+assumed."""
+
+PAIRS_REFITTED = 6
+"""Pairs that hide each other that are refitted: some say nearly the same. Origin: assumed."""
+
+NO_PAIR = 0.9
+"""Cosine of two terms from which on they are no pair. Origin: assumed."""
+
+# Faults that come and go.
+
+COMING = 4
+"""Faults that come and go that are refitted in a round. Origin: assumed."""
+
+LONGEST_COURSE = 1500
+"""Means that a course is reduced to before it is cut: the effort grows with their square.
+Origin: numerical."""
+
+PERIOD_PRICE = 3.0
+"""Price of a period in half log(points): its ends, and that it is there at all. Origin: source
+(Schwarz 1978, three values)."""
+
+ODD = (0.0, 0.02, 0.05, 0.1)
+"""Shares of the time that extreme levels on either side may take without being a state, tried in
+turn: something else may be wrong at times, which is no degree of this fault. Origin: assumed."""
+
+FAINT = 0.01
+"""A point says nothing of a degree if it says less than this share of what others say. Origin:
+assumed."""
+
+PASSING = 0.9
+"""Weight of the gain of a fault that is there when the recording begins. Origin: assumed."""
+
+BEGINS = 200
+"""Times at which a fault that stays may begin that are tried. Origin: numerical."""
+
+STEP_PENALTY = 4.0
+"""Price of a step of a course, in log(means): its time and its level. Origin: assumed."""
+
+TWO_STATES = 0.75
+"""Share of the scatter of all levels that two states explain, if there are two. Origin:
+distribution (uniform, as which an even spread of levels gives as much)."""
+
+AT_ONCE = 0.6
+"""Share of the distance between two states that a change from one to the other has at once: what
+swings slowly is no fault that comes and goes. Origin: assumed."""
+
+ONE_LEVEL = 0.25
+"""Levels that follow each other and differ by less than this share are one period. Origin:
+assumed."""
+
+MOST_LEVELS = 3
+"""Degrees that a fault comes at. Origin: assumed."""
+
+LEVELS_LEAVE = 0.05
+"""Share of the scatter of degrees that a few levels may leave. Origin: assumed."""
+
+SHORTEST = 3
+"""Means that a period has at least. Origin: assumed."""
+
+# What has no name.
+
+LATENT_KNOTS = (2, 4, 7, 12, 20, 40)
+"""Values of a course that is free in time: as few as tell it. Origin: assumed."""
+
+KNOT_POINTS = 4
+"""Points per value of such a course at least. Origin: assumed."""
+
+KNOT_ODD = 3.0
+"""Robust standard deviations at which single points of a course are cut: one odd point is no
+course. Origin: assumed."""
+
+BANDS = (8, 6, 4)
+"""Pieces of a curve over one reading at settled points: as many as its readings tell apart.
+Origin: assumed."""
+
+BAND_WIDTH = 4.0
+"""Times the noise of a reading that a piece of a curve is wide at least. Origin: assumed."""
+
+FOLLOWED = 12
+"""Readings and states that a term without physics of a plant that stores may follow. Origin:
+assumed."""
+
+PIECES = (3, 2, 1)
+"""Pieces of a curve over one of them: as many as its values tell apart. Origin: assumed."""
+
+PIECE_WIDTH = 0.05
+"""Share of the range of its values by which ends of pieces differ at least. Origin: assumed."""
+
+# How much of the search of plants that store is tried.
+
+DEEPEST = 3
+"""Explanations at most: any course is explained by enough of them. Origin: assumed."""
+
+BEAM = 6
+"""Models that are carried along. Origin: assumed."""
+
+SHARING = 3
+"""Models carried along that share an explanation, at most. Origin: assumed."""
+
+EQUIVALENT = 0.01
+"""Models whose errors differ by less than this share of their spread are one. Origin: assumed."""
+
+NARROWED = 3
+"""Models of two explanations or more that are carried along. Origin: assumed."""
+
+WHITEST = 2
+"""Models that are carried along beside those, as what they leave looks most like noise. Where
+the plain model is off for long stretches there is little news by its correlation time: then
+models hardly stand apart, and prices decide. Origin: assumed."""
+
+SWAPPED = 2
+"""Models of each level in which single explanations are exchanged. Origin: assumed."""
+
+LED = 3
+"""The best explanations from whose values the plain model is fitted anew. Origin: assumed."""
+
+LEAST_STEP = 1.0
+"""Gain of one more explanation below which no further one is tried. Origin: assumed."""
+
+WHITE = 1.3
+"""Correlation time in samples below which errors have no structure to explain. Origin: assumed."""
+
+SCATTERED = 4
+"""Random starts of a trial beside those that its candidate names. Origin: assumed."""
+
+DESCENDED = 2
+"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
+recalibration that makes up for strong physics may lie behind a ridge. Origin: assumed."""
+
+STEP_SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of a step of the model made linear: strong physics bends so much that the whole one leads far
+away, and no share of it too. Origin: numerical."""
+
+PROMISING = 10
+"""Trials on each model with explanations that are fitted further than a glance; on the plain one
+all are, as what is told in the end is mostly told there. Origin: assumed."""
+
+SCATTER = 0.7
+"""How far random starts are from the last optimum, in stated uncertainties. Origin: assumed."""
+
+POLISHES = 2
+"""Fits to the end, before each of which it is looked anew what errors of sensors do. Origin:
+numerical."""
+
+ALIGNED = 12
+"""Faults that are tried from the onset of the best of them. Origin: assumed."""
+
+SUDDEN = 250.0
+"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
+quarter of a sample. Origin: numerical."""
+
+WEIGHED = 6
+"""Other explanations that are fitted to the end. Origin: assumed."""
+
+DISTANT = 8.0
+"""Log likelihood that those may be behind; unless they would be told by themselves: a trial of
+what begins finds a part of its gain at most. Origin: assumed."""
+
+EXCHANGES = 2
+"""Exchanges of explanations at most. Origin: assumed."""
+
+EXCHANGE_WORTH = 0.5
+"""Gain in log likelihood that an exchange must bring. Origin: assumed."""
+
+# Displays with coarse steps.
+
+STUDENT = 4.0
+"""Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
+Taylor 1989, as is usual)."""
+
+FORM_SHARES = (1e-5, 0.001, 0.002, 0.004, 0.008, 0.015, 0.03)
+"""Errors of form that are tried, as share of an output's usual size. Origin: numerical."""
+
+USUAL_FORM = 0.01
+"""Usual error of form of a law, as that share: formulas of pumps and lines hold to about 1 %.
+Origin: assumed."""
+
+FORM_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
+
+FORM_LAWS = 2.0
+"""Factor to which it is known before how much more or less than the others one law is off. Origin:
+assumed."""
+
+FORM_MOST = 0.05
+"""Share of an output's usual size by which a law is off at most: one that is off by 2 % seems, from
+few operating states, to be off by up to twice that. Where it is more, something is missing. Origin:
+assumed."""
+
+SIZES_STEPS = 6
+"""Steps by which errors of form of single laws are found, at most. Origin: numerical."""
+
+SIZES_GAIN = 0.05
+"""Nats below which a further such step is not taken. Origin: numerical."""
+
+FORM_RANK = 1e-2
+"""Share of the largest variance below which a smooth course is left out. Origin: numerical."""
+
+MOVING_RANK = 1e-6
+"""The same of errors of sensors in time: these may be a thousand times as large as the noise of a
+mean, and what is left out would show. Origin: numerical."""
+
+MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
+"""How far errors of sensors move within their class while a recording runs, as share of their
+standard uncertainty, that are tried. Origin: numerical."""
+
+USUAL_MOVING = 0.2
+"""The usual one of these: most of a sensor's class is an error that stays. Origin: assumed."""
+
+MOVING_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
+
+LARGE_FORM = 0.02
+"""An error of form that is large already: what does not show then is not carried along. Origin:
+assumed."""
+
+FORM_NOT_SEEN = 0.3
+"""Standard deviations of the noise below which an error of form is not carried along. Origin:
+numerical."""
+
+NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
+"""Sizes of the noise that are tried, in units of what was expected. Origin: numerical."""
+
+NOISE_KNOWN = 1.5
+"""Factor to which the size of the noise is known before. Origin: assumed."""
+
+EFFECT_FORM = 0.1
+"""Usual error of form of an effect's own law, as share of what it changes: straight lines and
+exponentials stand for what follows a temperature over a wide range. Origin: assumed."""
+
+TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
+"""Sizes of terms without a name that are tried, in units of the noise of a point. Origin:
+numerical."""
+
+TERM_FUNCTIONS = 12
+"""Smooth functions of a driver that a term without a name may hold. Origin: numerical."""
+
+TERM_LENGTHS = (0.4, 0.1)
+"""Distances, as share of the range of a driver or of time, over which a term without a name is
+alike: all over the range, or in a band of it. Origin: assumed."""
+
+TERM_ODDS = -3.0
+"""Log odds of a term without a name against a law: of twenty effects the catalogue has nineteen.
+Origin: assumed."""
+
+CURVE_PIECES = 40
+"""Pieces of a curve that is fitted by simulation: as fine as the functions are kept.
+Origin: numerical."""
+
+CURVE_ROUNDS = 12
+"""Times at most that the size of such a curve, its smoothness and the noise are found anew. Origin:
+numerical."""
+
+REDRAWN = 4
+"""Times that a curve over a state is drawn, each over the range of the last. Origin: numerical."""
+
+AS_WIDE = 0.02
+"""Share of a range by which its ends may differ and still be the same. Origin: numerical."""
+
+NOISE_FALLS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
+"""What noise may fall to with a curve, as share of that without it. Origin: numerical."""
+
+NOISE_STAYS = 0.03
+"""Share by which the noise changes at most where that has ended. Origin: numerical."""
+
+CURVE_STEPS = 8
+"""Steps of a fit of such a curve. Origin: numerical."""
+
+CURVE_CONVERGED = 0.01
+"""Gain in log likelihood per step below which a fit of such a curve has ended. Origin:
+numerical."""
+
+HARDLY_MOVES = 1e-3
+"""Share of its size by which a driver must move for a curve over it. Origin: numerical."""
+
+CURVE_POINTS = 41
+"""Points at which a term without a name is told over its driver. Origin: numerical."""
+
+MOVED_SHARE = 0.02
+"""Share of a driver's range by which it must move to come from one side. Origin: assumed."""
+
+MOVED_NOISE = 6.0
+"""Times its noise by which a driver must move to come from one side. Origin: distribution (normal,
+beyond chance for every point of a recording)."""
+
+FEWEST_ON_A_BRANCH = 5
+"""Visits from either side from which on branches are compared. Origin: assumed."""
+
+SCATTERS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Scatter of visits that is tried, as share of all that they show. Origin: numerical."""
+
+HARDLY_SHOWN = 0.01
+"""Share of the usual weight of a point below which it tells nothing of branches: an error there
+shows ten times less. Origin: assumed."""
+
+SORT_ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0}
+"""Log odds of each sort of explanation before the recording. Origin: assumed."""
+
+LET_GO_ODDS = -2.0
+"""Log odds of a calibration that no longer holds. Origin: assumed."""
+
+ONSETS = 23
+"""Times at which a fault may begin that are tried at first. Origin: numerical."""
+
+GROWING_ONSETS = 7
+"""Times from which a fault may grow that are tried at first: neighbours show nearly alike. Origin:
+numerical."""
+
+WIDER = 3.0
+"""Factor by which an amplitude may be larger beside others than alone, when what it would gain is
+told to first order. Origin: numerical."""
+
+PAIRED_COLUMNS = 500
+"""Columns of which all pairs are scanned: those that gain most alone. Origin: numerical."""
+
+FIRST_SETS = 40
+"""Single explanations that are refitted at first: far from a model a slope says little of what a
+large effect would gain. Origin: numerical."""
+
+WORTH_A_REFIT = -2.0
+"""Log odds to first order from which on a set is refitted. Origin: numerical."""
+
+STIFF = 0.1
+"""Share of the errors of form with which explanations are scanned too. Origin: numerical."""
+
+SETS_GROWN = 2
+"""Sets that are grown in a round. Origin: numerical."""
+
+SEARCH_ROUNDS = 8
+"""Rounds in which sets are grown. Origin: numerical."""
+
+LARGEST_SET = 5
+"""Most explanations that are named together. Origin: assumed."""
+
+SETS_REFITTED = 12
+"""Sets that are refitted of each that is grown. Origin: numerical."""
+
+SETS_SWITCHED = 3
+"""Best sets in which faults that come and go are compared with what follows the set points. Origin:
+numerical."""
+
+TERMS_REFITTED = 3
+"""Terms without a name that are refitted of each set that is grown. Origin: numerical."""
+
+ONSET_STEPS = (4, 2, 1)
+"""Points by which an onset is moved, in turn, as long as that is likelier. Origin: numerical."""
+
+GROWING_STEPS = (0.5, 0.25)
+"""The same, of what grows: it bends at its onset and need not begin at a point. Origin: numerical.
+"""
+
+ONSET_RIVALS = 5
+"""Sets with another fault in the place of one of the best set whose onsets are moved as well.
+Origin: numerical."""
+
+ONSET_POINTS = 9
+"""Points at which the onset of a fault is looked for in the end. Origin: numerical."""
+
+RESAMPLES = 60
+"""Draws of weights of a recording's parts, over which probabilities of sets are means. Origin:
+numerical."""
+
+RESAMPLED_STRETCHES = 8
+"""Stretches of time that are weighted. Origin: numerical."""
+
+RESAMPLED_NATS = 40.0
+"""Sets further behind the likeliest one lead in no draw, nats. Origin: numerical."""
+
+RESAMPLED_SETS = 60
+"""Sets that are weighed in each draw. Origin: numerical."""
+
+SETS_STANDING = 6
+"""Sets of explanations that an experiment is planned for. Origin: numerical."""
+
+LEAST_GAIN = 0.01
+"""Gain of what is told although a set without it is as likely, nats: shares need a number above
+nothing. Origin: numerical."""
+
+LIKELIER = 0.5
+"""Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger
+2004, median probability model)."""
+
+STRONG = 2.0
+"""Standard uncertainties by which a strength that is told differs from none. Origin: distribution
+(normal, two-sided, 5 %)."""
+
+WORTH_A_CUT = 20.0
+"""Gain of a fault that comes and goes from which on means are cut at its ends, nats. Origin:
+numerical."""
+
+SAME_FLOW = 0.3
+"""Share by which a reading may differ from an estimate of the flow of its module and be
+one. Origin: assumed."""
