@@ -33,7 +33,8 @@ def covering(
     at = _shares(limited)
     left = [place for place in np.flatnonzero(among).tolist() if place not in steps]
     found: list[int] = []
-    near = np.sum([_near(at, point, most) for point in at[list(steps)]], axis=0)
+    fine = max(most, 1)
+    near = np.sum([_near(at, point, fine) for point in at[list(steps)]], axis=0)
     while left and len(found) < most:
         # Before any step all are as good.
         worst = near if steps or found else np.linalg.norm(at - at.mean(axis=0), axis=1)
@@ -42,18 +43,17 @@ def covering(
             break
         left.remove(place)
         found.append(place)
-        near = near + _near(at, at[place], most)
+        near = near + _near(at, at[place], fine)
     return tuple(found)
 
 
-def _near(at: Array, point: Array, most: int) -> Array:
-    """What one of at most so many points adds to the criterion at all places, shape (n,): infinite
-    where they coincide.
+def _near(at: Array, point: Array, fine: int) -> Array:
+    """What one point adds to the criterion at all places, shape (n,): infinite where they coincide.
 
-    Of one input values are as good as apart where so many evenly spread ones are.
+    Values of an input are as good as apart where `fine` evenly spread ones are.
     """
     apart = np.abs(at - point)
-    near: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
+    near: Array = 1.0 / np.prod(apart + 1.0 / fine, axis=1) ** 2
     return np.where(apart.any(axis=1), near, np.inf)
 
 
