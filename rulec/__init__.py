@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from rulec.calibration.fit import CalibrationRefused
     from rulec.effects.repair import AdoptRefused
     from rulec.language.diagnostics import Refused
-    from rulec.mismatch.experiment.plan import ExperimentRefused
-    from rulec.mismatch.result import MismatchRefused
+    from rulec.mismatch.refused import ExperimentRefused, MismatchRefused
     from rulec.simulation.equations import SimulationRefused
 
 __all__ = [
@@ -75,9 +74,9 @@ _PLACES = {
     },
     "AdoptRefused": "rulec.effects.repair",
     "CalibrationRefused": "rulec.calibration.fit",
-    "ExperimentRefused": "rulec.mismatch.experiment.plan",
+    "ExperimentRefused": "rulec.mismatch.refused",
     "FrameRefused": "rulec.api.frames",
-    "MismatchRefused": "rulec.mismatch.result",
+    "MismatchRefused": "rulec.mismatch.refused",
     "Misused": "rulec_runtime.output.refusal",
     "RecordingRefused": "rulec_runtime.recordings.csv_table",
     "Refusal": "rulec_runtime.output.refusal",

@@ -68,6 +68,8 @@ ROOMS = (
     "rulec.separation",
     "rulec.fleet",
     "rulec.mismatch.limits",
+    "rulec.mismatch.refused",
+    "rulec.mismatch.standing",
     "rulec.mismatch.result",
     "rulec.mismatch.evidence",
     "rulec.mismatch.evidence.steady",

@@ -18,7 +18,7 @@ def builder() -> ModelBuilder:
 
 
 def asked(builder: ModelBuilder, given: list[Path]) -> Basis:
-    data = basis_of(builder, given)
+    data = basis_of(builder.sources, given)
     return Basis(data["plant"], tuple(data["given"]), data["recordings"])
 
 

@@ -13,7 +13,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.api import mismatch as command
 from rulec.cli import main
 from rulec.commands.mismatch import periods_of
-from rulec.mismatch.result import Mismatch, MismatchRefused
+from rulec.mismatch.refused import MismatchRefused
+from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT, compiled
 from tests.runtime.mismatches import NAMED, UNNAMED
 

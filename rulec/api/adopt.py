@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
@@ -20,15 +20,14 @@ from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import Reread, reread
 from rulec.api.result import Result
-from rulec.effects.adopt import Adoption
-from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.effects.made_from import AGAIN
 from rulec.effects.repair import AdoptRefused, Proven, Reported
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
-from rulec.mismatch.answer.public import row_errors, simulated
-from rulec.passes.pipeline import compile_plant
 from rulec.simulation.equations import SimulationRefused
+
+if TYPE_CHECKING:
+    from rulec.effects.adopt import Adoption
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,12 +130,13 @@ def adopt(
             f"nothing was found that a model may hold{f' ({reasons})' * bool(reasons)}; "
             "recalibrated values alone can be written with --recalibrated"
         )
-    _, builder = source.opened
-    assert builder.sources is not None
     source.check_unchanged()
+    builder = source.builder  # loads the compiler, as do these
+    from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+
     adoption = adoption_of(builder, repair)
     with put_in_place(target) as made:
-        write_plant(made, builder.sources, adoption, repair)
+        write_plant(made, source.opened.sources, adoption, repair)
         _try_out(made, source)
     return AdoptResult(plant=target, adoption=adoption, proven=proven)
 
@@ -155,6 +155,8 @@ def _try_out(plant: Path, source: Reread) -> None:
 
     Raises `AdoptRefused` where it does not hold.
     """
+    from rulec.passes.pipeline import compile_plant
+
     try:
         ruleset = compile_plant(plant)
     except Refused as error:
@@ -168,6 +170,8 @@ def _check_errors(ruleset: Ruleset, readings: Recording, proven: Proven) -> None
     lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
     if lacking:
         raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
+    from rulec.mismatch.answer.public import row_errors, simulated
+
     readings = mended(readings, proven.misread)
     try:
         found = row_errors(ruleset, simulated(ruleset, readings), readings, proven.heldout)

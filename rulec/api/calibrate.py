@@ -6,20 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import yaml
 from rich.console import Console
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.frames import Columns, table_of
 from rulec.api.given import Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.result import Result
-from rulec.calibration.calibrate import Calibrated, calibrated
-from rulec.calibration.story import tell
-from rulec.calibration.written import calibration_form
-from rulec.passes.pipeline import run_passes
-from rulec.passes.types import Compilation
+from rulec.passes.opened import open_plant
+
+if TYPE_CHECKING:
+    from rulec.calibration.calibrate import Calibrated
 
 HEADER = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
 
@@ -39,11 +37,15 @@ class CalibrateResult(Result):
 
     @cached_property
     def _form(self) -> dict[str, Any]:
+        from rulec.calibration.written import calibration_form
+
         return calibration_form(self.found.models, self.found.fits)
 
     @property
     def text(self) -> str:
         """The calibration file, YAML."""
+        import yaml
+
         return HEADER + yaml.safe_dump(self._form, sort_keys=False, width=100)
 
     def to_dict(self) -> dict[str, Any]:
@@ -56,6 +58,8 @@ class CalibrateResult(Result):
 
     def tell(self, out: Console, name: str | None = None) -> None:
         """Print how good the calibration is; `name` is what it is called, such as its file."""
+        from rulec.calibration.story import tell
+
         tell(out, self.found, name or self.found.models.plant.name)
 
     @property
@@ -103,7 +107,9 @@ def calibrate(plant: Plant, recording: Recorded) -> CalibrateResult:
     >>> found.to_frame(backend="pyarrow").column_names
     ['module', 'parameter', 'value', 'u', 'unit']
     """
-    models = run_passes(Compilation(path=folder_of(plant)))
+    opened = open_plant(folder_of(plant))
     (name,) = names_given([recording])
-    read = recording_given([recording], models.ruleset)
-    return CalibrateResult(found=calibrated(models, read, str(name)))
+    read = recording_given([recording], opened.ruleset)
+    from rulec.calibration.calibrate import calibrated  # loads the compiler
+
+    return CalibrateResult(found=calibrated(opened.models, read, str(name)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
@@ -19,13 +19,10 @@ from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import reread
 from rulec.api.result import Result
-from rulec.mismatch.experiment.page import experiment_page
-from rulec.mismatch.experiment.plan import ExperimentRefused, planned
-from rulec.mismatch.experiment.recipe import tell
-from rulec.mismatch.experiment.result import Experiment
-from rulec.mismatch.experiment.standing_file import standing_of
-from rulec.mismatch.experiment.written import experiment_form, inputs_csv
-from rulec.separation.limits_file import read_limits
+from rulec.mismatch.refused import ExperimentRefused
+
+if TYPE_CHECKING:
+    from rulec.mismatch.experiment.result import Experiment
 
 HOUR = 3600.0
 
@@ -46,10 +43,14 @@ class ExperimentResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """The experiment as `rulec experiment --json` writes it; units of the signals, times in
         s."""
+        from rulec.mismatch.experiment.written import experiment_form
+
         return experiment_form(self.found, self.ruleset)
 
     def inputs_csv(self) -> str:
         """A recording of what is to be set, for `rulec.simulate`; a header alone without steps."""
+        from rulec.mismatch.experiment.written import inputs_csv
+
         return inputs_csv(self.found, self.ruleset)
 
     def write_inputs(self, file: AnyPath) -> None:
@@ -58,6 +59,8 @@ class ExperimentResult(Result):
 
     def page(self) -> str:
         """The recipe, one page of HTML with pictures."""
+        from rulec.mismatch.experiment.page import experiment_page
+
         return experiment_page(self.found, self.ruleset, made_now("rulec"))
 
     def write_page(self, file: AnyPath) -> None:
@@ -66,6 +69,8 @@ class ExperimentResult(Result):
 
     def tell(self, out: Console) -> None:
         """Print the recipe."""
+        from rulec.mismatch.experiment.recipe import tell
+
         tell(out, self.found, self.ruleset)
 
     @property
@@ -118,17 +123,23 @@ def experiment(
     >>> import rulec
     >>> rulec.experiment("day.json", hours=2.0).write_inputs("inputs.csv")  # doctest: +SKIP
     """
+    from rulec.mismatch.experiment.standing_file import standing_of
+
     source = reread(mismatch, recalibrated=True)
     standing = standing_of(source.data, source.file)
     source.check_basis(ExperimentRefused)
     if source.proven.edits:
         raise ExperimentRefused(not_connected_so(source.proven.edits))
-    ruleset, builder = source.opened
     source.check_unchanged()
+    ruleset = source.opened.ruleset
+    recording = mended(source.recording(ruleset), source.proven.misread)
+    from rulec.mismatch.experiment.plan import planned  # loads the compiler
+    from rulec.separation.limits_file import read_limits
+
     found = planned(
-        mended(source.recording(ruleset), source.proven.misread),
+        recording,
         ruleset,
-        builder,
+        source.builder,
         standing,
         steps,
         HOUR * hours,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -29,13 +29,11 @@ from rulec.api.given import (
 )
 from rulec.api.result import Result
 from rulec.effects.made_from import basis_of
-from rulec.effects.model_builder import open_builder
-from rulec.mismatch.analyse import analyse
-from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.page import report
-from rulec.mismatch.answer.terminal_story import tell
-from rulec.mismatch.inference.series import MODELS, series_csv
-from rulec.mismatch.result import Finding, Mismatch, MismatchRefused
+from rulec.mismatch.refused import MismatchRefused
+from rulec.passes.opened import open_plant
+
+if TYPE_CHECKING:
+    from rulec.mismatch.result import Finding, Mismatch
 
 STORES_ALONE = (
     "this plant stores: what a recording began with belongs to it alone, and several cannot be "
@@ -92,12 +90,16 @@ class MismatchResult(Result):
 
     def form(self, hidden: str | None) -> dict[str, Any]:
         """The same; `hidden` names a file with the course of what was not recorded."""
+        from rulec.mismatch.answer.json_form import mismatch_form
+
         form = mismatch_form(self.found, self.plant.resolve().as_posix(), hidden)
         form["repair"]["made_from"] = dict(self.basis)
         return form
 
     def page(self) -> str:
         """The report, one page of HTML with pictures."""
+        from rulec.mismatch.answer.page import report
+
         return report(self.found, self.subject, made_now("rulec"))
 
     def write_page(self, file: AnyPath) -> None:
@@ -106,10 +108,14 @@ class MismatchResult(Result):
 
     def series_csv(self) -> str:
         """Measured and predicted courses, a row per sample."""
+        from rulec.mismatch.inference.series import series_csv
+
         return series_csv(self.found.series)
 
     def tell(self, out: Console) -> None:
         """Print the whole story."""
+        from rulec.mismatch.answer.terminal_story import tell
+
         tell(out, self.found)
 
     @property
@@ -121,6 +127,8 @@ class MismatchResult(Result):
         return {name: [getattr(f, name) for f in self.findings] for name in (*names, "text")}
 
     def _series(self) -> Columns:
+        from rulec.mismatch.inference.series import MODELS
+
         series = self.found.series
         if series is None:
             return {"time [s]": np.zeros(0), "heldout": np.zeros(0, dtype=bool)}
@@ -167,15 +175,20 @@ def mismatch(
     tell_progress = progress or (lambda text: None)
     given, folder = several(recordings), folder_of(plant)
     tell_progress("reading the plant")
-    ruleset, builder = open_builder(folder)
+    plant_now = open_plant(folder, effects=True)
+    ruleset = plant_now.ruleset
     if len(given) > 1 and ruleset.dynamics is not None:
         raise MismatchRefused(STORES_ALONE)
     names = names_given(given)
     paths = [name for name, one in zip(names, given, strict=True) if is_path(one)]
-    basis = basis_of(builder, paths, in_memory=len(paths) < len(given))
+    basis = basis_of(plant_now.sources, paths, in_memory=len(paths) < len(given))
     tell_progress("reading the recording" if len(given) == 1 else "reading the recordings")
     recording = recording_given(given, ruleset)
     _check_heldout(recording, heldout)
+    from rulec.effects.model_builder import builder_of  # loads the compiler
+    from rulec.mismatch.analyse import analyse
+
+    builder = builder_of(plant_now)
     found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     found = replace(found, recording=listed(names_of(names)), notes=notes)

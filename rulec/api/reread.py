@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Refusal
@@ -16,8 +16,11 @@ from rulec_runtime.recordings.together import read_recordings
 from rulec.api.given import AnyPath, recording_given
 from rulec.api.mismatch import MismatchResult
 from rulec.effects.made_from import AGAIN, check_plant_unchanged, check_unchanged
-from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.repair import Basis, Proven, Repair, proven_of, read_form, repair_of
+from rulec.passes.opened import OpenedPlant, open_plant
+
+if TYPE_CHECKING:
+    from rulec.effects.model_builder import ModelBuilder
 
 IN_MEMORY = Path("this mismatch")
 """What messages call a result in memory."""
@@ -47,9 +50,16 @@ class Reread:
         return proven_of(self.data, self.file, self.recalibrated)
 
     @cached_property
-    def opened(self) -> tuple[Ruleset, ModelBuilder]:
+    def opened(self) -> OpenedPlant:
         """The plant as it is now."""
-        return open_builder(self.repair.plant)
+        return open_plant(self.repair.plant, effects=True)
+
+    @cached_property
+    def builder(self) -> ModelBuilder:
+        """Its modules with anything built in."""
+        from rulec.effects.model_builder import builder_of  # loads the compiler
+
+        return builder_of(self.opened)
 
     def check_basis(self, kind: type[Refusal]) -> Basis:
         """What it was made from; raises a refusal of a kind where that is not said."""
@@ -62,8 +72,7 @@ class Reread:
 
         Of readings in memory nobody knows.
         """
-        sources, basis = self.opened[1].sources, self.proven.basis
-        assert sources is not None
+        sources, basis = self.opened.sources, self.proven.basis
         assert basis is not None
         if self.given is not None and basis.in_memory:
             check_plant_unchanged(basis, sources)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -21,18 +21,15 @@ from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath, Plant, folder_of
 from rulec.api.result import Result
 from rulec.engines.engine import chosen
-from rulec.passes.perturb import true_plan
-from rulec.passes.pipeline import run_passes
-from rulec.passes.types import Compilation
+from rulec.passes.opened import open_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors
 from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
-from rulec.study.json_form import study_form
-from rulec.study.page import study_page
 from rulec.study.points import Points, operating_points
 from rulec.study.pool import run_groups
-from rulec.study.story import show
-from rulec.study.tally import Tally, tally
+
+if TYPE_CHECKING:
+    from rulec.study.tally import Tally
 
 Draw = Callable[[np.random.Generator], Plan]
 
@@ -64,10 +61,14 @@ class StudyResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The study as `rulec study --json` writes it; readings in SI."""
+        from rulec.study.json_form import study_form
+
         return study_form(self.ruleset, self.points, self.settings, self.counts)
 
     def page(self) -> str:
         """The study, one page of HTML."""
+        from rulec.study.page import study_page
+
         about = (self.ruleset, self.types, self.points, self.settings, self.counts)
         return study_page(*about, made_now("rulec"))
 
@@ -77,6 +78,8 @@ class StudyResult(Result):
 
     def tell(self, out: Console) -> None:
         """Print the findings in words, then a table per module type."""
+        from rulec.study.story import show
+
         show(out, self.ruleset, self.types, self.points, self.counts)
 
     @property
@@ -150,13 +153,17 @@ def study(
     settings = _checked(degrees, points, seeds, lead_in, mode, bounded)
     place = chosen(engine, jobs, scheduler)
     lacking = "a ruleset alone cannot say how the true plant may differ"
-    models = run_passes(Compilation(path=folder_of(plant, lacking)))
-    ruleset = models.ruleset
+    opened = open_plant(folder_of(plant, lacking))
+    ruleset = opened.ruleset
     faults = [f.id for f in ruleset.faults]
     if not any(degrees_of(ruleset, fault, settings) for fault in faults):
         what = f"no fault of {ruleset.plant} has such a degree"
         raise Misused(f"--degrees {_listed(degrees)}: {what}")
     found = operating_points(equations_of(ruleset), settings.points)
+
+    models = opened.models  # loads the compiler, as do these
+    from rulec.passes.perturb import true_plan
+    from rulec.study.tally import tally
 
     def draw(random: np.random.Generator) -> Plan:
         return true_plan(models, faults, random)

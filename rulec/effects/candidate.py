@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from rulec_runtime.contract.plan import Array
 
-from rulec.knowledge.effect import Shape
+from rulec.knowledge.shape import Shape
 
 TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""

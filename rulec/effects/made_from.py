@@ -10,7 +10,6 @@ from typing import Any
 from rulec_runtime.recordings.given import STANDARD_INPUT, bytes_of, is_there
 from rulec_runtime.recordings.recording_file import files_of
 
-from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Basis
 from rulec.knowledge.sources import Sources
 
@@ -18,16 +17,15 @@ AGAIN = "run rulec mismatch again"
 
 
 def basis_of(
-    builder: ModelBuilder, recordings: Sequence[Path], in_memory: bool = False
+    sources: Sources, recordings: Sequence[Path], in_memory: bool = False
 ) -> dict[str, Any]:
     """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
 
     Paths are absolute, so that `rulec adopt` finds them wherever it is called. `in_memory`: other
     recordings have no path.
     """
-    assert builder.sources is not None
     return {
-        "plant": _hashes(_plant_files(builder.sources)),
+        "plant": _hashes(_plant_files(sources)),
         "given": [recording.resolve().as_posix() for recording in recordings],
         "recordings": _hashes(_files(recordings)),
         **({"in_memory": True} if in_memory else {}),

@@ -30,6 +30,7 @@ from rulec.knowledge.read import read_plant
 from rulec.knowledge.sources import Sources
 from rulec.passes.amend import Amended, amend
 from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
+from rulec.passes.opened import OpenedPlant
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
 
@@ -42,6 +43,12 @@ def open_builder(path: Path) -> tuple[Ruleset, ModelBuilder]:
     models = run_passes(Compilation(sources=sources))
     readings = reference_readings(models, models.ruleset)
     return models.ruleset, ModelBuilder(models, readings, sources)
+
+
+def builder_of(plant: OpenedPlant) -> ModelBuilder:
+    """The builder of a plant that is opened with effects; raises `Refused`."""
+    readings = reference_readings(plant.models, plant.ruleset)
+    return ModelBuilder(plant.models, readings, plant.sources)
 
 
 def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float]:

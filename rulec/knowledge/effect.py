@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.module_type import Stored
+from rulec.knowledge.shape import Shape
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
@@ -30,43 +30,6 @@ class Driver:
     quantity: str
     where: str
     title: str
-
-
-@dataclass(frozen=True)
-class Usual:
-    """How large an amplitude usually is: `size` away from its null, SI, known to a `factor`.
-
-    Where it is `of_place`, `size` is the share by which the place is usually changed instead.
-    `factor` is the geometric standard deviation.
-    """
-
-    size: float
-    factor: float
-    of_place: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shape:
-    """What is known of an unknown parameter before any reading; numbers in SI.
-
-    At `null` the plain relation comes back, whatever the other parameters are; None where the
-    parameter only shapes the term (a threshold, an exponent). `starts` are values to try,
-    `quantiles` quantiles of the readings of `driver` to try. A parameter that is `fixed` is no
-    unknown, but a typical reading of `driver`; where it is `neutral`, the plain law holds at that
-    reading, whatever the other parameters are. `usual` is how large one that has a null usually is.
-    """
-
-    name: str
-    title: str
-    null: float | None = None
-    lowest: float = -math.inf
-    highest: float = math.inf
-    starts: tuple[float, ...] = ()
-    quantiles: tuple[float, ...] = ()
-    driver: str | None = None
-    fixed: bool = False
-    neutral: bool = False
-    usual: Usual | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.knowledge.effect import Effect, Usual
+from rulec.knowledge.effect import Effect
 from rulec.knowledge.module_type import FaultUse, Fluid, Frequency, ModuleType
+from rulec.knowledge.shape import Usual
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit, UnitTable

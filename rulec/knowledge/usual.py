@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rulec.knowledge.effect import Usual
+from rulec.knowledge.shape import Usual
 from rulec.language.units import Unit
 
 USUAL_HINT = "add 'usual: {median: ..., factor: 3, source: ...}', or 'change: 0.05' for a share"

@@ -67,7 +67,7 @@ class Document:
 
 def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; on a mistake the document is None."""
-    name = _display(path)
+    name = display(path)
     try:
         with path.open("rb") as stream:
             raw = stream.read(MAX_FILE_BYTES + 1)
@@ -298,7 +298,7 @@ def _label(path: str) -> str:
     return "/".join(parts[-2:])
 
 
-def _display(path: Path) -> str:
+def display(path: Path) -> str:
     """Path as shown to the user: relative to the working folder where possible."""
     try:
         return Path(os.path.realpath(path)).relative_to(Path.cwd()).as_posix()

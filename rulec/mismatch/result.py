@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
+from rulec.mismatch.standing import Standing
 
 __all__ = ["Changed", "Repair"]
-
-
-class MismatchRefused(Refusal):
-    """The comparison cannot be made; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -284,38 +280,6 @@ class Rewired:
     stated: str | None
     fits: str | None
     edit: str
-
-
-@dataclass(frozen=True)
-class Presence:
-    """When something is there: of an unknown the periods, s, each with the number of its level, and
-    whether it grows from nothing in the last one."""
-
-    unknown: str
-    spans: tuple[tuple[float, float, int], ...]
-    grows: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Standing:
-    """A set of explanations that is still possible.
-
-    `names` are those of the search, `titles` the same in words; without any nothing is left out.
-    The rest is where it was fitted, SI: ids of what is `joined`, `values` and `fixed` numbers by
-    id, `periods`, modules whose calibration was `released` or whose data sheet `trusted`, and per
-    term without a name its name and the share of its driver's range over which it is alike.
-    """
-
-    names: tuple[str, ...]
-    titles: tuple[str, ...]
-    probability: float
-    joined: tuple[str, ...]
-    values: Mapping[str, float]
-    fixed: Mapping[str, float]
-    periods: tuple[Presence, ...]
-    released: tuple[str, ...]
-    trusted: tuple[str, ...]
-    terms: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,22 @@ from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.private_folder import keep, kept
 
 from rulec.knowledge.fingerprint import file_of, named_in, print_of_all, print_of_text
+from rulec.knowledge.sources import Sources
+from rulec.knowledge.sources_form import sources_form, sources_from
 from rulec.language.diagnostics import Refused
 
 
-def ruleset_of_plant(plant: Path, make: Callable[[], Ruleset] | None = None) -> Ruleset:
+def ruleset_of_plant(
+    plant: Path, make: Callable[[], Ruleset] | None = None, now: str | None = None
+) -> Ruleset:
     """The ruleset of a plant, folder or file; compiled only if something has changed.
 
-    `make` gives it in place of the compiler, for who has compiled the plant for another reason.
+    `make` gives it in place of the compiler, for who has compiled the plant for another reason,
+    `now` is its `known_print` if that is known.
 
     Raises `Refused` with all mistakes of the first bad pass.
     """
-    known = _text(plant, "ruleset")
+    known = _text(now or known_print(plant), "ruleset")
     if known is not None:
         try:
             return parse_ruleset(parse_json(known))
@@ -43,12 +48,37 @@ def ruleset_of_plant(plant: Path, make: Callable[[], Ruleset] | None = None) -> 
     return ruleset
 
 
-def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any], whole: bool = False) -> Any:
+def sources_of_plant(plant: Path, effects: bool = False, now: str | None = None) -> Sources:
+    """The documents of a plant, folder or file, as `read_plant` gives them; read and held against
+    their schemas only if something has changed. `now` as of `ruleset_of_plant`.
+
+    Raises `Refused` with every mistake of form.
+    """
+    read: list[Sources] = []
+
+    def form() -> dict[str, Any]:
+        from rulec.knowledge.read import read_plant
+
+        read.append(read_plant(plant, effects))
+        return sources_form(read[0])
+
+    found = kept_of_plant(plant, "effects" if effects else "sources", form, now=now)
+    return read[0] if read else sources_from(found, plant)
+
+
+def kept_of_plant(
+    plant: Path,
+    kind: str,
+    make: Callable[[], Any],
+    whole: bool = False,
+    now: str | None = None,
+) -> Any:
     """JSON data that follow from a plant alone: those of an earlier start, else `make` them.
 
-    None is made anew each time. `whole`: they follow from all YAML files in its folder.
+    None is made anew each time. `whole`: they follow from all YAML files in its folder. `now` as of
+    `ruleset_of_plant`.
     """
-    known = _text(plant, kind, whole)
+    known = _text(now or known_print(plant, whole), kind)
     if known is not None:
         try:
             return parse_json(known)
@@ -61,16 +91,22 @@ def kept_of_plant(plant: Path, kind: str, make: Callable[[], Any], whole: bool =
     return made
 
 
-def _text(plant: Path, kind: str, whole: bool = False) -> str | None:
-    """What is kept of a plant; None if it has changed or was never read."""
+def known_print(plant: Path, whole: bool = False) -> str | None:
+    """Hash of all sources of a plant; None if its file was never read as it is now."""
     file = file_of(plant)
     try:
         names = kept(f"{print_of_text(file)}.names")
-        if names is None:
-            return None
-        found = kept(f"{print_of_all(file, json.loads(names), whole)}.{kind}")
-        return None if found is None else found.decode("utf-8")
+        return None if names is None else print_of_all(file, json.loads(names), whole)
     except (OSError, ValueError, Refused):
+        return None
+
+
+def _text(now: str | None, kind: str) -> str | None:
+    """What is kept of a plant whose sources have this hash."""
+    found = None if now is None else kept(f"{now}.{kind}")
+    try:
+        return None if found is None else found.decode("utf-8")
+    except ValueError:
         return None
 
 

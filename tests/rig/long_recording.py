@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -29,6 +28,15 @@ PERIOD, HELD, FAULTY = 100_000, 2000, 1500
 """Rows after which readings repeat, of a set point, and of a fault."""
 
 DEGREE, STARTS = 0.3, (20_500, 50_500, 80_500)
+
+_MEASURED = """
+import json, resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps({"peak": used.ru_maxrss / 1024, "cpu": used.ru_utime + used.ru_stime}))
+"""
+"""Runs a command and tells what it used. A process of its own, and a small one: what runs counts
+the memory of the process that starts it as its own."""
 
 
 def readings(rules: Ruleset, rows: int, random: np.random.Generator) -> dict[str, Array]:
@@ -85,13 +93,10 @@ def _write_parquet(rows: int, titles: list[str], lines: list[str], file: Path) -
 
 def measured(ruleset: Path, recording: Path, found: Path) -> dict[str, float]:
     """Largest resident memory, MB, and CPU time, s, of a diagnosis in a process of its own."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     call = ["rulec_runtime", "diagnose", str(ruleset), str(recording), "--json", str(found)]
-    subprocess.run([sys.executable, "-m", *call], check=True, stdout=subprocess.DEVNULL)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    # Of all processes so far the largest: one that is smaller than another before shows nothing.
-    return {"peak": after.ru_maxrss / 1024, "cpu": cpu, "size": recording.stat().st_size / 1e6}
+    run = [sys.executable, "-c", _MEASURED, sys.executable, "-m", *call]
+    told = subprocess.run(run, check=True, stdout=subprocess.PIPE, text=True).stdout
+    return {**json.loads(told), "size": recording.stat().st_size / 1e6}
 
 
 def main() -> None:

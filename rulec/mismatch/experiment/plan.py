@@ -10,7 +10,6 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.limits import SETTLING
-from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
@@ -33,14 +32,11 @@ from rulec.mismatch.experiment.reach import (
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.experiment.within import Within, within
-from rulec.mismatch.result import Standing
+from rulec.mismatch.refused import ExperimentRefused
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.standing import Again, refitted_again
+from rulec.mismatch.standing import Standing
 from rulec.separation.allowed import PlantLimits, allowed_of
-
-
-class ExperimentRefused(Refusal):
-    """No experiment can be planned; the message says why and what to do."""
 
 
 def planned(

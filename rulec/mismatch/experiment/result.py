@@ -10,7 +10,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.sensors import Advised
-from rulec.mismatch.result import Standing
+from rulec.mismatch.standing import Standing
 
 
 @dataclass(frozen=True)

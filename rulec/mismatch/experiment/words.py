@@ -10,7 +10,7 @@ from rulec_runtime.report.text import counted, number, percent
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment, Reading
-from rulec.mismatch.result import Standing
+from rulec.mismatch.standing import Standing
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 7
 """Digits of what is read."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.mismatch.experiment.result import Experiment, Reading, Step
-from rulec.mismatch.result import Standing
+from rulec.mismatch.standing import Standing
 
 
 def made_by_hand() -> Experiment:

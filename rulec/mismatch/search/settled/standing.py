@@ -11,7 +11,6 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.result import Presence, Standing
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import smooth, terms
@@ -19,6 +18,7 @@ from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.sets import Posterior, begun
 from rulec.mismatch.search.settled.told import candidates_of, titled_with_module
+from rulec.mismatch.standing import Presence, Standing
 
 
 def standing_of(posterior: Posterior) -> tuple[Standing, ...]:

@@ -88,17 +88,37 @@ def _values(column: Any) -> Any:
         column = column.cast(pyarrow.timestamp("us"))
         kind = column.type
     if pyarrow.types.is_timestamp(kind):
-        seconds = seconds_of(column.to_numpy().astype("M8[ns]"))
+        seconds = seconds_of(_ticks(column).view(f"M8[{kind.unit}]"))
         return Dates(seconds, _zones(seconds, kind.tz))
     if pyarrow.types.is_duration(kind):
-        return column.to_numpy().astype("m8[ns]")
+        return _ticks(column).view(f"m8[{kind.unit}]")
     if pyarrow.types.is_boolean(kind) or pyarrow.types.is_decimal(kind):
         column = column.cast(pyarrow.float64())
     if pyarrow.types.is_null(kind):
         return np.full(len(column), np.nan)
     if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(column.type):
-        return column.cast(pyarrow.float64(), safe=False).to_numpy()
+        return _filled(column.cast(pyarrow.float64(), safe=False), np.nan)
     return np.array(column.to_pylist(), dtype=object)
+
+
+def _ticks(column: Any) -> np.ndarray:
+    """Dates or durations as whole numbers of their unit; where null, numpy's number of no date."""
+    return _filled(column.cast(pyarrow.int64()), np.iinfo(np.int64).min)
+
+
+def _filled(column: Any, missing: float) -> np.ndarray:
+    """Numbers of a column, shape (n,), `missing` where null.
+
+    pyarrow's own `to_numpy` loads pandas, which alone takes more memory than a long recording.
+    """
+    found = np.full(len(column), missing)
+    begin = 0
+    for chunk in column.chunks:
+        part = found[begin : begin + len(chunk)]
+        known = np.from_dlpack(chunk.is_valid().cast(pyarrow.uint8())).astype(bool)
+        part[known] = np.from_dlpack(chunk.drop_null() if chunk.null_count else chunk)
+        begin += len(chunk)
+    return found
 
 
 def _zones(seconds: Array, zone: str | None) -> Array:

@@ -1,0 +1,60 @@
+"""A plant that is opened: its ruleset soon, what the compiler makes of it once it is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.knowledge.sources import Sources
+from rulec.passes.kept import known_print, ruleset_of_plant, sources_of_plant
+
+if TYPE_CHECKING:
+    from rulec.passes.types import Compilation
+
+
+@dataclass(frozen=True)
+class OpenedPlant:
+    """Documents of a plant, and what follows from them; each may raise `Refused`. `now` is the hash
+    of all its sources, if it was known when they were read."""
+
+    path: Path
+    sources: Sources
+    now: str | None
+
+    @cached_property
+    def ruleset(self) -> Ruleset:
+        """That of an earlier start, as long as nothing has changed."""
+        return ruleset_of_plant(self.path, lambda: self._compiled.ruleset, self.now)
+
+    @cached_property
+    def models(self) -> Compilation:
+        """All fields up to the symbolic work of the types, and the ruleset."""
+        ruleset = self.ruleset
+        if "_compiled" in vars(self):
+            return self._compiled
+        from rulec.passes.pipeline import run_passes
+        from rulec.passes.types import Compilation
+
+        known = Compilation(path=self.path, sources=self.sources, ruleset=ruleset)
+        return run_passes(known, "types")
+
+    @cached_property
+    def _compiled(self) -> Compilation:
+        from rulec.passes.pipeline import run_passes
+        from rulec.passes.types import Compilation
+
+        return run_passes(Compilation(path=self.path, sources=self.sources))
+
+
+def open_plant(path: Path, effects: bool = False) -> OpenedPlant:
+    """Read a plant, folder or file, and find no mistake of form; only a comparison with recordings
+    needs `effects`.
+
+    Raises `Refused`.
+    """
+    now = known_print(path)
+    return OpenedPlant(path, sources_of_plant(path, effects, now), now)
