@@ -210,7 +210,7 @@ def test_command_lines_import_commands_when_called() -> None:
             assert not at_top or free, module
 
 
-def loaded(*arguments: str, package: str = "rulec") -> set[str]:
+def loaded(*arguments: str, package: str = "rulec", code: int = 0) -> set[str]:
     """Packages that a call of the command has loaded at its end."""
     program = (
         "import sys, atexit\n"
@@ -227,7 +227,7 @@ def loaded(*arguments: str, package: str = "rulec") -> set[str]:
         env={**os.environ, "PYTHONPATH": path},
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == code, done.stderr
     return set(done.stderr.splitlines()[-1].split())
 
 

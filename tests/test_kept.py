@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import threading
 from collections.abc import Callable
@@ -14,9 +15,11 @@ from rulec_runtime.output import private_folder
 from rulec_runtime.output.private_folder import keep, kept
 
 from rulec.knowledge import fingerprint
+from rulec.knowledge.read import read_plant
 from rulec.language.diagnostics import Refused
 from rulec.passes import pipeline
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+from rulec.passes.opened import open_plant, sources_of_plant
 from tests.conftest import ROOT, compiled
 from tests.test_imports import HEAVY, loaded
 
@@ -146,6 +149,75 @@ def test_mistakes_are_told_each_time(plant: Path) -> None:
 def test_none_is_made_anew(plant: Path) -> None:
     made = iter((None, [1.5], [2.5]))
     assert [kept_of_plant(plant, "x", lambda: next(made)) for _ in range(3)] == [None, [1.5], [1.5]]
+
+
+@pytest.mark.parametrize("effects", [False, True])
+@pytest.mark.parametrize("name", ["abc", "dosing-line", "mixing-rig"])
+def test_kept_documents_are_those_read(name: str, effects: bool, folder: Path) -> None:
+    """To the last digit and place, whether the plant is named as a folder or as a file."""
+    plant = ROOT / "plants" / name
+    fresh = read_plant(plant, effects)
+    for given in (plant, plant, plant / "plant.yaml"):
+        assert repr(sources_of_plant(given, effects)) == repr(fresh)
+        assert sources_of_plant(given, effects).plant == fresh.plant
+    found = sources_of_plant(plant, effects)
+    places = [(d.values, d.keys) for part in found.by_kind.values() for d in part]
+    assert places == [(d.values, d.keys) for part in fresh.by_kind.values() for d in part]
+    assert found.digest() == fresh.digest()
+
+
+def test_kept_documents_are_named_from_where_the_tool_runs(
+    plant: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Messages name files as seen from the working folder, which may be another one now."""
+    sources_of_plant(plant)
+    monkeypatch.chdir(plant)
+    again = sources_of_plant(Path())
+    assert again.plant is not None
+    assert again.plant.path == again.plant.place("modules").file == "plant.yaml"
+    assert repr(again) == repr(read_plant(Path()))
+
+
+@pytest.mark.parametrize("what", ["changed", "damaged", "gone"])
+def test_documents_are_read_again(what: str, plant: Path, folder: Path) -> None:
+    """Where a source changed, or what is kept is not what was written."""
+    first = sources_of_plant(plant)
+    (file,) = folder.glob("*.sources")
+    if what == "changed":
+        text = (plant / "plant.yaml").read_text()
+        (plant / "plant.yaml").write_text(f"# a line more\n{text}")
+    elif what == "damaged":
+        file.write_bytes(file.read_bytes().replace(b"abc", b"abd", 1))
+    else:
+        file.unlink()
+    again = sources_of_plant(plant)
+    assert repr(again) == repr(read_plant(plant))
+    assert first.plant is not None
+    assert again.plant is not None
+    line = first.plant.place("modules").line + (what == "changed")
+    assert again.plant.place("modules").line == line
+
+
+def test_models_of_an_opened_plant(plant: Path) -> None:
+    """The same from what is kept, where the passes behind the types are not run again."""
+    first = open_plant(plant).models
+    second = open_plant(plant).models
+    assert first.assembly is not None
+    assert second.assembly is None
+    for part in ("types", "plant"):
+        texts = [repr(getattr(models, part)) for models in (first, second)]
+        assert len({re.sub("at 0x[0-9a-f]+", "", text) for text in texts}) == 1
+    assert second.ruleset == first.ruleset
+
+
+def test_commands_that_model_read_first(plant: Path, tmp_path: Path) -> None:
+    """A second start reads plant and recording before it loads a compiler."""
+    bad = tmp_path / "bad.csv"
+    bad.write_text("time,nothing\n0,1\n")
+    for command in (("calibrate", "-o", str(tmp_path / "c.yaml")), ("mismatch",)):
+        given = (*command, str(plant), str(bad))
+        assert "jsonschema" in loaded(*given, code=1)
+        assert not loaded(*given, code=1) & (HEAVY - {"yaml"})
 
 
 @pytest.mark.parametrize("damage", [b"", b"rulec kept 1", b"\x80\x04N.", b"x" * 1000])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +14,8 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.api import mismatch as command
 from rulec.cli import main
 from rulec.commands.mismatch import periods_of
+from rulec.effects import model_builder
+from rulec.mismatch import analyse as analysis
 from rulec.mismatch.refused import MismatchRefused
 from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT, compiled
@@ -52,10 +55,11 @@ class Calls:
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     """Analysis and builder replaced."""
     replaced = Calls()
-    opened = (compiled("abc"), "builder")
-    monkeypatch.setattr(command, "analyse", replaced.analyse)
-    monkeypatch.setattr(command, "open_builder", lambda path: opened)
-    monkeypatch.setattr(command, "basis_of", lambda builder, recordings, in_memory: {})
+    opened = SimpleNamespace(ruleset=compiled("abc"), sources="sources")
+    monkeypatch.setattr(analysis, "analyse", replaced.analyse)
+    monkeypatch.setattr(model_builder, "builder_of", lambda plant: "builder")
+    monkeypatch.setattr(command, "open_plant", lambda path, effects: opened)
+    monkeypatch.setattr(command, "basis_of", lambda sources, recordings, in_memory: {})
     return replaced
 
 
@@ -171,7 +175,7 @@ def test_refusals_of_the_analysis_are_messages(
     def refuse(*_: object, **__: object) -> Mismatch:
         raise MismatchRefused("x.csv: no settled stretch was found")
 
-    monkeypatch.setattr(command, "analyse", refuse)
+    monkeypatch.setattr(analysis, "analyse", refuse)
     assert 1 == call()
     assert "rulec: x.csv: no settled stretch was found\n" == capsys.readouterr().err
 

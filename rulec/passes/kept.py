@@ -16,8 +16,6 @@ from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.private_folder import keep, kept
 
 from rulec.knowledge.fingerprint import file_of, named_in, print_of_all, print_of_text
-from rulec.knowledge.sources import Sources
-from rulec.knowledge.sources_form import sources_form, sources_from
 from rulec.language.diagnostics import Refused
 
 
@@ -46,24 +44,6 @@ def ruleset_of_plant(
         ruleset = make()
     _keep(plant, "ruleset", before, ruleset.to_json())
     return ruleset
-
-
-def sources_of_plant(plant: Path, effects: bool = False, now: str | None = None) -> Sources:
-    """The documents of a plant, folder or file, as `read_plant` gives them; read and held against
-    their schemas only if something has changed. `now` as of `ruleset_of_plant`.
-
-    Raises `Refused` with every mistake of form.
-    """
-    read: list[Sources] = []
-
-    def form() -> dict[str, Any]:
-        from rulec.knowledge.read import read_plant
-
-        read.append(read_plant(plant, effects))
-        return sources_form(read[0])
-
-    found = kept_of_plant(plant, "effects" if effects else "sources", form, now=now)
-    return read[0] if read else sources_from(found, plant)
 
 
 def kept_of_plant(

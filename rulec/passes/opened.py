@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge.sources import Sources
-from rulec.passes.kept import known_print, ruleset_of_plant, sources_of_plant
+from rulec.knowledge.sources_form import sources_form, sources_from
+from rulec.passes.kept import kept_of_plant, known_print, ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.passes.types import Compilation
@@ -58,3 +59,21 @@ def open_plant(path: Path, effects: bool = False) -> OpenedPlant:
     """
     now = known_print(path)
     return OpenedPlant(path, sources_of_plant(path, effects, now), now)
+
+
+def sources_of_plant(plant: Path, effects: bool = False, now: str | None = None) -> Sources:
+    """The documents of a plant, folder or file, as `read_plant` gives them; read and held against
+    their schemas only if something has changed. `now` as of `ruleset_of_plant`.
+
+    Raises `Refused` with every mistake of form.
+    """
+    read: list[Sources] = []
+
+    def form() -> dict[str, Any]:
+        from rulec.knowledge.read import read_plant
+
+        read.append(read_plant(plant, effects))
+        return sources_form(read[0])
+
+    found = kept_of_plant(plant, "effects" if effects else "sources", form, now=now)
+    return read[0] if read else sources_from(found, plant)

@@ -42,6 +42,10 @@ SORTED_AT_ONCE = 2**19
 """Numbers whose median is found by sorting them; of more it is found by counting. Origin:
 numerical, the median is the same."""
 
+RUNS_AT_ONCE = 128
+"""Runs of stretches whose hypotheses are held at a time. Origin: numerical, what is found is the
+same."""
+
 TRIED_AT_ONCE = 64
 """Settled stretches, over all ways to read columns, that are compared at a time. Origin: numerical,
 what is found is the same."""

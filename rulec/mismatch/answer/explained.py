@@ -25,10 +25,10 @@ from rulec.mismatch.result import (
     Location,
     OfRecording,
     Repair,
-    Standing,
     Update,
 )
 from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.standing import Standing
 
 F = TypeVar("F")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
-from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
+from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -107,7 +108,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
         runs.append(run)
         let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
-    fits = iter(fits_of_runs(seen, faulty))
+    fits = _fits(seen, faulty)
     for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
@@ -131,6 +132,12 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
         else:
             found.unknown.append(Period(since, until, text))
     return found
+
+
+def _fits(seen: Seen, runs: list[list[int]]) -> Iterator[Fits]:
+    """What fits each run, of some runs at a time: all that was tried on many takes much memory."""
+    for low in range(0, len(runs), limits.RUNS_AT_ONCE):
+        yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
 
 
 def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
@@ -163,11 +170,11 @@ def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
 
 def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> tuple[float, float]:
     """First and last time of a cause: that of the run, of its baseline, or of both."""
-    points = list(members)
-    learned = seen.baselines.learned_at(members[0]).tolist()
+    first, last = members[0], members[-1]
     if cause.when != ONSET:
-        points = learned if cause.when == ENDED else learned + points
-    return float(timeline.since[points[0]]), float(timeline.until[points[-1]])
+        learned = seen.baselines.learned_at(first)
+        first, last = learned[0], learned[-1] if cause.when == ENDED else last
+    return float(timeline.since[first]), float(timeline.until[last])
 
 
 def _behind(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
