@@ -42,7 +42,7 @@ SORTED_AT_ONCE = 2**19
 """Numbers whose median is found by sorting them; of more it is found by counting. Origin:
 numerical, the median is the same."""
 
-RUNS_AT_ONCE = 128
+RUNS_AT_ONCE = 64
 """Runs of stretches whose hypotheses are held at a time. Origin: numerical, what is found is the
 same."""
 

@@ -138,6 +138,7 @@ def _fits(seen: Seen, runs: list[list[int]]) -> Iterator[Fits]:
     """What fits each run, of some runs at a time: all that was tried on many takes much memory."""
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
         yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
+        give_back()
 
 
 def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:

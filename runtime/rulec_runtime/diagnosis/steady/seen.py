@@ -144,6 +144,7 @@ def _see(
         return wandering(plain, wander_of(ruleset, plain, halves.part(part.observers, chosen)))
 
     plain = in_batches(count, POINTS_ALONG, observed)
+    give_back()
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     if mode == PAPER:
         # The paper knows no baseline.
@@ -154,6 +155,7 @@ def _see(
         compared = _compared(ruleset, plain, learner)
         baselines = learner.baselines()
         isolation = _isolated(ruleset, compared, mode)
+        give_back()
         lasting = throughout(ruleset, plain, isolation)
         if lasting is not None:
             # What was learned from these stretches is the fault.
