@@ -115,7 +115,9 @@ def places_in(system: System, reach: Reach) -> Places:
         low, high = np.concatenate([low, kept]), np.concatenate([high, kept])
     table = np.concatenate([table, [[reach.present[name] for name in names]]])
     data = system.data
-    usable = np.flatnonzero(np.all([np.isfinite(v) for v in data.values.values()], axis=0))
+    # A sensor that fails shows nothing at all.
+    shown = [there for v in data.values.values() if (there := np.isfinite(v)).any()]
+    usable = np.flatnonzero(np.all(shown, axis=0))
     recorded = np.stack([data.values[name][usable] for name in names], axis=1)
     # Of what stays as it is, the recorded points nearest to that come first.
     width = np.maximum(high - low, np.maximum(np.ptp(recorded, axis=0), 1e-300))

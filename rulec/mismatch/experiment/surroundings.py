@@ -28,6 +28,8 @@ def surroundings(
     linear least squares: a temperature may follow the load, and it may be any other by tomorrow,
     but it is not what it was when a set point was last seen. None leaves what was recorded.
     """
+    # A sensor that fails shows nothing at all.
+    names = [n for n in names if np.isfinite(recorded[n]).any()]
     known = {n: np.asarray(recorded[n]) for n in (*names, *inputs)}
     usable = np.all([np.isfinite(values) for values in known.values()], axis=0)
     table = np.stack([known[n][usable] for n in inputs], axis=1)

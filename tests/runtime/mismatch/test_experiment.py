@@ -285,6 +285,19 @@ def soon_and_late(worn: Worn) -> tuple[Places, Places]:
     return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
 
 
+def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
+    """Where one reading is missing throughout, points are as near to recorded ones as with it."""
+    ruleset, recording, found = worn
+    system = found.geometry.rows.system
+    data, gone = system.data, found.geometry.rows.cells[0].outputs[0]
+    values = {**data.points.values, gone: np.full(len(data), np.nan)}
+    without = replace(system, data=replace(data, points=replace(data.points, values=values)))
+    reach = usual_reach(system, present_inputs(ruleset, recording), 1.0)
+    there, all_ = places_in(without, reach), places_in(system, reach)
+    assert there.around.keys() == all_.around.keys() - {gone}
+    assert (there.near == all_.near).mean() > 0.9
+
+
 def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
     """A drift goes on while the experiment runs."""
     found = worn[2]
