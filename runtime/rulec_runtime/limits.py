@@ -462,6 +462,17 @@ MOST_WEIGHED = 8_000_000
 """Numbers in the inverse covariances up to which that is so: more take too much memory. Origin:
 numerical."""
 
+ROWS_OF_A_FAULT = 16
+"""Combinations of estimates at most by which stretches tell of one fault, in a plant with
+`MANY_RESIDUALS`. Origin: numerical; a fault of a module moves up to three estimates, and of those
+that move hundreds the others add next to nothing."""
+
+ROWS_TOGETHER = 48
+"""The same of faults that are compared with each other. Origin: numerical."""
+
+SAME_ROWS = 1e-6
+"""Relative size below which a combination of estimates says nothing new. Origin: numerical."""
+
 CHANGED_ALONE = 0.25
 """Share of the residuals of a problem up to which a change of so many flows is worked out alone.
 Origin: numerical; with more of them a new inverse costs less."""

@@ -401,7 +401,8 @@ class Ruleset:
     def undone_slopes(self, observers: tuple[str, ...]) -> Plan:
         """Plan of the slopes (``dq:``) of the flows of observers by each degree that moves them."""
         if observers not in self._slopes:
-            names = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in observers)
+            own = frozenset(observers)
+            names = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own)
             there = (n for n in names if n in self.undo.outputs)
             while len(self._slopes) >= limits.PLANS_KEPT:
                 del self._slopes[next(iter(self._slopes))]

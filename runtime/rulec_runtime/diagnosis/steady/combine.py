@@ -19,11 +19,12 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines
+from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
+from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
@@ -178,6 +179,11 @@ def _fits_alike(
     test = stacked_test(ruleset, observed, first.valid, members, later)
     candidates = [set(_candidates(isolation, s.members)) for s in stacks]
     singles = [(i,) for i in range(len(ruleset.faults))]
+    seen = np.ones((len(singles), 1), dtype=bool)
+    if len(test.basis) >= limits.MANY_RESIDUALS:
+        basis, told = _telling(ruleset, observed, isolation, stacks)
+        test = test.seen_by(basis)
+        seen = np.isin(np.arange(len(singles)), told)[:, None]
     tried, times = [_asked(singles, candidates)], [ONSET]
     if len(first.learned):
         times += [THROUGHOUT, ENDED]
@@ -185,7 +191,7 @@ def _fits_alike(
         tried.append(_explaining(earlier))
         test = test.at_other_times(np.hstack([later, earlier.present]))
     limit = accepted(test.freedom, 1, isolation.chance)
-    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried)))
+    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried) & seen))
     found = [
         [
             one
@@ -203,6 +209,18 @@ def _fits_alike(
         for i, own in enumerate(found):
             own += _entered(pairs, fits, ONSET, i)
     return {s.run: Fits(own, test.freedom) for s, own in zip(stacks, found, strict=True)}
+
+
+def _telling(
+    ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
+) -> tuple[Array, list[int]]:
+    """What tells of the faults that are most probable in some runs, and these faults."""
+    members = np.concatenate([s.members for s in stacks])
+    chance = isolation.probability[:, members].max(axis=1)
+    most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > 0.0]
+    point, valid = stacks[0].points[:1], stacks[0].valid
+    basis = residual_basis(ruleset, valid)
+    return Contrasts(test_of(ruleset, observed, valid, basis, point)).basis(most)
 
 
 def _asked(

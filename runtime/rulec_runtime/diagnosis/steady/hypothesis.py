@@ -43,6 +43,9 @@ class Spread(Protocol):
         """By how much scaling changes the covariance of some usable flows, shape (touched, n), or
         -1, with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
 
+    def seen_by(self, basis: Array) -> Spread:
+        """The same of other residuals."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class HypothesisTest:
@@ -128,39 +131,54 @@ class HypothesisTest:
         found = of_points(table, (np.flatnonzero(self.valid),), self.members.ravel())
         return found.reshape(-1, *self.members.shape)
 
-    def effects(self) -> Array:
-        """Slopes of the residuals by the degree of each fault of the ruleset, at a small one: shape
-        (n, points * rank, faults), m3/s; 0 where the residuals do not see a fault."""
-        faults = self.ruleset.faults
-        table = np.zeros((len(self.basis), len(faults), *self.members.shape))
-        own = np.zeros((len(faults), len(self)))
-        for i, places, slopes in self._of_each():
-            for place, slope in zip(places, slopes, strict=True):
+    def seen_by(self, basis: Array) -> HypothesisTest:
+        """The same problems seen by other combinations of the flows, shape (rank, usable flows)."""
+        found = replace(self, basis=basis, spread=self.spread.seen_by(basis), known=None)
+        # What does not depend on the combinations is worked out once.
+        for name in ("flows", "offsets", "each"):
+            found.__dict__[name] = getattr(self, name)
+        return found
+
+    def effects(self, chosen: Sequence[int] | None = None) -> Array:
+        """Slopes of the residuals by the degree of each fault of the ruleset, or of some by their
+        places, at a small one: shape (n, points * rank, faults), m3/s; 0 where the residuals do not
+        see a fault."""
+        asked = range(len(self.ruleset.faults)) if chosen is None else chosen
+        table = np.zeros((len(self.basis), len(asked), *self.members.shape))
+        own = np.zeros((len(asked), len(self)))
+        for i, fault in enumerate(asked):
+            for place, slope in zip(*self.each.get(fault, ((), ())), strict=True):
                 own[i] = np.maximum(own[i], np.max(np.abs(slope), axis=0))
                 table[:, i] += self.basis[:, place, None, None] * slope
         residual = self._in_a_row(table * self.present)
         visible = np.sqrt(np.sum(residual**2, axis=1)) > limits.UNTOUCHED * own.T
         return np.where(visible[:, None], residual, 0.0)
 
-    def _of_each(self) -> Iterator[tuple[int, list[int], Array]]:
-        """Each fault of the ruleset by its place, the places of the usable flows that it moves, and
+    @cached_property
+    def each(self) -> dict[int, tuple[list[int], Array]]:
+        """Per fault of the ruleset, by its place, the places of the usable flows that it moves, and
         their slopes by its degree, at a small one: shape (touched, points, n), m3/s."""
-        slopes = self._undone_at_zero()
+        slopes, found = self._undone_at_zero(), {}
         for i, fault in enumerate(self.ruleset.faults):
             observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
             if observers:
                 kept = self.kept((fault,), observers)
                 own = np.array([slopes[f"dq:{o}:{fault.id}"] for o in observers])
-                yield i, [self.places[o] for o in observers], own.reshape(kept.shape) * kept
+                places = [self.places[o] for o in observers]
+                found[i] = places, own.reshape(kept.shape) * kept
+        return found
 
-    def towards(self) -> tuple[Array, Array]:
-        """How much a small degree of each fault lowers half of chi-square per degree, and the
-        information on the degree, both shape (faults, n); 0 where no usable observer shows it."""
-        if self.metric.is_large:
+    def towards(self, chosen: Sequence[int] | None = None) -> tuple[Array, Array]:
+        """How much a small degree of each fault, or of some by their places, lowers half of
+        chi-square per degree, and the information on the degree, both shape (faults, n); 0 where
+        no usable observer shows it."""
+        if chosen is None and self.metric.is_large:
             return self._towards_by_flows()
-        pull, information = np.zeros((2, len(self.ruleset.faults), len(self)))
+        asked = len(self.ruleset.faults) if chosen is None else len(chosen)
+        pull, information = np.zeros((2, asked, len(self)))
         for part in self.portions():
-            slope, metric = self.at(part).effects(), self.metric.problems(part)
+            test = self if len(self) == 1 else self.at(part)
+            slope, metric = test.effects(chosen), self.metric.problems(part)
             weighted = metric.inverse @ slope
             information[:, part] = np.einsum("nrf,nrf->fn", slope, weighted)
             pull[:, part] = -np.einsum("nrf,nr->fn", slope, metric.weighted)
@@ -169,7 +187,7 @@ class HypothesisTest:
     def _towards_by_flows(self) -> tuple[Array, Array]:
         """The same by the few flows that each fault moves."""
         pull, information = np.zeros((2, len(self.ruleset.faults), len(self)))
-        every = {i: (places, slopes) for i, places, slopes in self._of_each()}
+        every = self.each
         seen = self.basis.T @ self.basis
         for chosen, places in alike({i: places for i, (places, _) in every.items()}):
             touched, points = len(places), len(self.members)

@@ -10,7 +10,7 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -174,6 +174,10 @@ class _Alone:
         changed += lasting * (_factors(scales.lasting[:, 0], places) - 1.0)
         there: Array = changed * (places >= 0).T[:, :, None]
         return there
+
+    def seen_by(self, basis: Array) -> _Alone:
+        """The same of other residuals."""
+        return replace(self, basis=basis)
 
 
 def _factors(scale: Array, places: np.ndarray) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,6 +102,10 @@ class _Stacked:
         whole = changed.reshape(n, points * touched, points * flows)
         whole *= there[:, :, None]
         return whole
+
+    def seen_by(self, basis: Array) -> _Stacked:
+        """The same of other residuals."""
+        return replace(self, basis=basis)
 
     def _errors(self, members: np.ndarray) -> tuple[Array, Array]:
         """Slopes of the usable flows by lasting errors, and the covariance of what is new at each

@@ -11,6 +11,7 @@ covariance of all stretches.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batches import in_batches, part_of
+from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import (
@@ -27,6 +29,7 @@ from rulec_runtime.diagnosis.steady.isolate import (
     accepted,
     quantile,
     shares,
+    test_of,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.screen import may_fit
@@ -43,22 +46,22 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     judged = np.flatnonzero(isolation.judged)
     if len(judged) < 2:
         return None
-    test = _stacked(ruleset, observed, judged)
+    whole = _stacked(ruleset, observed, judged)
     # Stretches that lack an estimate say nothing of the rest.
-    judged = judged[(observed.valid[:, judged] == test.valid[:, None]).all(axis=0)]
+    judged = judged[(observed.valid[:, judged] == whole.valid[:, None]).all(axis=0)]
     if len(judged) < 2:
         return None
     chance = isolation.chance
-    scores = _scores(test)[:, 0]
+    test, own, scores = _telling_most(whole)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
-    tried = may_fit(test, limit, scores[:, None] > 0.0)
+    tried = may_fit(test, limit, (scores[:, None] > 0.0) & own[:, None])
     fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
     if not np.isfinite(evidence).any():
         return None
-    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
+    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit, own):
         return None
     lasting = np.zeros(len(observed), dtype=bool)
     lasting[judged] = True
@@ -82,22 +85,43 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     return in_batches(len(observed), POINTS_ALONG, told)
 
 
-def _scores(test: HypothesisTest) -> Array:
-    """By how many standard uncertainties each degree is off zero, shape (faults, n)."""
-    pull, information = test.towards()
+def _telling_most(whole: HypothesisTest) -> tuple[HypothesisTest, np.ndarray, Array]:
+    """How far each degree is off zero, shape (faults,), and the test that tells of the one that is
+    farthest, with flags of the faults that it tells of."""
+    every = np.ones(len(whole.ruleset.faults), dtype=bool)
+    if len(whole.basis) < limits.MANY_RESIDUALS:
+        return whole, every, _scores(whole)[:, 0]
+    middle = whole.members[len(whole.members) // 2]
+    one = test_of(whole.ruleset, whole.observed, whole.valid, whole.basis, middle)
+    scores, best, own = np.zeros(len(every)), whole, every
+    for basis, told in Contrasts(one).groups():
+        test = whole.seen_by(basis)
+        found = _scores(test, told)[:, 0]
+        if found.max() > scores.max():
+            best, own = test, np.isin(np.arange(len(every)), told)
+        scores[told] = found
+    return best, own, scores
+
+
+def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
+    """By how many standard uncertainties each degree, or some by their places, is off zero, shape
+    (faults, n)."""
+    pull, information = test.towards(chosen)
     with np.errstate(divide="ignore", invalid="ignore"):
         scores = np.maximum(pull, 0.0) / np.sqrt(information)
     return np.where(information > 0.0, scores, 0.0)
 
 
-def _best_change(test: HypothesisTest, limit: float) -> float:
-    """The most that a fault explains which begins, or ends, between two of the stretches."""
+def _best_change(test: HypothesisTest, limit: float, own: np.ndarray) -> float:
+    """The most that a fault, of those that the test tells of by flags, explains which begins, or
+    ends, between two of the stretches."""
     count = len(test.members)
     later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float)
     changed = test.at_other_times(np.hstack([later, 1.0 - later]))
     most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
     tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
     np.put_along_axis(tried, most, True, axis=0)
+    tried &= own[:, None]
     tried = may_fit(changed, limit, tried)
     fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
     return float(np.max(fits.evidence[fits.distance <= limit], initial=-np.inf))
