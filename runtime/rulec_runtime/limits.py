@@ -463,12 +463,24 @@ MOST_WEIGHED = 8_000_000
 numerical."""
 
 ROWS_OF_A_FAULT = 16
-"""Combinations of estimates at most by which stretches tell of one fault, in a plant with
-`MANY_RESIDUALS`. Origin: numerical; a fault of a module moves up to three estimates, and of those
+"""Combinations of estimates at most of the mean of stretches, and of their differences, by
+which they tell of one fault in a plant with `MANY_RESIDUALS`. Origin: numerical; a fault of a module moves up to three estimates, and of those
 that move hundreds the others add next to nothing."""
 
-ROWS_TOGETHER = 48
+ROWS_TOGETHER = 64
 """The same of faults that are compared with each other. Origin: numerical."""
+
+LEADING = 4
+"""Faults that leave least at best, which are tried first in such a plant: what they leave says
+which of the others need not be tried. Origin: numerical."""
+
+IMPROBABLE = 1e-6
+"""Probability, relative to the best, below which a fault is not tried at a point of such a plant.
+Origin: numerical; alternatives are mentioned from `MENTION` on."""
+
+IMPROBABLE_THROUGHOUT = 1e-3
+"""Probability in every stretch of a run below which a fault is not compared in all of them
+together, in such a plant. Origin: numerical; alternatives are mentioned from `MENTION` on."""
 
 SAME_ROWS = 1e-6
 """Relative size below which a combination of estimates says nothing new. Origin: numerical."""

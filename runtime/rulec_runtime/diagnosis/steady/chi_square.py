@@ -63,7 +63,7 @@ class ChiSquare:
         Source: matrix inversion lemma (Woodbury 1950), so that only matrices of the size of the
         touched flows are inverted.
         """
-        softened = np.einsum("ijn,jkn->ikn", self.curvature, spread)
+        softened = _product(self.curvature, spread)
         softened += np.eye(len(spread))[:, :, None]
         both = solved(softened, np.concatenate([self.curvature, self.slope[:, None]], axis=1))
         slope = both[:, -1]
@@ -219,7 +219,7 @@ class Metric:
         right = np.concatenate([slope[:, :, None], inner[:, :, :size]], axis=2)
         taken = solved(middle.transpose(1, 2, 0), right.transpose(1, 2, 0))
         inner, slope = inner.transpose(1, 2, 0), slope.T
-        left = np.einsum("ijn,jkn->ikn", inner[:size], taken)
+        left = _product(inner[:size], taken)
         return ChiSquare(
             self.value - np.einsum("in,in->n", slope, taken[:, 0]),
             slope[:size] - left[:, 0],
@@ -256,6 +256,15 @@ def solved(matrix: Array, right: Array) -> Array:
     result = np.ascontiguousarray(solution.transpose(1, 2, 0))
     result[:, :, ~sound] = np.nan
     return result
+
+
+def _product(one: Array, other: Array) -> Array:
+    """Products of matrices, problems last."""
+    if len(one) < limits.MANY_RESIDUALS:
+        few: Array = np.einsum("ijn,jkn->ikn", one, other)
+        return few
+    many: Array = (one.transpose(2, 0, 1) @ other.transpose(2, 0, 1)).transpose(1, 2, 0)
+    return many
 
 
 def _regular(matrices: Array, sound: np.ndarray) -> Array:

@@ -183,6 +183,7 @@ def _fits_alike(
     if len(test.basis) >= limits.MANY_RESIDUALS:
         basis, told = _telling(ruleset, observed, isolation, stacks)
         test = test.seen_by(basis)
+        print([(ruleset.faults[i].id) for i in told], basis.shape, np.hstack(tried).sum() if 0 else '')
         seen = np.isin(np.arange(len(singles)), told)[:, None]
     tried, times = [_asked(singles, candidates)], [ONSET]
     if len(first.learned):
@@ -217,10 +218,12 @@ def _telling(
     """What tells of the faults that are most probable in some runs, and these faults."""
     members = np.concatenate([s.members for s in stacks])
     chance = isolation.probability[:, members].max(axis=1)
-    most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > 0.0]
+    least = limits.IMPROBABLE_THROUGHOUT * float(chance.max())
+    most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > least]
     point, valid = stacks[0].points[:1], stacks[0].valid
     basis = residual_basis(ruleset, valid)
-    return Contrasts(test_of(ruleset, observed, valid, basis, point)).basis(most)
+    one = test_of(ruleset, observed, valid, basis, point)
+    return Contrasts(one, len(stacks[0].learned) + len(stacks[0].points)).basis(most)
 
 
 def _asked(

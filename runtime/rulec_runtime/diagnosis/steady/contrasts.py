@@ -1,9 +1,9 @@
 """The few combinations of many estimates that tell of some faults.
 
-What a fault moves are a few flows, and all that hundreds of estimates say of these at one point are
-as many combinations: the rows of the second derivative of chi-square by the flows. No degree of the
-fault has an effect on chi-square otherwise. So stretches are stacked by these alone, and neither
-memory nor time grows with the size of the plant.
+What a fault moves are a few flows, and all that hundreds of estimates say of these are a few
+combinations: the rows of the second derivative of chi-square by the flows. At one operating point
+no degree of the fault has an effect on chi-square otherwise. So stretches are stacked by these
+alone, and what is stacked does not grow with the size of the plant.
 
 Source: own derivation, docs/method.md; a sufficient statistic of Gaussian errors.
 """
@@ -18,20 +18,33 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of
 
 
 @dataclass(frozen=True)
 class Contrasts:
-    """What tells of the faults that one point can show; the test has that point alone."""
+    """What tells of the faults that one point can show, where so many points are stacked.
+
+    The mean of them is as uncertain as errors that last, many times over, and noise; what differs
+    between them as noise alone.
+    """
 
     test: HypothesisTest
+    stacked: int
 
     @cached_property
-    def _weight(self) -> Array:
-        """Half the second derivative of chi-square by the flows, shape (flows, flows)."""
-        weight: Array = self.test.metric.weighing.of_flows[1][0]
-        return weight
+    def _weights(self) -> tuple[Array, Array]:
+        """For differences and for the mean half the second derivative of chi-square by the flows,
+        shape (flows, flows)."""
+        test = self.test
+        observed, basis = test.observed, test.basis
+        noise = covariance_of(basis, observed.noise, test.valid, test.members[0])
+        whole = covariance_of(basis, observed.covariance, test.valid, test.members[0])
+        both = noise, noise + self.stacked * (whole - noise)
+        of_differences, of_mean = (basis.T @ inverse_of(one)[0] @ basis for one in both)
+        return of_differences, of_mean
 
     @property
     def faults(self) -> Iterator[int]:
@@ -42,14 +55,17 @@ class Contrasts:
         """Combinations of the flows that tell of a fault, shape (rows, flows): of one that moves
         many flows, those that tell most, and all of them together."""
         places, slopes = self.test.each[fault]
-        own = self._weight[places]
-        if len(places) <= limits.ROWS_OF_A_FAULT:
-            return own
         slope = slopes[:, 0, 0]
-        together = slope @ own
-        share = np.abs(slope * together[places])
-        most = np.sort(np.argsort(-share, kind="stable")[: limits.ROWS_OF_A_FAULT - 1])
-        return np.vstack([own[most], together])
+        found = []
+        for weight in self._weights:
+            own = weight[places]
+            if len(places) > limits.ROWS_OF_A_FAULT:
+                together = slope @ own
+                share = np.abs(slope * together[places])
+                most = np.sort(np.argsort(-share, kind="stable")[: limits.ROWS_OF_A_FAULT - 1])
+                own = np.vstack([own[most], together])
+            found.append(own)
+        return np.vstack(found)
 
     def basis(self, faults: Iterable[int]) -> tuple[Array, list[int]]:
         """Independent combinations that tell of faults, orthonormal, shape (rank, flows), and the
@@ -64,7 +80,7 @@ class Contrasts:
                 break
             tables.append(rows)
             told.append(fault)
-        return _orthonormal(tables, self._weight), told
+        return _orthonormal(tables, self.test.basis.shape[1]), told
 
     def groups(self) -> Iterator[tuple[Array, list[int]]]:
         """All faults, neighbours together, with what tells of each group."""
@@ -77,10 +93,10 @@ class Contrasts:
             yield basis, told
 
 
-def _orthonormal(tables: Sequence[Array], like: Array) -> Array:
-    """Orthonormal basis of what some rows span."""
+def _orthonormal(tables: Sequence[Array], flows: int) -> Array:
+    """Orthonormal basis of what some rows of so many flows span."""
     if not tables:
-        return np.zeros((0, len(like)))
+        return np.zeros((0, flows))
     rows = np.unique(np.vstack(tables), axis=0)
     _, sizes, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)
     independent: Array = basis[sizes > limits.SAME_ROWS * sizes[0]]

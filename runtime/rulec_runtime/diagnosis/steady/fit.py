@@ -7,7 +7,7 @@ what a call of numpy costs is spent once for all of them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -29,6 +29,11 @@ class Outcomes:
     u: Array
     distance: Array
     evidence: Array
+
+    def where(self, chosen: np.ndarray, others: Outcomes) -> Outcomes:
+        """The same with other outcomes where flags, shape (hypotheses, n), say so."""
+        pairs = [(getattr(others, f.name), getattr(self, f.name)) for f in fields(self)]
+        return Outcomes(*(np.where(chosen, other, own) for other, own in pairs))
 
 
 def fit(

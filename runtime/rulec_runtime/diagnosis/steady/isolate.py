@@ -18,7 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
@@ -28,7 +28,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
-from rulec_runtime.diagnosis.steady.screen import may_fit
+from rulec_runtime.diagnosis.steady.screen import least_left, may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,8 +219,7 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
-    tried = None if all_tried else may_fit(test, limit)
-    fits = fit(test, [(fault,) for fault in test.ruleset.faults], tried)
+    fits = _tried(test, limit, all_tried=all_tried)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
@@ -231,6 +230,24 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
     if unexplained.any() and rank > 2:
         pairs = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
         _take_pairs(pairs, chosen[unexplained], test.ruleset.odds, result)
+
+
+def _tried(test: HypothesisTest, limit: float, *, all_tried: bool) -> Outcomes:
+    """Single faults that may fit."""
+    hypotheses = [(fault,) for fault in test.ruleset.faults]
+    if all_tried or not test.metric.is_large:
+        return fit(test, hypotheses, None if all_tried else may_fit(test, limit))
+    every = np.ones((len(hypotheses), len(test)), dtype=bool)
+    least = least_left(test, every)
+    # Nothing is known of what no usable estimate shows.
+    order = np.argsort(np.where(np.isfinite(least), least, np.inf), axis=0, kind="stable")
+    leading = np.zeros_like(every)
+    np.put_along_axis(leading, order[: limits.LEADING], True, axis=0)
+    leading &= least <= limits.ROUNDED_OTHERWISE * limit
+    found = fit(test, hypotheses, leading)
+    best = np.min(found.distance, axis=0, initial=np.inf) - 2.0 * np.log(limits.IMPROBABLE)
+    others = (least <= limits.ROUNDED_OTHERWISE * np.minimum(limit, best)) & ~leading
+    return found.where(others, fit(test, hypotheses, others))
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:

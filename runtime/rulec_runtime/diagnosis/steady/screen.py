@@ -21,8 +21,7 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     shape = (len(test.ruleset.faults), len(test))
     found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
     if test.metric.is_large:
-        _without_each(test, found, limits.ROUNDED_OTHERWISE * limit)
-        return found
+        return found & (least_left(test, found) <= limits.ROUNDED_OTHERWISE * limit)
     for part in test.portions():
         for i, left in _least_left(test.at(part), found[:, part]):
             found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
@@ -45,22 +44,24 @@ def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Arra
     return found
 
 
-def _without_each(test: HypothesisTest, found: np.ndarray, limit: float) -> None:
-    """Strike out which faults leave more than this, by the few flows that each of them touches."""
+def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
+    """Chi-square that each fault leaves at least, shape (faults, n), by the few flows that each of
+    them touches; minus infinity where nothing is known."""
     faults = test.ruleset.faults
     places = {
         int(i): [test.places[name] for name in test.touched((faults[i],))]
-        for i in np.flatnonzero(found.any(axis=1))
+        for i in np.flatnonzero(tried.any(axis=1))
     }
+    least = np.full(tried.shape, -np.inf)
     for chosen, table in alike({i: own for i, own in places.items() if own}):
-        which, problem = np.nonzero(found[chosen])
+        which, problem = np.nonzero(tried[chosen])
         size = max(limits.TABLE // (len(table) * len(test.members)) ** 2, 1)
         for low in range(0, len(which), size):
             own, at = table[:, which[low : low + size]], problem[low : low + size]
             chi = test.metric.problems(at).moving(own)
             free = in_a_row(test.present[None, :, at] * (own >= 0)[:, None])
-            left = _without(chi, free)
-            found[np.array(chosen)[which[low : low + size]], at] = left <= limit
+            least[np.array(chosen)[which[low : low + size]], at] = _without(chi, free)
+    return least
 
 
 def _without(chi: ChiSquare, free: Array) -> Array:

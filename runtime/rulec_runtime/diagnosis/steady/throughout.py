@@ -94,7 +94,7 @@ def _telling_most(whole: HypothesisTest) -> tuple[HypothesisTest, np.ndarray, Ar
     middle = whole.members[len(whole.members) // 2]
     one = test_of(whole.ruleset, whole.observed, whole.valid, whole.basis, middle)
     scores, best, own = np.zeros(len(every)), whole, every
-    for basis, told in Contrasts(one).groups():
+    for basis, told in Contrasts(one, len(whole.members)).groups():
         test = whole.seen_by(basis)
         found = _scores(test, told)[:, 0]
         if found.max() > scores.max():
