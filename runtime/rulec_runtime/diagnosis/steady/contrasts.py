@@ -40,8 +40,11 @@ class Contrasts:
         shape (flows, flows)."""
         test = self.test
         observed, basis = test.observed, test.basis
-        noise = covariance_of(basis, observed.noise, test.valid, test.members[0])
-        whole = covariance_of(basis, observed.covariance, test.valid, test.members[0])
+        (point,) = test.members
+        noise, whole = (
+            covariance_of(basis, one, test.valid, np.arange(1))
+            for one in (observed.noise[point], observed.covariance_at(point))
+        )
         both = noise, noise + self.stacked * (whole - noise)
         of_differences, of_mean = (basis.T @ inverse_of(one)[0] @ basis for one in both)
         return of_differences, of_mean

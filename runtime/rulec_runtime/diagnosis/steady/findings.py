@@ -250,7 +250,7 @@ def _readings(ruleset: Ruleset, points: Points, point: int) -> tuple[tuple[str, 
 def _flows(
     ruleset: Ruleset, observed: Observed, point: int
 ) -> tuple[tuple[str, float, float], ...]:
-    spread = np.sqrt(np.diagonal(observed.covariance[point]))
+    spread = observed.u_at(point)
     return tuple(
         (o.id, float(observed.flows[i, point] - observed.offsets[i, point]), float(spread[i]))
         for i, o in enumerate(ruleset.observers)

@@ -11,14 +11,15 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import part_of
+from rulec_runtime.diagnosis.steady.lasting_directions import (
+    Directions,
+    Gradients,
+    directions_of,
+)
+from rulec_runtime.diagnosis.steady.parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 from rulec_runtime.recordings.scratch import let_go
-
-Gradients = dict[str, dict[int, Array]]
-"""Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
-shape (n,)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
@@ -41,6 +42,8 @@ class Observed:
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
     extrapolated : shape (signals out of range, n) as table signal -> flags.
+    u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, where there is no
+        room for the covariances of all points: `scatter`, `covariance` and `wander` are empty then.
     """
 
     points: Points
@@ -56,9 +59,26 @@ class Observed:
     residual_u: Array
     residual_systematic: Array
     extrapolated: Mapping[str, np.ndarray]
+    u: Array | None = None
 
     def __len__(self) -> int:
         return int(self.flows.shape[1])
+
+    def covariance_at(self, points: np.ndarray) -> Array:
+        """Covariance of flows less offsets at some points, shape (points, observers, observers);
+        where there is no room for that of all, as no baseline shifts them."""
+        if self.u is None:
+            return self.covariance[points]
+        shared = np.ascontiguousarray(np.moveaxis(self.shared[:, :, points], -1, 0))
+        whole: Array = self.noise[points] + shared @ shared.transpose(0, 2, 1)
+        return whole
+
+    def u_at(self, point: int) -> Array:
+        """Standard uncertainties of flows less offsets at a point, shape (observers,), m3/s."""
+        if self.u is not None:
+            return self.u[:, point]
+        u: Array = np.sqrt(np.diagonal(self.covariance[point]))
+        return u
 
     def part(self, chosen: slice) -> Observed:
         """The same of some of the points."""
@@ -97,8 +117,9 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
     return inputs
 
 
-def observe(ruleset: Ruleset, points: Points) -> Observed:
-    """Run the plan on points and decide which estimates may be used."""
+def observe(ruleset: Ruleset, points: Points, directions: Directions | None = None) -> Observed:
+    """Run the plan on points and decide which estimates may be used; `directions` are those that
+    stand for errors that last, by default each of these does so itself."""
     names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
@@ -111,20 +132,43 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= usable_by_readings(ruleset, observer, points.values, out)
-    slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, _units(points, n)))
+    slopes = _slopes(ruleset, points)
     lasting = [np.broadcast_to(systematic[name], (n,)) for name in of_residuals]
     residuals = (
         np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
         np.array([out[name] for name in of_residuals]).reshape(-1, n),
         np.array(lasting).reshape(-1, n),
     )
-    observed = with_errors(ruleset, points, flows, valid, slopes, residuals)
+    observed = with_errors(ruleset, points, flows, valid, slopes, residuals, directions)
     return replace(observed, extrapolated=extrapolated(ruleset, points))
+
+
+def observe_part(
+    whole: Ruleset, part: Part, points: Points, directions: Directions | None = None
+) -> Observed:
+    """What the plan of a part says; a reading anywhere in the plant that leaves the range in which
+    it was calibrated counts."""
+    if part.ruleset is whole:
+        return observe(whole, points, directions)
+    observed = observe(part.ruleset, points.of(part.ruleset.observed), directions)
+    return replace(observed, extrapolated=extrapolated(whole, points))
 
 
 def slope_names(ruleset: Ruleset) -> tuple[str, ...]:
     """Outputs of the plan that are slopes of estimates: ``s:<observer>:<error>``."""
     return tuple(name for name in ruleset.plan.outputs if name.startswith("s:"))
+
+
+def lasting_directions(ruleset: Ruleset, points: Points) -> Directions:
+    """Directions that stand for the errors that last, as some points have them."""
+    slopes = _slopes(ruleset, points)
+    return directions_of(ruleset, _gradients(ruleset, points, slopes, len(points))[2])
+
+
+def _slopes(ruleset: Ruleset, points: Points) -> dict[str, Array]:
+    """Slopes of estimates, shape (n,), by the names of `slope_names`."""
+    n = max((len(v) for v in points.values.values()), default=0)
+    return ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, _units(points, n)))
 
 
 def _units(points: Points, n: int) -> dict[str, Array]:
@@ -139,6 +183,7 @@ def with_errors(
     valid: np.ndarray,
     slopes: Mapping[str, Array],
     residuals: tuple[Array, Array, Array] | None = None,
+    directions: Directions | None = None,
 ) -> Observed:
     """Estimates with their errors, and nothing out of the calibrated range.
 
@@ -150,7 +195,7 @@ def with_errors(
     residuals : residuals, their uncertainties and the parts of these that do not average out, each
         of shape (residuals, n), m3/s; by default as they follow from the estimates.
     """
-    scatter, noise, lasting, shared, late = _errors(ruleset, points, slopes, flows.shape[1])
+    scatter, noise, lasting, shared, late = _errors(ruleset, points, slopes, flows, directions)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
@@ -204,17 +249,39 @@ def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
 
 
 def _errors(
-    ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], n: int
+    ruleset: Ruleset,
+    points: Points,
+    slopes: Mapping[str, Array],
+    flows: Array,
+    directions: Directions | None,
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
     at every point and of what stays over a recording, gradients by the latter, shape
     (observers, errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
+    # A reading beyond all limits has no slope; its estimate is not used.
+    with np.errstate(invalid="ignore"):
+        scatter, misfits, lasting, late = _gradients(ruleset, points, slopes, flows.shape[1])
+        left: Gradients = {}
+        if directions is not None:
+            lasting, left = directions.split(lasting)
+        read = _covariance(scatter, flows.shape)
+        new = read + _covariance(misfits, flows.shape)
+        if left:
+            new += _covariance(left, flows.shape)
+        stays, gradients = _covariance(lasting, flows.shape), _stacked(lasting, flows.shape)
+        return read, new, stays, gradients, np.sqrt(late)
+
+
+def _gradients(
+    ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], n: int
+) -> tuple[Gradients, Gradients, Gradients, Array]:
+    """Gradients by the noise of readings, by the observers' own misfits and by what stays over a
+    recording, and variances by lags alone, shape (observers, n)."""
     row = ruleset.observer_index
     scatter: Gradients = {}
     misfits: Gradients = {}
     lasting: Gradients = {}
     late = np.zeros((len(row), n))
-    # A reading beyond all limits has no slope; its estimate is not used.
     with np.errstate(invalid="ignore"):
         for name in slopes:
             _, observer, error = name.split(":", 2)
@@ -232,11 +299,7 @@ def _errors(
                 lasting.setdefault(f"lag:{error}", {})[row[observer]] = own
                 late[row[observer]] += own**2
             lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
-        shape = (len(row), n)
-        read = _covariance(scatter, shape)
-        new = read + _covariance(misfits, shape)
-        stays, gradients = _covariance(lasting, shape), _stacked(lasting, shape)
-        return read, new, stays, gradients, np.sqrt(late)
+    return scatter, misfits, lasting, late
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:

@@ -21,11 +21,13 @@ from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.learn import Learner
+from rulec_runtime.diagnosis.steady.many import has_many, see_many, spread_over
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
     extrapolated,
-    observe,
+    lasting_directions,
+    observe_part,
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
@@ -105,14 +107,53 @@ def see_part(
 ) -> Seen:
     """Learn the baseline of one part of a plant, and isolate."""
 
+    directions = None
+    if mode != PAPER and not keep and has_many(part.ruleset):
+        some = points.at(spread_over(len(points)))
+        directions = lasting_directions(part.ruleset, some.of(part.ruleset.observed))
+
     def told(chosen: slice) -> Observed:
-        found = observe_part(whole, part, points.at(chosen))
+        found = observe_part(whole, part, points.at(chosen), directions)
         let_go(*points.values.values(), *points.lag.values())
         return found
 
     own = points if part.ruleset is whole else points.of(part.ruleset.observed)
     alike = own, extrapolated(whole, points)
-    return _see(part, told, points, alike, mode, halves, keep=keep)
+    if directions is None:
+        return _see(part, told, points, alike, mode, halves, keep=keep)
+    ruleset = part.ruleset
+
+    def wandered(chosen: slice) -> Observed:
+        return _wandering(ruleset, told(chosen), halves, part.observers, chosen)
+
+    found = see_many(ruleset, len(points), wandered)
+    give_back()
+    plain = replace(found.plain, points=alike[0], extrapolated=alike[1])
+    compared = replace(found.compared, points=alike[0], extrapolated=alike[1])
+    lasting = throughout(ruleset, plain, found.isolation)
+    give_back()
+    return Seen(
+        part=part,
+        points=points,
+        plain=plain,
+        observed=compared if lasting is None else plain,
+        baselines=found.baselines if lasting is None else _nothing(plain),
+        isolation=found.isolation if lasting is None else lasting,
+        combined=True,
+    )
+
+
+def _wandering(
+    ruleset: Ruleset,
+    plain: Observed,
+    halves: Halves | None,
+    observers: np.ndarray,
+    chosen: slice,
+) -> Observed:
+    """Estimates with what they do within a stretch, as far as its halves are known."""
+    if halves is None:
+        return plain
+    return wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
 
 
 def see_observed(
@@ -139,9 +180,9 @@ def _see(
 
     def observed(chosen: slice) -> Observed:
         plain = told(chosen)
-        if halves is None or mode == PAPER:
+        if mode == PAPER:
             return plain
-        return wandering(plain, wander_of(ruleset, plain, halves.part(part.observers, chosen)))
+        return _wandering(ruleset, plain, halves, part.observers, chosen)
 
     plain = in_batches(count, POINTS_ALONG, observed)
     give_back()
@@ -170,15 +211,6 @@ def _see(
         isolation=isolation,
         combined=mode != PAPER,
     )
-
-
-def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
-    """What the plan of a part says; a reading anywhere in the plant that leaves the range in which
-    it was calibrated counts."""
-    if part.ruleset is whole:
-        return observe(whole, points)
-    observed = observe(part.ruleset, points.of(part.ruleset.observed))
-    return replace(observed, extrapolated=extrapolated(whole, points))
 
 
 def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:

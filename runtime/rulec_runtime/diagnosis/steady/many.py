@@ -1,0 +1,119 @@
+"""Plants in which hundreds of estimates check each other: no table of all their covariances.
+
+Points are gone through in order of time, a few at once: observed, compared with what was learned
+before, explained. Of the covariance of all estimates what a stack of stretches needs is kept alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.baseline import Baselines, against
+from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
+from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
+from rulec_runtime.diagnosis.steady.learn import Learner
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.scratch import arrays, let_go
+
+Told = TypeVar("Told")
+"""A frozen dataclass of tables."""
+
+KEPT_ALONG = {
+    "flows": 1,
+    "valid": 1,
+    "offsets": 1,
+    "residuals": 1,
+    "residual_u": 1,
+    "residual_systematic": 1,
+    "u": 1,
+    "scatter": 0,
+    "covariance": 0,
+    "wander": 0,
+}
+"""Along which axis of a table that is kept of an `Observed` the points lie."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Many:
+    """Points as they are, as they are against what was learned before, and what explains them."""
+
+    plain: Observed
+    compared: Observed
+    baselines: Baselines
+    isolation: Isolation
+
+
+def has_many(ruleset: Ruleset) -> bool:
+    """Do so many estimates check each other that tables of all of them cost too much?"""
+    every = np.ones(len(ruleset.observers), dtype=bool)
+    # A basis is dear to find, and there are never more residuals than estimates.
+    few = len(every) < limits.MANY_RESIDUALS
+    return not few and len(residual_basis(ruleset, every)) >= limits.MANY_RESIDUALS
+
+
+def at_once(ruleset: Ruleset) -> int:
+    """Points whose covariances are worked on together."""
+    return max(limits.ESTIMATES_AT_ONCE // max(len(ruleset.observers), 1) ** 2, 1)
+
+
+def spread_over(count: int) -> np.ndarray:
+    """Some of so many points, spread evenly."""
+    few = min(limits.STACKED, count)
+    return np.unique(np.linspace(0, count - 1, few).round().astype(int))
+
+
+def see_many(ruleset: Ruleset, count: int, told: Callable[[slice], Observed]) -> Many:
+    """Judge so many points in order of time; `told` observes a few of them."""
+    learner = Learner(ruleset, keep=False)
+    plain, compared, isolations = [], [], []
+    tables: list[Array] = []
+    for low in range(0, count, at_once(ruleset)):
+        part = slice(low, min(low + at_once(ruleset), count))
+        here = told(part)
+        found = against(ruleset, here, learner.take(here, low))
+        isolations.append(isolate(ruleset, found, count))
+        both = here.noise, np.moveaxis(here.shared, -1, 0)
+        tables = tables or arrays([((count, *one.shape[1:]), float) for one in both])
+        for table, one in zip(tables, both, strict=True):
+            table[part] = one
+        plain.append(_without_tables(here))
+        compared.append(_without_tables(found))
+        let_go(*tables)
+    kept: dict[str, Any] = {"noise": tables[0], "shared": np.moveaxis(tables[1], 0, -1)}
+    return Many(
+        plain=replace(_joined(plain, KEPT_ALONG), **kept),
+        compared=replace(_joined(compared, KEPT_ALONG), **kept),
+        baselines=learner.baselines(),
+        isolation=_joined(isolations, EXPLAINED_ALONG),
+    )
+
+
+def _without_tables(observed: Observed) -> Observed:
+    """What is kept of some points beside the two tables that lie elsewhere."""
+    nothing = np.zeros((len(observed), 0, 0))
+    return replace(
+        observed,
+        noise=nothing,
+        shared=nothing,
+        scatter=nothing,
+        covariance=nothing,
+        wander=nothing,
+        u=np.sqrt(np.diagonal(observed.covariance, axis1=1, axis2=2)).T,
+    )
+
+
+def _joined(parts: Sequence[Told], along: Mapping[str, int]) -> Told:
+    """What is told of points, one part behind the other."""
+    tables: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
+        for name, axis in along.items()
+    }
+    return cast(Told, replace(cast(Any, parts[0]), **tables))
