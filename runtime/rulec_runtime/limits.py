@@ -489,7 +489,7 @@ LEFT_OF_ERRORS = 1e-6
 """Share of the variance by errors that last which counts as new at every point in such a plant.
 Origin: numerical."""
 
-ESTIMATES_AT_ONCE = 4_000_000
+ESTIMATES_AT_ONCE = 1_000_000
 """Numbers in the covariances of estimates of points that are worked on together, in such a plant.
 Origin: numerical, what is found is the same."""
 

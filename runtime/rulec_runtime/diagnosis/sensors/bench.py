@@ -15,6 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
+from rulec_runtime.diagnosis.steady.many import at_once, has_many
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import (
     Points,
@@ -46,7 +47,7 @@ class Agreement:
     limit: Array
     freedom: np.ndarray
     valid: np.ndarray
-    every: Observed
+    every: Callable[[], Observed]
     chosen: slice
 
     def part(self, chosen: slice) -> Agreement:
@@ -63,12 +64,12 @@ class Agreement:
     @cached_property
     def observed(self) -> Observed:
         """What the plan says of the stretches."""
-        return self.every.part(self.chosen)
+        return self.every().part(self.chosen)
 
     @property
     def points(self) -> Points:
         """The readings."""
-        return self.every.points.at(self.chosen)
+        return self.every().points.at(self.chosen)
 
     @property
     def sound(self) -> np.ndarray:
@@ -139,6 +140,21 @@ class Bench:
 
     def agreement(self, points: Points) -> Agreement:
         """How well the estimates agree at points."""
+        if has_many(self.ruleset):
+            # Tables of so many estimates are kept where they are asked for again.
+            parts = [
+                self._agreement(points.at(slice(low, low + at_once(self.ruleset))))
+                for low in range(0, len(points), at_once(self.ruleset))
+            ]
+            tables = [
+                np.concatenate([getattr(part, name) for part in parts], axis=-1)
+                for name in ("excess", "limit", "freedom", "valid")
+            ]
+            every = slice(0, len(points))
+            return Agreement(*tables, lambda: observe(self.ruleset, points), every)
+        return self._agreement(points)
+
+    def _agreement(self, points: Points) -> Agreement:
         observed = observe(self.ruleset, points)
         n = len(observed)
         excess, thresholds = np.full(n, np.inf), np.ones(n)
@@ -152,7 +168,7 @@ class Bench:
                 excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)
         excess[~np.isfinite(excess)] = np.inf
-        return Agreement(excess, thresholds, freedom, observed.valid, observed, slice(0, n))
+        return Agreement(excess, thresholds, freedom, observed.valid, lambda: observed, slice(0, n))
 
     def agreements(
         self, tried: Iterable[Tried], read: Callable[[Tried], Points]

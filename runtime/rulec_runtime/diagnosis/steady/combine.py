@@ -183,7 +183,6 @@ def _fits_alike(
     if len(test.basis) >= limits.MANY_RESIDUALS:
         basis, told = _telling(ruleset, observed, isolation, stacks)
         test = test.seen_by(basis)
-        print([(ruleset.faults[i].id) for i in told], basis.shape, np.hstack(tried).sum() if 0 else '')
         seen = np.isin(np.arange(len(singles)), told)[:, None]
     tried, times = [_asked(singles, candidates)], [ONSET]
     if len(first.learned):

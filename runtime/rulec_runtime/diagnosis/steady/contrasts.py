@@ -54,36 +54,35 @@ class Contrasts:
         """Faults that the point can show, in order."""
         return iter(self.test.each)
 
-    def rows(self, fault: int) -> Array:
-        """Combinations of the flows that tell of a fault, shape (rows, flows): of one that moves
+    def rows(self, fault: int) -> dict[tuple[int, int], Array]:
+        """Combinations of the flows that tell of a fault, shape (flows,) each: of one that moves
         many flows, those that tell most, and all of them together."""
         places, slopes = self.test.each[fault]
-        slope = slopes[:, 0, 0]
-        found = []
-        for weight in self._weights:
-            own = weight[places]
+        slope, found = slopes[:, 0, 0], {}
+        for k, weight in enumerate(self._weights):
+            most = np.arange(len(places))
             if len(places) > limits.ROWS_OF_A_FAULT:
-                together = slope @ own
+                together = slope @ weight[places]
                 share = np.abs(slope * together[places])
-                most = np.sort(np.argsort(-share, kind="stable")[: limits.ROWS_OF_A_FAULT - 1])
-                own = np.vstack([own[most], together])
-            found.append(own)
-        return np.vstack(found)
+                most = np.argsort(-share, kind="stable")[: limits.ROWS_OF_A_FAULT - 1]
+                found[k, -1 - fault] = together
+            found |= {(k, places[i]): weight[places[i]] for i in most.tolist()}
+        return found
 
     def basis(self, faults: Iterable[int]) -> tuple[Array, list[int]]:
         """Independent combinations that tell of faults, orthonormal, shape (rank, flows), and the
         faults that they tell of: the first ones, as long as combinations are few."""
-        tables: list[Array] = []
+        rows: dict[tuple[int, int], Array] = {}
         told: list[int] = []
         for fault in faults:
-            rows = self.rows(fault) if fault in self.test.each else np.zeros((0, 0))
-            if not rows.any():
+            if fault not in self.test.each:
                 continue
-            if tables and sum(map(len, tables)) + len(rows) > limits.ROWS_TOGETHER:
+            more = self.rows(fault)
+            if told and len(rows.keys() | more.keys()) > limits.ROWS_TOGETHER:
                 break
-            tables.append(rows)
+            rows |= more
             told.append(fault)
-        return _orthonormal(tables, self.test.basis.shape[1]), told
+        return _orthonormal([*rows.values()], self.test.basis.shape[1]), told
 
     def groups(self) -> Iterator[tuple[Array, list[int]]]:
         """All faults, neighbours together, with what tells of each group."""
@@ -96,11 +95,11 @@ class Contrasts:
             yield basis, told
 
 
-def _orthonormal(tables: Sequence[Array], flows: int) -> Array:
+def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
     """Orthonormal basis of what some rows of so many flows span."""
-    if not tables:
+    unit = [row / size for row in rows if (size := np.linalg.norm(row)) > 0.0]
+    if not unit:
         return np.zeros((0, flows))
-    rows = np.unique(np.vstack(tables), axis=0)
-    _, sizes, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)
+    _, sizes, basis = np.linalg.svd(np.array(unit), full_matrices=False)
     independent: Array = basis[sizes > limits.SAME_ROWS * sizes[0]]
     return independent

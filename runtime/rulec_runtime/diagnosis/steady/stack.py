@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,7 @@ class _Stacked:
     observed: Observed
     valid: np.ndarray
     basis: Array
+    known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
         """Covariance of the residuals."""
@@ -110,6 +111,14 @@ class _Stacked:
     def _errors(self, members: np.ndarray) -> tuple[Array, Array]:
         """Slopes of the usable flows by lasting errors, and the covariance of what is new at each
         point, points and problems last."""
+        key = members.tobytes()
+        if key not in self.known:
+            # The same problems are seen by other residuals next.
+            self.known.clear()
+            self.known[key] = self._errors_of(members)
+        return self.known[key]
+
+    def _errors_of(self, members: np.ndarray) -> tuple[Array, Array]:
         own, every = np.flatnonzero(self.valid), members.ravel()
         errors = np.arange(self.observed.shared.shape[1])
         shared = of_points(self.observed.shared, (own, errors), every)
