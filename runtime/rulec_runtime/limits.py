@@ -474,6 +474,11 @@ LEADING = 4
 """Faults that leave least at best, which are tried first in such a plant: what they leave says
 which of the others need not be tried. Origin: numerical."""
 
+GAIN_AT_FIRST = 0.1
+"""Share of what the best of these lowers chi-square by which another one lowers it at least to
+first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
+assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
+
 IMPROBABLE = 1e-6
 """Probability, relative to the best, below which a fault is not tried at a point of such a plant.
 Origin: numerical; alternatives are mentioned from `MENTION` on."""

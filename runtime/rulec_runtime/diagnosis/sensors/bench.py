@@ -16,7 +16,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
 from rulec_runtime.diagnosis.steady.many import at_once, has_many
-from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.observe import Observed, estimate, observe
 from rulec_runtime.diagnosis.steady.points import (
     Points,
     one_after_the_other,
@@ -142,9 +142,10 @@ class Bench:
         """How well the estimates agree at points."""
         if has_many(self.ruleset):
             # Tables of so many estimates are kept where they are asked for again.
+            estimates, size = estimate(self.ruleset, points), at_once(self.ruleset)
             parts = [
-                self._agreement(points.at(slice(low, low + at_once(self.ruleset))))
-                for low in range(0, len(points), at_once(self.ruleset))
+                self._agreement(estimates.at(slice(low, low + size)).observed())
+                for low in range(0, len(points), size)
             ]
             tables = [
                 np.concatenate([getattr(part, name) for part in parts], axis=-1)
@@ -152,10 +153,9 @@ class Bench:
             ]
             every = slice(0, len(points))
             return Agreement(*tables, lambda: observe(self.ruleset, points), every)
-        return self._agreement(points)
+        return self._agreement(observe(self.ruleset, points))
 
-    def _agreement(self, points: Points) -> Agreement:
-        observed = observe(self.ruleset, points)
+    def _agreement(self, observed: Observed) -> Agreement:
         n = len(observed)
         excess, thresholds = np.full(n, np.inf), np.ones(n)
         freedom = np.zeros(n, dtype=int)

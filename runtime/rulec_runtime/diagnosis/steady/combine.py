@@ -217,8 +217,11 @@ def _telling(
     """What tells of the faults that are most probable in some runs, and these faults."""
     members = np.concatenate([s.members for s in stacks])
     chance = isolation.probability[:, members].max(axis=1)
-    least = limits.IMPROBABLE_THROUGHOUT * float(chance.max())
-    most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > least]
+    # To stack what moves hundreds of flows is dear, and pays for what would be mentioned alone.
+    wide = np.array([len(fault.affects) > limits.ROWS_OF_A_FAULT for fault in ruleset.faults])
+    share = np.where(wide, limits.MENTION, limits.IMPROBABLE_THROUGHOUT)
+    least = share * float(chance.max(initial=0.0))
+    most = [int(i) for i in np.argsort(-chance, kind="stable") if chance[i] > least[i]]
     point, valid = stacks[0].points[:1], stacks[0].valid
     basis = residual_basis(ruleset, valid)
     one = test_of(ruleset, observed, valid, basis, point)

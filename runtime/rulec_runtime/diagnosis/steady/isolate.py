@@ -212,14 +212,16 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool) ->
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():
-        _explain(test.at(deviating), result, all_tried=all_tried)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(information > 0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+        _explain(test.at(deviating), gain[:, deviating], result, all_tried=all_tried)
 
 
-def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
+def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, all_tried: bool) -> None:
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
-    fits = _tried(test, limit, all_tried=all_tried)
+    fits = _tried(test, gain, limit, all_tried=all_tried)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
@@ -232,21 +234,26 @@ def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> Non
         _take_pairs(pairs, chosen[unexplained], test.ruleset.odds, result)
 
 
-def _tried(test: HypothesisTest, limit: float, *, all_tried: bool) -> Outcomes:
-    """Single faults that may fit."""
-    hypotheses = [(fault,) for fault in test.ruleset.faults]
+def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
+    """Single faults that may fit; `gain` is by how much each lowers chi-square to first order, shape
+    (faults, n)."""
+    faults = test.ruleset.faults
+    hypotheses = [(fault,) for fault in faults]
     if all_tried or not test.metric.is_large:
         return fit(test, hypotheses, None if all_tried else may_fit(test, limit))
-    every = np.ones((len(hypotheses), len(test)), dtype=bool)
-    least = least_left(test, every)
-    # Nothing is known of what no usable estimate shows.
-    order = np.argsort(np.where(np.isfinite(least), least, np.inf), axis=0, kind="stable")
-    leading = np.zeros_like(every)
+    least = least_left(test, np.ones((len(faults), len(test)), dtype=bool))
+    may = least <= limits.ROUNDED_OTHERWISE * limit
+    # What moves many flows leaves little of them where any of them may be anything.
+    touched = np.array([len(test.touched((fault,))) for fault in faults])[:, None]
+    order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")
+    leading = np.zeros_like(may)
     np.put_along_axis(leading, order[: limits.LEADING], True, axis=0)
-    leading &= least <= limits.ROUNDED_OTHERWISE * limit
+    leading &= may
     found = fit(test, hypotheses, leading)
-    best = np.min(found.distance, axis=0, initial=np.inf) - 2.0 * np.log(limits.IMPROBABLE)
-    others = (least <= limits.ROUNDED_OTHERWISE * np.minimum(limit, best)) & ~leading
+    best = np.min(found.distance, axis=0, initial=np.inf)
+    others = may & ~leading & (least <= best - 2.0 * np.log(limits.IMPROBABLE))
+    enough = np.isinf(best) | (gain >= limits.GAIN_AT_FIRST * (test.metric.value - best))
+    others &= enough | (touched <= limits.ROWS_OF_A_FAULT)
     return found.where(others, fit(test, hypotheses, others))
 
 

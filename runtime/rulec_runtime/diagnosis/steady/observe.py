@@ -11,15 +11,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import part_of
-from rulec_runtime.diagnosis.steady.lasting_directions import (
-    Directions,
-    Gradients,
-    directions_of,
-)
+from rulec_runtime.diagnosis.steady.errors import errors_of, gradients_of
+from rulec_runtime.diagnosis.steady.lasting_directions import Directions, directions_of
 from rulec_runtime.diagnosis.steady.parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 from rulec_runtime.recordings.scratch import let_go
+
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
@@ -117,9 +115,61 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
     return inputs
 
 
-def observe(ruleset: Ruleset, points: Points, directions: Directions | None = None) -> Observed:
-    """Run the plan on points and decide which estimates may be used; `directions` are those that
-    stand for errors that last, by default each of these does so itself."""
+def observe(ruleset: Ruleset, points: Points) -> Observed:
+    """Run the plan on points and decide which estimates may be used."""
+    return estimate(ruleset, points).observed()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimates:
+    """What the plan says about points, before it is put together by how much it may be off.
+
+    `flows`, `valid`, `slopes` and `residuals` are as in `with_errors`.
+    """
+
+    ruleset: Ruleset
+    points: Points
+    flows: Array
+    valid: np.ndarray
+    slopes: Mapping[str, Array]
+    residuals: tuple[Array, Array, Array]
+
+    def at(self, chosen: slice | np.ndarray) -> Estimates:
+        """Some of the points."""
+        whole, lasting, shared = self.residuals
+        return replace(
+            self,
+            points=self.points.at(chosen),
+            flows=self.flows[:, chosen],
+            valid=self.valid[:, chosen],
+            slopes={name: slope[chosen] for name, slope in self.slopes.items()},
+            residuals=(whole[:, chosen], lasting[:, chosen], shared[:, chosen]),
+        )
+
+    def directions(self) -> Directions:
+        """Directions that stand for the errors that last, as the points have them."""
+        n = self.flows.shape[1]
+        return directions_of(
+            self.ruleset, gradients_of(self.ruleset, self.points, self.slopes, n)[2]
+        )
+
+    def observed(self, directions: Directions | None = None) -> Observed:
+        """Estimates with their errors; `directions` stand for those that last, by default each of
+        these does so itself."""
+        observed = with_errors(
+            self.ruleset,
+            self.points,
+            self.flows,
+            self.valid,
+            self.slopes,
+            self.residuals,
+            directions,
+        )
+        return replace(observed, extrapolated=extrapolated(self.ruleset, self.points))
+
+
+def estimate(ruleset: Ruleset, points: Points) -> Estimates:
+    """Run the plan on points and decide which estimates may be used."""
     names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
@@ -132,48 +182,31 @@ def observe(ruleset: Ruleset, points: Points, directions: Directions | None = No
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= usable_by_readings(ruleset, observer, points.values, out)
-    slopes = _slopes(ruleset, points)
+    units = dict.fromkeys(points.values, np.ones(n))
+    slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, units))
     lasting = [np.broadcast_to(systematic[name], (n,)) for name in of_residuals]
     residuals = (
         np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
         np.array([out[name] for name in of_residuals]).reshape(-1, n),
         np.array(lasting).reshape(-1, n),
     )
-    observed = with_errors(ruleset, points, flows, valid, slopes, residuals, directions)
-    return replace(observed, extrapolated=extrapolated(ruleset, points))
+    return Estimates(
+        ruleset=ruleset, points=points, flows=flows, valid=valid, slopes=slopes, residuals=residuals
+    )
 
 
-def observe_part(
-    whole: Ruleset, part: Part, points: Points, directions: Directions | None = None
-) -> Observed:
+def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
     """What the plan of a part says; a reading anywhere in the plant that leaves the range in which
     it was calibrated counts."""
     if part.ruleset is whole:
-        return observe(whole, points, directions)
-    observed = observe(part.ruleset, points.of(part.ruleset.observed), directions)
+        return observe(whole, points)
+    observed = observe(part.ruleset, points.of(part.ruleset.observed))
     return replace(observed, extrapolated=extrapolated(whole, points))
 
 
 def slope_names(ruleset: Ruleset) -> tuple[str, ...]:
     """Outputs of the plan that are slopes of estimates: ``s:<observer>:<error>``."""
     return tuple(name for name in ruleset.plan.outputs if name.startswith("s:"))
-
-
-def lasting_directions(ruleset: Ruleset, points: Points) -> Directions:
-    """Directions that stand for the errors that last, as some points have them."""
-    slopes = _slopes(ruleset, points)
-    return directions_of(ruleset, _gradients(ruleset, points, slopes, len(points))[2])
-
-
-def _slopes(ruleset: Ruleset, points: Points) -> dict[str, Array]:
-    """Slopes of estimates, shape (n,), by the names of `slope_names`."""
-    n = max((len(v) for v in points.values.values()), default=0)
-    return ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, _units(points, n)))
-
-
-def _units(points: Points, n: int) -> dict[str, Array]:
-    """Uncertainties with which slopes by readings are plain derivatives."""
-    return dict.fromkeys(points.values, np.ones(n))
 
 
 def with_errors(
@@ -195,7 +228,7 @@ def with_errors(
     residuals : residuals, their uncertainties and the parts of these that do not average out, each
         of shape (residuals, n), m3/s; by default as they follow from the estimates.
     """
-    scatter, noise, lasting, shared, late = _errors(ruleset, points, slopes, flows, directions)
+    scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows, directions)
     with np.errstate(invalid="ignore"):
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
@@ -246,85 +279,6 @@ def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
     n = max(map(len, readings.values()), default=0)
     results = ruleset.plan.select(names).run(readings)
     return np.array([np.broadcast_to(results[name], (n,)) for name in names])
-
-
-def _errors(
-    ruleset: Ruleset,
-    points: Points,
-    slopes: Mapping[str, Array],
-    flows: Array,
-    directions: Directions | None,
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
-    at every point and of what stays over a recording, gradients by the latter, shape
-    (observers, errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
-    # A reading beyond all limits has no slope; its estimate is not used.
-    with np.errstate(invalid="ignore"):
-        scatter, misfits, lasting, late = _gradients(ruleset, points, slopes, flows.shape[1])
-        left: Gradients = {}
-        if directions is not None:
-            lasting, left = directions.split(lasting)
-        read = _covariance(scatter, flows.shape)
-        new = read + _covariance(misfits, flows.shape)
-        if left:
-            new += _covariance(left, flows.shape)
-        stays, gradients = _covariance(lasting, flows.shape), _stacked(lasting, flows.shape)
-        return read, new, stays, gradients, np.sqrt(late)
-
-
-def _gradients(
-    ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], n: int
-) -> tuple[Gradients, Gradients, Gradients, Array]:
-    """Gradients by the noise of readings, by the observers' own misfits and by what stays over a
-    recording, and variances by lags alone, shape (observers, n)."""
-    row = ruleset.observer_index
-    scatter: Gradients = {}
-    misfits: Gradients = {}
-    lasting: Gradients = {}
-    late = np.zeros((len(row), n))
-    with np.errstate(invalid="ignore"):
-        for name in slopes:
-            _, observer, error = name.split(":", 2)
-            if error in ruleset.misfits:
-                misfits.setdefault(error, {})[row[observer]] = slopes[name]
-                lasting.setdefault(error, {})
-                continue
-            systematic: Array | float = 1.0
-            if error in points.u:
-                systematic = points.systematic[error]
-                own = slopes[name] * points.statistical(error)
-                scatter.setdefault(error, {})[row[observer]] = own
-            if error in points.lag:
-                own = slopes[name] * points.lag[error]
-                lasting.setdefault(f"lag:{error}", {})[row[observer]] = own
-                late[row[observer]] += own**2
-            lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
-    return scatter, misfits, lasting, late
-
-
-def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
-    """Sum of the products of gradients by the same error, shape (n, observers, observers).
-
-    An error reaches few observers. Points lie last in memory, so that sums run over them.
-    """
-    observers, n = shape
-    covariance = np.zeros((observers, observers, n))
-    for column in gradients.values():
-        places = np.array([*column], dtype=int)
-        table = np.array([*column.values()]).reshape(-1, n)
-        for i, own in zip(places, table, strict=True):
-            covariance[i, places] += own * table
-    return np.moveaxis(covariance, -1, 0)
-
-
-def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
-    """Gradients by all errors as one table, shape (observers, errors, n)."""
-    observers, n = shape
-    table = np.zeros((observers, len(gradients), n))
-    for place, error in enumerate(sorted(gradients)):
-        for i, gradient in gradients[error].items():
-            table[i, place] = gradient
-    return table
 
 
 def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:

@@ -25,8 +25,8 @@ from rulec_runtime.diagnosis.steady.many import has_many, see_many, spread_over
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
+    estimate,
     extrapolated,
-    lasting_directions,
     observe_part,
 )
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
@@ -107,29 +107,40 @@ def see_part(
 ) -> Seen:
     """Learn the baseline of one part of a plant, and isolate."""
 
-    directions = None
+    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
+    alike = own, extrapolated(whole, points)
     if mode != PAPER and not keep and has_many(part.ruleset):
-        some = points.at(spread_over(len(points)))
-        directions = lasting_directions(part.ruleset, some.of(part.ruleset.observed))
+        return _see_many(part, points, alike, halves)
 
     def told(chosen: slice) -> Observed:
-        found = observe_part(whole, part, points.at(chosen), directions)
+        found = observe_part(whole, part, points.at(chosen))
         let_go(*points.values.values(), *points.lag.values())
         return found
 
-    own = points if part.ruleset is whole else points.of(part.ruleset.observed)
-    alike = own, extrapolated(whole, points)
-    if directions is None:
-        return _see(part, told, points, alike, mode, halves, keep=keep)
-    ruleset = part.ruleset
+    return _see(part, told, points, alike, mode, halves, keep=keep)
 
-    def wandered(chosen: slice) -> Observed:
-        return _wandering(ruleset, told(chosen), halves, part.observers, chosen)
 
-    found = see_many(ruleset, len(points), wandered)
+def _see_many(
+    part: Part,
+    points: Points,
+    alike: tuple[Points, Mapping[str, np.ndarray]],
+    halves: Halves | None,
+) -> Seen:
+    """The same of a part with so many estimates that tables of all of them cost too much."""
+    ruleset, (own, outside) = part.ruleset, alike
+    every = estimate(ruleset, own)
+    directions = every.at(spread_over(len(own))).directions()
+
+    def told(chosen: slice) -> Observed:
+        here = {name: flags[chosen] for name, flags in outside.items()}
+        plain = replace(every.at(chosen).observed(directions), extrapolated=here)
+        return _wandering(ruleset, plain, halves, part.observers, chosen)
+
+    found = see_many(ruleset, len(points), told)
     give_back()
-    plain = replace(found.plain, points=alike[0], extrapolated=alike[1])
-    compared = replace(found.compared, points=alike[0], extrapolated=alike[1])
+    plain, compared = (
+        replace(one, points=own, extrapolated=outside) for one in (found.plain, found.compared)
+    )
     lasting = throughout(ruleset, plain, found.isolation)
     give_back()
     return Seen(
