@@ -463,9 +463,9 @@ MOST_WEIGHED = 8_000_000
 numerical."""
 
 ROWS_OF_A_FAULT = 16
-"""Combinations of estimates at most of the mean of stretches, and of their differences, by
-which they tell of one fault in a plant with `MANY_RESIDUALS`. Origin: numerical; a fault of a module moves up to three estimates, and of those
-that move hundreds the others add next to nothing."""
+"""Combinations of estimates at most of the mean of stretches, and of their differences, by which
+they tell of one fault in a plant with `MANY_RESIDUALS`. Origin: numerical; a fault of a module
+moves up to three estimates, and of those that move hundreds the others add next to nothing."""
 
 ROWS_TOGETHER = 64
 """The same of faults that are compared with each other. Origin: numerical."""

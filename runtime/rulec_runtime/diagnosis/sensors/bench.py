@@ -16,7 +16,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
 from rulec_runtime.diagnosis.steady.many import at_once, has_many
-from rulec_runtime.diagnosis.steady.observe import Observed, estimate, observe
+from rulec_runtime.diagnosis.steady.observe import Observed, estimate
 from rulec_runtime.diagnosis.steady.points import (
     Points,
     one_after_the_other,
@@ -140,22 +140,23 @@ class Bench:
 
     def agreement(self, points: Points) -> Agreement:
         """How well the estimates agree at points."""
-        if has_many(self.ruleset):
-            # Tables of so many estimates are kept where they are asked for again.
-            estimates, size = estimate(self.ruleset, points), at_once(self.ruleset)
-            parts = [
-                self._agreement(estimates.at(slice(low, low + size)).observed())
-                for low in range(0, len(points), size)
-            ]
-            tables = [
-                np.concatenate([getattr(part, name) for part in parts], axis=-1)
-                for name in ("excess", "limit", "freedom", "valid")
-            ]
-            every = slice(0, len(points))
-            return Agreement(*tables, lambda: observe(self.ruleset, points), every)
-        return self._agreement(observe(self.ruleset, points))
+        estimates, n = estimate(self.ruleset, points), len(points)
+        if not has_many(self.ruleset):
+            observed = estimates.observed()
+            return Agreement(*self._agreement(observed), lambda: observed, slice(0, n))
+        # Tables of so many estimates are made anew where they are asked for again.
+        size = at_once(self.ruleset)
+        parts = [
+            self._agreement(estimates.at(slice(low, low + size)).observed())
+            for low in range(0, n, size)
+        ]
+        excess, limit, freedom, valid = (
+            np.concatenate(tables, axis=-1) for tables in zip(*parts, strict=True)
+        )
+        return Agreement(excess, limit, freedom, valid, estimates.observed, slice(0, n))
 
-    def _agreement(self, observed: Observed) -> Agreement:
+    def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:
+        """Chi-square over its limit, that limit, degrees of freedom, and usable estimates."""
         n = len(observed)
         excess, thresholds = np.full(n, np.inf), np.ones(n)
         freedom = np.zeros(n, dtype=int)
@@ -168,7 +169,7 @@ class Bench:
                 excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)
         excess[~np.isfinite(excess)] = np.inf
-        return Agreement(excess, thresholds, freedom, observed.valid, lambda: observed, slice(0, n))
+        return excess, thresholds, freedom, observed.valid
 
     def agreements(
         self, tried: Iterable[Tried], read: Callable[[Tried], Points]

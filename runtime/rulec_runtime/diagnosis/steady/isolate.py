@@ -235,8 +235,8 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, all_tried:
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
-    """Single faults that may fit; `gain` is by how much each lowers chi-square to first order, shape
-    (faults, n)."""
+    """Single faults that may fit; `gain` is by how much each lowers chi-square to first order,
+    shape (faults, n)."""
     faults = test.ruleset.faults
     hypotheses = [(fault,) for fault in faults]
     if all_tried or not test.metric.is_large:

@@ -66,7 +66,8 @@ class Observed:
         """Covariance of flows less offsets at some points, shape (points, observers, observers);
         where there is no room for that of all, as no baseline shifts them."""
         if self.u is None:
-            return self.covariance[points]
+            own: Array = self.covariance[points]
+            return own
         shared = np.ascontiguousarray(np.moveaxis(self.shared[:, :, points], -1, 0))
         whole: Array = self.noise[points] + shared @ shared.transpose(0, 2, 1)
         return whole
@@ -74,7 +75,8 @@ class Observed:
     def u_at(self, point: int) -> Array:
         """Standard uncertainties of flows less offsets at a point, shape (observers,), m3/s."""
         if self.u is not None:
-            return self.u[:, point]
+            known: Array = self.u[:, point]
+            return known
         u: Array = np.sqrt(np.diagonal(self.covariance[point]))
         return u
 

@@ -114,6 +114,10 @@ def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: n
 
     Points are kept last, as they lie in memory: two large products in place of many small ones.
     """
+    if len(basis) >= limits.MANY_RESIDUALS:
+        # One product of large matrices per point costs less than to lay all of them out anew.
+        each = (basis @ covariance[m][np.ix_(valid, valid)] @ basis.T for m in members)
+        return np.array([*each])
     own = np.moveaxis(covariance, 0, -1)[np.ix_(valid, valid, members)]
     half = np.tensordot(basis, own, axes=1)
     return np.moveaxis(basis @ half, -1, 0)
