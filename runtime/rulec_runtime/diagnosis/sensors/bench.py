@@ -40,14 +40,15 @@ Tried = TypeVar("Tried")
 @dataclass(frozen=True)
 class Agreement:
     """Per stretch, shape (n,): chi-square of "no fault" over the `limit` of an alarm, and its
-    degrees of freedom; `valid` shape (observers, n). They are the `chosen` of all that was observed
-    at a time."""
+    degrees of freedom; `valid` shape (observers, n). They are the `chosen` of all points that were
+    `read` at a time; `every` tells what the plan says of these."""
 
     excess: Array
     limit: Array
     freedom: np.ndarray
     valid: np.ndarray
     every: Callable[[], Observed]
+    read: Points
     chosen: slice
 
     def part(self, chosen: slice) -> Agreement:
@@ -58,6 +59,7 @@ class Agreement:
             self.freedom[chosen],
             self.valid[:, chosen],
             self.every,
+            self.read,
             chosen,
         )
 
@@ -69,7 +71,7 @@ class Agreement:
     @property
     def points(self) -> Points:
         """The readings."""
-        return self.every().points.at(self.chosen)
+        return self.read.at(self.chosen)
 
     @property
     def sound(self) -> np.ndarray:
@@ -143,7 +145,7 @@ class Bench:
         estimates, n = estimate(self.ruleset, points), len(points)
         if not has_many(self.ruleset):
             observed = estimates.observed()
-            return Agreement(*self._agreement(observed), lambda: observed, slice(0, n))
+            return Agreement(*self._agreement(observed), lambda: observed, points, slice(0, n))
         # Tables of so many estimates are made anew where they are asked for again.
         size = at_once(self.ruleset)
         parts = [
@@ -153,7 +155,7 @@ class Bench:
         excess, limit, freedom, valid = (
             np.concatenate(tables, axis=-1) for tables in zip(*parts, strict=True)
         )
-        return Agreement(excess, limit, freedom, valid, estimates.observed, slice(0, n))
+        return Agreement(excess, limit, freedom, valid, estimates.observed, points, slice(0, n))
 
     def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:
         """Chi-square over its limit, that limit, degrees of freedom, and usable estimates."""

@@ -1,0 +1,75 @@
+"""Plants in which hundreds of estimates check each other."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.many import has_many
+from rulec_runtime.diagnosis.steady.observe import estimate
+from rulec_runtime.diagnosis.steady.points import points_of_stretches
+from rulec_runtime.diagnosis.steady.seen import judgeable
+from rulec_runtime.recordings.recording import Recording
+
+from rulec.passes.pipeline import compile_plant
+from tests.bench.rigs import chain
+from tests.conftest import ROOT
+from tests.rig.follower.plants import Planted, recorded
+
+SHORT, LONG = 40, 80
+FAULT, DEGREE, ROWS = "D3_2.leakage", 0.3, 900
+
+
+@cache
+def case(modules: int) -> tuple[Ruleset, Recording]:
+    """A chain, and a recording of it in whose middle a pump leaks."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        text = chain(modules).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
+        Path(folder, "plant.yaml").write_text(text, encoding="utf-8")
+        rules = compile_plant(Path(folder))
+    planted = [Planted(FAULT, DEGREE, ROWS // 3, ROWS // 2)]
+    return rules, recorded(rules, ROWS, planted, 1.0, np.random.default_rng(1))
+
+
+@cache
+def diagnosed(modules: int) -> tuple[Diagnosis, float]:
+    """The diagnosis, and its CPU time, s."""
+    rules, recording = case(modules)
+    begin = time.process_time()
+    found = diagnose(recording, rules)
+    return found, time.process_time() - begin
+
+
+def test_fault_of_a_long_chain_is_found() -> None:
+    """One finding, with its degree within its bounds, as in a short chain."""
+    assert [has_many(case(n)[0]) for n in (SHORT, LONG)] == [False, True]
+    for modules in (SHORT, LONG):
+        (finding,) = diagnosed(modules)[0].findings
+        assert finding.fault.id == FAULT
+        assert finding.lower < DEGREE < finding.upper
+        assert finding.probability > 0.9
+
+
+def test_time_of_a_long_chain() -> None:
+    """Twice as many modules take no more than three times as long."""
+    assert diagnosed(LONG)[1] < 3.0 * diagnosed(SHORT)[1]
+
+
+def test_directions_keep_the_variance_of_errors() -> None:
+    """Directions and what is left of errors have together the covariance that all errors have."""
+    rules, recording = case(LONG)
+    stretches, noise = judgeable(recording, rules, "default")
+    points = points_of_stretches(recording, rules, stretches, noise).at(slice(0, 2))
+    every = estimate(rules, points)
+    plain, few = every.observed(), every.observed(every.directions())
+    assert few.shared.shape[1] < 0.5 * plain.shared.shape[1]
+    np.testing.assert_allclose(few.covariance, plain.covariance, rtol=1e-9, atol=1e-30)
+    left = few.noise - plain.noise
+    lasting = plain.covariance - plain.noise
+    assert np.abs(left).max() < 1e-3 * np.abs(lasting).max()
