@@ -5,7 +5,7 @@ combinations: the rows of the second derivative of chi-square by the flows. At o
 no degree of the fault has an effect on chi-square otherwise. So stretches are stacked by these
 alone, and what is stacked does not grow with the size of the plant.
 
-Source: own derivation, docs/method.md; a sufficient statistic of Gaussian errors.
+Source: own derivation; a sufficient statistic of Gaussian errors (Fisher 1922).
 """
 
 from __future__ import annotations
