@@ -479,6 +479,10 @@ GAIN_AT_FIRST = 0.1
 first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
 assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
 
+NAMED_ALONE = 0.5
+"""Probability from which on a stretch names a fault on its own. Origin: standard (more probable
+than all others together)."""
+
 IMPROBABLE = 1e-6
 """Probability, relative to the best, below which a fault is not tried at a point of such a plant.
 Origin: numerical; alternatives are mentioned from `MENTION` on."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady.many import has_many
@@ -25,14 +27,18 @@ FAULT, DEGREE, ROWS = "D3_2.leakage", 0.3, 900
 
 
 @cache
-def case(modules: int) -> tuple[Ruleset, Recording]:
-    """A chain, and a recording of it in whose middle a pump leaks."""
-    import tempfile
-
+def rules_of(modules: int) -> Ruleset:
+    """A chain of so many modules."""
     with tempfile.TemporaryDirectory() as folder:
         text = chain(modules).replace("title: generated", f"title: generated\nkb: {ROOT / 'kb'}")
         Path(folder, "plant.yaml").write_text(text, encoding="utf-8")
-        rules = compile_plant(Path(folder))
+        return compile_plant(Path(folder))
+
+
+@cache
+def case(modules: int) -> tuple[Ruleset, Recording]:
+    """A chain, and a recording of it in whose middle a pump leaks."""
+    rules = rules_of(modules)
     planted = [Planted(FAULT, DEGREE, ROWS // 3, ROWS // 2)]
     return rules, recorded(rules, ROWS, planted, 1.0, np.random.default_rng(1))
 
@@ -54,6 +60,20 @@ def test_fault_of_a_long_chain_is_found() -> None:
         assert finding.fault.id == FAULT
         assert finding.lower < DEGREE < finding.upper
         assert finding.probability > 0.9
+
+
+@pytest.mark.parametrize("fault", ["M0.clogging", "M13.dp.high"])
+def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
+    """From its beginning to its end, and not as another one in the whole recording: of hundreds of
+    residuals most say nothing against that."""
+    rules, first, last = rules_of(LONG), ROWS // 3, 2 * ROWS // 3
+    planted = [Planted(fault, DEGREE, first, last)]
+    recording = recorded(rules, ROWS, planted, 1.0, np.random.default_rng(5))
+    (finding,) = diagnose(recording, rules).findings
+    assert finding.fault.id == fault
+    assert finding.lower < DEGREE < finding.upper
+    assert finding.since == pytest.approx(first, abs=5.0)
+    assert finding.until == pytest.approx(last, abs=5.0)
 
 
 def test_time_of_a_long_chain() -> None:

@@ -52,7 +52,9 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if len(judged) < 2:
         return None
     chance = isolation.chance
-    test, own, scores = _telling_most(whole)
+    # What stretches name on their own is compared, however much it moves.
+    named = (isolation.probability[:, judged] > limits.NAMED_ALONE).any(axis=1)
+    test, own, scores = _telling_most(whole, named)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
@@ -61,7 +63,10 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
     if not np.isfinite(evidence).any():
         return None
-    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit, own):
+    deviating = isolation.deviating[test.members[:, 0]]
+    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(
+        test, limit, own, deviating
+    ):
         return None
     lasting = np.zeros(len(observed), dtype=bool)
     lasting[judged] = True
@@ -85,9 +90,12 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     return in_batches(len(observed), POINTS_ALONG, told)
 
 
-def _telling_most(whole: HypothesisTest) -> tuple[HypothesisTest, np.ndarray, Array]:
+def _telling_most(
+    whole: HypothesisTest, named: np.ndarray
+) -> tuple[HypothesisTest, np.ndarray, Array]:
     """How far each degree is off zero, shape (faults,), and the test that tells of the one that is
-    farthest, with flags of the faults that it tells of."""
+    farthest, with flags of the faults that it tells of; of those that move hundreds of flows only
+    the farthest, and what is `named`."""
     every = np.ones(len(whole.ruleset.faults), dtype=bool)
     if len(whole.basis) < limits.MANY_RESIDUALS:
         return whole, every, _scores(whole)[:, 0]
@@ -103,7 +111,7 @@ def _telling_most(whole: HypothesisTest) -> tuple[HypothesisTest, np.ndarray, Ar
     # To stack what moves hundreds of flows is dear, and pays where it may be the best.
     faults = whole.ruleset.faults
     narrow = np.array([len(fault.affects) <= limits.ROWS_OF_A_FAULT for fault in faults])
-    return best, own & (narrow | (scores >= scores.max())), scores
+    return best, own & (narrow | named | (scores >= scores.max())), scores
 
 
 def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
@@ -115,12 +123,17 @@ def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
     return np.where(information > 0.0, scores, 0.0)
 
 
-def _best_change(test: HypothesisTest, limit: float, own: np.ndarray) -> float:
+def _best_change(
+    test: HypothesisTest, limit: float, own: np.ndarray, deviating: np.ndarray
+) -> float:
     """The most that a fault, of those that the test tells of by flags, explains which begins, or
-    ends, between two of the stretches."""
+    ends, between two of the stretches, or is there where they deviate on their own."""
     count = len(test.members)
     later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float)
-    changed = test.at_other_times(np.hstack([later, 1.0 - later]))
+    times = [later, 1.0 - later]
+    if deviating.any() and not deviating.all():
+        times.append(deviating[:, None].astype(float))
+    changed = test.at_other_times(np.hstack(times))
     most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
     tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
     np.put_along_axis(tried, most, True, axis=0)
