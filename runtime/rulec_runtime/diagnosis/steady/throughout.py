@@ -53,7 +53,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
         return None
     chance = isolation.chance
     # What stretches name on their own is compared, however much it moves.
-    named = (isolation.probability[:, judged] > limits.NAMED_ALONE).any(axis=1)
+    named = np.any(isolation.probability[:, judged] > limits.NAMED_ALONE, axis=1)
     test, own, scores = _telling_most(whole, named)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
