@@ -6,6 +6,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from tests.conftest import ROOT, compiled
 from tests.rig.fleet import write_day
 from tests.rig.follower.plants import Planted, recorded
 
-ROWS, EPISODE, HOUR = 10_000, 13, 3600
+ROWS, EPISODE, HOUR, LONG = 10_000, 13, 3600, 900
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,7 @@ def curves() -> Iterator[Curve]:
         yield _modules(folder, "in a chain", chain, (12, 24, 48, 96))
         yield _samples((12_500, 25_000, 50_000, 100_000))
         yield _findings((24, 48, 96, 192))
+        yield _long_plants(folder, (24, 48, 96, 192))
         yield _effects(folder, (7, 14, 28, 56))
         yield _plants(folder, (2, 4, 8, 16))
 
@@ -88,6 +90,20 @@ def _findings(sizes: Sequence[int]) -> Curve:
         seconds.append(median(lambda r=recording: diagnose(r, rules), 1, warm=False))
     what = f"diagnose: findings in {ROWS:,} samples"
     return Curve(key="findings", what=what, counts=tuple(counts), seconds=tuple(seconds))
+
+
+def _long_plants(folder: Path, sizes: Sequence[int]) -> Curve:
+    """Of chains, with a fault in the middle of the recording."""
+    seconds = []
+    for size in sizes:
+        (folder / "plant.yaml").write_text(chain(size), encoding="utf-8")
+        rules = compile_plant(folder)
+        fault = next(f.id for f in rules.faults if not f.in_sensor and f.lowest <= 0.3)
+        planted = [Planted(fault, 0.3, LONG // 3, LONG // 2)]
+        recording = recorded(rules, LONG, planted, 1.0, np.random.default_rng(1))
+        seconds.append(median(partial(diagnose, recording, rules), 1, warm=False))
+    what = f"diagnose: modules in a chain, a fault in {LONG} samples"
+    return Curve(key="long", what=what, counts=tuple(sizes), seconds=tuple(seconds))
 
 
 def _effects(folder: Path, sizes: Sequence[int]) -> Curve:

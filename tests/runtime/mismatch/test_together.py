@@ -10,7 +10,6 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch import limits
 from rulec.mismatch.answer.together import of_recordings, told, updates_of
 from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import (
@@ -25,6 +24,7 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.states import averaged
 from rulec.mismatch.result import Likely, Moved
+from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.by_recording import Alone, ByRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.sets import Posterior, explain, with_laws
