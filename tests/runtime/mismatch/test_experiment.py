@@ -294,7 +294,6 @@ def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
     without = replace(system, data=replace(data, points=replace(data.points, values=values)))
     reach = usual_reach(system, present_inputs(ruleset, recording), 1.0)
     there, all_ = places_in(without, reach), places_in(system, reach)
-    assert there.around.keys() == all_.around.keys() - {gone}
     assert (there.near == all_.near).mean() > 0.9
 
 
