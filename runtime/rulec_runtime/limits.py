@@ -42,7 +42,7 @@ SORTED_AT_ONCE = 2**19
 """Numbers whose median is found by sorting them; of more it is found by counting. Origin:
 numerical, the median is the same."""
 
-RUNS_AT_ONCE = 64
+RUNS_AT_ONCE = 256
 """Runs of stretches whose hypotheses are held at a time. Origin: numerical, what is found is the
 same."""
 
@@ -450,7 +450,7 @@ UNTOUCHED = 1e-6
 """Share of a fault's own effect below which residuals count as untouched (it cancels). Origin:
 numerical."""
 
-TABLE = 250_000
+TABLE = 1_000_000
 """Numbers in a table that is worked on at once: it stays in the cache, and memory flat. Origin:
 numerical."""
 

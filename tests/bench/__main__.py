@@ -49,7 +49,11 @@ def main() -> int:
             continue
         found += json.loads(done.stdout.splitlines()[-1])
     form = {one["key"]: one for one in found}
-    aside.print(table_of(found)) if options.json == "-" else Console().print(table_of(found))
+    shown = aside if options.json == "-" else Console()
+    for table in told(found):
+        shown.print()
+        shown.print(table)
+    shown.print("\nCPU time. What is the same in both, and what is not: docs/how-fast.md")
     if options.json == "-":
         print(json.dumps(form, indent=1))
     elif options.json:
@@ -69,23 +73,28 @@ def part_of(name: str) -> Iterator[dict[str, Any]]:
         yield asdict(row) | {"ratio": row.ratio}
 
 
-def table_of(found: list[dict[str, Any]]) -> Table:
-    """One table: ratios, then exponents."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    for title in ("what", "peer", "ours", "peer's", "ratio", "the same", "not the same"):
-        narrow = title in ("ours", "peer's", "ratio")
-        table.add_column(title, justify="right" if narrow else "left", no_wrap=narrow)
+def told(found: list[dict[str, Any]]) -> Iterator[Table]:
+    """Ours beside peers, then how effort grows. What is the same in both is told on the page."""
+    beside = _table("what", "peer", "ours", "peer's", "ratio")
     for one in found:
         if "ratio" in one:
             words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
-            table.add_row(one["what"], one["peer"], *words, one["same"], one["differs"])
+            beside.add_row(one["what"], one["peer"], *words)
+    grows = _table("what grows", "from", "to", "power", of_numbers=1)
     for one in found:
         if "exponent" in one:
-            ends = [
-                f"{seconds(s)} at {n:,}" for n, s in zip(one["counts"], one["seconds"], strict=True)
-            ]
-            grows = f"grows with power {one['exponent']:.2f}"
-            table.add_row(one["what"], "", ends[-1], "", "", grows, f"from {ends[0]}")
+            each = zip(one["counts"], one["seconds"], strict=True)
+            ends = [f"{seconds(s)} at {n:,}" for n, s in each]
+            grows.add_row(one["what"], ends[0], ends[-1], f"{one['exponent']:.2f}")
+    return (table for table in (beside, grows) if table.row_count)
+
+
+def _table(*titles: str, of_numbers: int = 2) -> Table:
+    """An empty table; columns behind the first `of_numbers` hold numbers."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1))
+    for place, title in enumerate(titles):
+        number = place >= of_numbers
+        table.add_column(title, justify="right" if number else "left", no_wrap=number)
     return table
 
 

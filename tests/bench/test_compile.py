@@ -65,6 +65,7 @@ def seconds_of_passes(plant: Path) -> tuple[dict[str, float], Ruleset]:
     return found, known.ruleset
 
 
+KEYS = {"chain": "chain", "side by side": "side-by-side"}
 STEPS = {"chain": (50, 100, 200, 400), "side by side": (50, 200, 1000)}
 
 
@@ -78,16 +79,18 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
         table[size] = found, made = seconds_of_passes(written(family, size, folder))
         total = sum(found.values())
         what = f"{family}, {len(made.modules)} modules, {len(made.cells)} rules"
-        results.add(what, total, "s")
+        results.add(what, total, "s", key=f"{KEYS[family]}.{size}.seconds")
         results.add("    per module", 1e3 * total / len(made.modules), "ms")
         results.add("    per rule", 1e6 * total / len(made.cells), "us")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    results.add(f"{family}, up to {STEPS[family][-1]} modules: peak memory", peak, "MB", 1000.0)
+    what = f"{family}, up to {STEPS[family][-1]} modules: peak memory"
+    results.add(what, peak, "MB", 1000.0, f"{KEYS[family]}.memory")
     abc = sum(seconds_of_passes(ROOT / "plants" / "abc")[0].values())
     for size, (found, _) in table.items():
         goal = {("chain", 200): 15.0}.get((family, size))
         ratio = sum(found.values()) / abc
-        results.add(f"{family}, {size} modules, against plant abc", ratio, "", goal)
+        key = f"{KEYS[family]}.{size}.times-abc"
+        results.add(f"{family}, {size} modules, against plant abc", ratio, "", goal, key)
     small, large = (table[size] for size in (STEPS[family][0], STEPS[family][-1]))
     times = sum(large[0].values()) / sum(small[0].values())
     modules = len(large[1].modules) / len(small[1].modules)

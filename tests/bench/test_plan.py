@@ -182,7 +182,8 @@ def test_machine_code(
     results.add("    machine code", nanoseconds(fast, n, rules), "ns")
     results.add("    a copy of the same bytes", nanoseconds(bound, n, rules), "ns")
     results.add("    machine code, times numpy", fast / slow, "")
-    results.add("    machine code, times the copy", fast / bound, "", 3.0)
+    key = f"plan.{plant}.{kind.replace(' ', '-')}.times-copy"
+    results.add("    machine code, times the copy", fast / bound, "", 3.0, key)
     results.add("    8 samples, times numpy", quick / call, "")
     results.add("    an operation of numpy: one call, in samples", n * call / slow, "")
     results.add("    making code, in samples for numpy", n * made / slow, "")

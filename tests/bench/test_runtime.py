@@ -131,7 +131,8 @@ def test_a_long_recording(
     alone = seconds(lambda: in_blocks(plan, inputs, LONG))
     found = seconds(lambda: call(recording, rules))
     goal = 5.0 if call is diagnose else None
-    results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal)
+    key = f"{call.__name__}.{plant}.seconds"
+    results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal, key)
     results.add("    times the plan that it rests on", found / alone, "")
 
 
@@ -145,7 +146,9 @@ def test_hundreds_of_findings(results: Results) -> None:
     found = diagnose(recording, rules).findings
     assert len(found) > 0.9 * len(planted)
     taken = seconds(lambda: diagnose(recording, rules), 3)
-    results.add(f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5)
+    results.add(
+        f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5, "findings.seconds"
+    )
 
 
 def test_a_healthy_million(results: Results) -> None:
@@ -154,7 +157,7 @@ def test_a_healthy_million(results: Results) -> None:
     recording = tiled(recorded(rules, MANY, [], 1.0, random), MILLION)
     assert diagnose(recording, rules).findings == ()
     taken = seconds(lambda: diagnose(recording, rules))
-    results.add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0)
+    results.add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0, "million.seconds")
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,8 @@ def _inverse(matrices: Array, ridge: float) -> Array:
     size = np.einsum("nrr->n", matrices)
     sound = np.isfinite(matrices).all(axis=(1, 2)) & (size > 0)
     least = ridge * np.where(sound, size, 1.0)
-    regular = _regular(matrices, sound) + least[:, None, None] * np.eye(rank)
+    regular = _regular(matrices, sound)
+    regular.reshape(len(regular), -1)[:, :: rank + 1] += least[:, None]
     inverse: Array = np.asarray(np.linalg.inv(regular), dtype=float)
     inverse[~sound] = np.nan
     return inverse
