@@ -94,7 +94,8 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
     small, large = (table[size] for size in (STEPS[family][0], STEPS[family][-1]))
     times = sum(large[0].values()) / sum(small[0].values())
     modules = len(large[1].modules) / len(small[1].modules)
-    results.add(f"{family}: exponent of growth", math.log(times) / math.log(modules), "")
+    power = math.log(times) / math.log(modules)
+    results.add(f"{family}: exponent of growth", power, "", key=f"{KEYS[family]}.power")
     for name in large[0]:
         if large[0][name] > 0.5:
             ratio = large[0][name] / len(large[1].modules) / small[0][name]
@@ -145,6 +146,7 @@ def test_alone(tmp_path: Path, results: Results) -> None:
         plants[f"chain of {size}"] = written("chain", size, tmp_path / str(size))
     environment = {**os.environ, "PYTHONPATH": SOURCES}
     first: list[float] = []
+    seconds: dict[str, float] = {}
     for name, plant in plants.items():
         command = [sys.executable, "-c", ALONE, str(abc), str(plant)]
         ran = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
@@ -153,5 +155,9 @@ def test_alone(tmp_path: Path, results: Results) -> None:
         for what, unit, one, of_abc in zip(
             ("CPU time", "peak memory", "file"), ("s", "MB", "MB"), found, first, strict=True
         ):
-            results.add(f"{name}: {what}", one, unit)
+            key = f"alone.{name.replace(' ', '-')}.{what.replace(' ', '-')}"
+            results.add(f"{name}: {what}", one, unit, key=key)
             results.add("    against plant abc", one / of_abc, "")
+        seconds[name] = found[0]
+    grown = math.log(seconds["chain of 1000"] / seconds["chain of 200"]) / math.log(5.0)
+    results.add("chain, from 200 to 1000 modules: exponent of growth", grown, "", key="alone.power")
