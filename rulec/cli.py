@@ -373,7 +373,8 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
         "--production",
         action="store_true",
         help="settled plants that make a few products in a part of what may be set; with "
-        "--rounds 2 experiments may go as far as a file of limits says",
+        "--rounds 2 experiments may go as far as a file of limits says. All of these are small: "
+        "--quick changes nothing",
     )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"

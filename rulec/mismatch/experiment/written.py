@@ -55,7 +55,7 @@ def _advised(one: Advised, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
         "u": one.u / sensor.factor,
         "unit": sensor.unit,
         "at": {
-            name: {"value": signals[name].shown(value), "unit": signals[name].unit}
+            name: {"value": _shown(signals[name], value), "unit": signals[name].unit}
             for name, value in one.at.items()
         },
     }
@@ -70,20 +70,26 @@ def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
         "costs_product": list(step.costs),
         "at_end": [{"input": name, "end": end} for name, end in step.at_end],
         "inputs": {
-            name: {"value": signals[name].shown(value), "unit": signals[name].unit}
+            name: {"value": _shown(signals[name], value), "unit": signals[name].unit}
             for name, value in step.inputs.items()
         },
         "readings": [
             {
                 "signal": r.signal,
                 "unit": signals[r.signal].unit,
-                "values": [signals[r.signal].shown(value) for value in r.values],
+                "values": [_shown(signals[r.signal], value) for value in r.values],
                 "apart": r.apart,
                 "u": [spread / abs(signals[r.signal].factor) for spread in r.spread],
             }
             for r in step.readings
         ],
     }
+
+
+def _shown(signal: SignalSpec, value: float) -> float:
+    """A value, SI, in the signal's unit, without what changing units leaves behind the tenth digit:
+    14 L/h, and not 14.000000000000002."""
+    return float(f"{signal.shown(value):.10g}")
 
 
 def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
