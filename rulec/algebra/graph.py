@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 
 Node = int
 
@@ -166,23 +166,22 @@ class Graph:
         `outputs` are those of the graph unless given.
         """
         outputs = self.outputs if outputs is None else outputs
-        needed = self._needed(outputs.values())
         kinds = self._kinds
-        used = [i for i in needed if kinds[i][0] == "constant"]
-        used_inputs = [i for i in needed if kinds[i][0] == "input"]
-        number: dict[Node, int] = {n: i for i, n in enumerate(used_inputs)}
-        number |= {n: len(number) + i for i, n in enumerate(used)}
-        operations: list[Operation] = []
-        start = len(number)
-        for node in needed:
-            if node in number:
-                continue
-            name, a, b = kinds[node]
-            number[node] = start + len(operations)
-            operations.append((name, number[a], 0 if name in UNARY else number[b]))
+        inputs, constants, rest = [], [], []
+        for node in self._needed(outputs.values()):
+            name = kinds[node][0]
+            of_kind = inputs if name == "input" else constants if name == "constant" else rest
+            of_kind.append(node)
+        number = [0] * len(kinds)
+        for place, node in enumerate((*inputs, *constants, *rest)):
+            number[node] = place
+        operations = [
+            (name, number[a], 0 if name in UNARY else number[b])
+            for name, a, b in map(kinds.__getitem__, rest)
+        ]
         return Plan(
-            tuple(self._inputs[kinds[i][1]] for i in used_inputs),
-            tuple(self._values[i] for i in used),
+            tuple(self._inputs[kinds[i][1]] for i in inputs),
+            tuple(self._values[i] for i in constants),
             tuple(operations),
             {name: number[node] for name, node in outputs.items()},
         )
