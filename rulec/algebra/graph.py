@@ -167,7 +167,9 @@ class Graph:
         """
         outputs = self.outputs if outputs is None else outputs
         kinds = self._kinds
-        inputs, constants, rest = [], [], []
+        inputs: list[Node] = []
+        constants: list[Node] = []
+        rest: list[Node] = []
         for node in self._needed(outputs.values()):
             name = kinds[node][0]
             of_kind = inputs if name == "input" else constants if name == "constant" else rest
