@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime import limits
-from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
 from rulec_runtime.output.refusal import Refusal
@@ -161,12 +161,10 @@ def _verify(plan: Plan, name: str) -> None:
         raise RulesetRefused(f"{name}: damaged plan constants; compile again")
 
 
-def _legal(operation: Any, number: int) -> bool:
+def _legal(operation: Operation, number: int) -> bool:
     """Is this an operation that reads only values with smaller numbers?"""
-    match operation:
-        case (str(name), int(a), int(b)) if name in OPERATIONS:
-            return 0 <= a < number and (name in UNARY or 0 <= b < number)
-    return False
+    name, a, b = operation
+    return name in OPERATIONS and 0 <= a < number and (name in UNARY or 0 <= b < number)
 
 
 def _build(kind: Any, data: Any) -> Any:
@@ -222,9 +220,13 @@ def _list_builder(kind: Any) -> Callable[[Any], Any]:
 
 def _row_builder(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
     builders = [_builder(kind) for kind in kinds]
+    plain = kinds if all(kind in _WORDS for kind in kinds) else None
 
     def build(data: Any) -> Any:
         _expect(data, list, "a list")
+        # Plans have hundreds of thousands of rows: those of plain values are looked at at once.
+        if (*map(type, data),) == plain:
+            return tuple(data)
         if len(data) != len(builders):
             raise Damaged(f"{len(data)} entries where {len(builders)} belong")
         return tuple([one(item) for one, item in zip(builders, data, strict=True)])
