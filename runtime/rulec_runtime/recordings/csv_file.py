@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
@@ -11,6 +10,7 @@ from typing import BinaryIO
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_parts import Part, parts_of, rows_of
 from rulec_runtime.recordings.text_table import text_sheet
 from rulec_runtime.recordings.title_search import TitleLine, TitleSearch
 from rulec_runtime.recordings.titles import left_out_above, rejoined
@@ -21,18 +21,23 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     text = text_file(file, path)
     found = _titles_in(text, times)
     start, separator = found.number, found.separator
-    titles = next(_rows(path, text, start, separator), None)
+
+    def lines_from() -> Iterator[str]:
+        return islice(text.opened(), start, None)
+
+    titles = next(rows_of(path, lines_from(), separator), None)
     if titles is None:
         raise RecordingRefused(f"{path}: the file is empty")
     titles = rejoined(titles, separator)
 
     def below() -> Iterator[list[str]]:
-        rows = _rows(path, text, start, separator)
-        next(rows)
-        return rows
+        return islice(rows_of(path, lines_from(), separator), 1, None)
+
+    def parts(above: int, finite: Sequence[int]) -> Iterator[Part]:
+        return parts_of(path, lines_from(), separator, 1 + above, (len(titles), finite))
 
     remarks, timed = left_out_above(found.above), frozenset(times)
-    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed)]
+    return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed, parts)]
 
 
 def _titles_in(text: TextFile, times: Collection[str]) -> TitleLine:
@@ -41,14 +46,3 @@ def _titles_in(text: TextFile, times: Collection[str]) -> TitleLine:
         if found := search.add(line):
             return found
     return search.so_far() or TitleLine(text.lines, ",", 0)
-
-
-def _rows(path: Path, text: TextFile, start: int, separator: str) -> Iterator[list[str]]:
-    """Rows that hold anything, from a line of the text on."""
-    lines = islice(text.opened(), start, None)
-    try:
-        for row in csv.reader(lines, delimiter=separator):
-            if any(row):
-                yield row
-    except csv.Error as error:
-        raise RecordingRefused(f"{path}: not a readable CSV file ({error})") from None

@@ -46,6 +46,12 @@ class Column:
         """How many cells are words."""
         return self.states.total()
 
+    def add(self, numbers: Array, comma: bool) -> None:
+        """Numbers behind those that are there; `comma`: they might have had a decimal comma."""
+        if comma and not np.all(np.isnan(numbers) | (numbers == np.floor(numbers))):
+            self.decimals.add(".")
+        self.parts.append(numbers)
+
     def numbers(self) -> Array:
         """All numbers, shape (n,)."""
         return self.parts.joined()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.time_column import dates_of, plain_times
@@ -55,14 +56,18 @@ class GrowingTimes:
         self._plain = False
         self._first: list[str] = []
 
-    def add(self, texts: Sequence[str]) -> None:
-        """Texts behind those that are there."""
-        self._first = self._first or list(texts[:1])
-        numbers = plain_times(texts)
+    def add(self, cells: Sequence[str] | Array) -> None:
+        """Texts, or finite numbers, behind those that are there."""
+        if isinstance(cells, np.ndarray):
+            self._numbers.append(cells)
+            self._plain = True
+            return
+        self._first = self._first or list(cells[:1])
+        numbers = plain_times(cells)
         self._numbers.append(numbers)
         self._plain = self._plain or bool(np.isfinite(numbers).any())
         if not self._plain:
-            self._dates.add(Dates(*dates_of(texts)))
+            self._dates.add(Dates(*dates_of(cells)))
 
     def joined(self) -> Cells:
         """All times; the first text where none of them is one."""

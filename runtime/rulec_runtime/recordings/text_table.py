@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+
 from rulec_runtime.recordings.csv_table import (
     Column,
     RecordingRefused,
@@ -17,15 +19,70 @@ from rulec_runtime.recordings.csv_table import (
 from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
+from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of
 from rulec_runtime.recordings.titles import is_time, units_below
 
-BATCH = 20_000
-"""Rows read at a time: cells become numbers before the next rows are read."""
+
+@dataclass(kw_only=True)
+class _Taken:
+    """What was read so far: numbers of `columns`, texts as they are, `places` of both in a row."""
+
+    path: Path
+    columns: tuple[Column, ...]
+    texts: tuple[GrowingCells | GrowingTimes, ...]
+    places: tuple[tuple[int, ...], tuple[int, ...]]
+    width: int
+    comma: bool
+    count: int = 0
+    whole: int = 0
+    left_out: int = 0
+    first_left_out: int = 0
+
+    def take(self, part: Part) -> None:
+        """Rows behind those that were read."""
+        if isinstance(part, np.ndarray):
+            self.count += len(part)
+            self._take(
+                lambda text, index: text.add(part[:, index]),
+                lambda column, index: column.add(part[:, index], self.comma),
+            )
+            self.whole += len(part)
+            return
+        rows = []
+        for row in part:
+            self.count += 1
+            if is_whole(row, self.width):
+                rows.append(row)
+            else:
+                self.left_out += 1
+                self.first_left_out = self.first_left_out or self.count
+        if not self.whole and rows:
+            refuse_words(self.path, rows[0], sum(self.places, ()))
+        self._take(
+            lambda text, index: text.add([row[index] for row in rows]),
+            lambda column, index: read_cells(
+                column, [row[index] for row in rows], self.whole, self.comma
+            ),
+        )
+        self.whole += len(rows)
+
+    def _take(
+        self,
+        kept: Callable[[GrowingCells | GrowingTimes, int], None],
+        numbers: Callable[[Column, int], None],
+    ) -> None:
+        for column, index in zip(self.columns, self.places[1], strict=True):
+            numbers(column, index)
+        for text, index in zip(self.texts, self.places[0], strict=True):
+            kept(text, index)
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Titles of a table, and how its rows are read, from those below the titles on."""
+    """Titles of a table, and how its rows are read, from those below the titles on.
+
+    `parts` gives them below so many rows, as numbers where they are, and finite at some places.
+    """
 
     path: Path
     titles: tuple[str, ...]
@@ -34,40 +91,38 @@ class TextTable:
     has_units: bool
     most: int | None = None
     times: frozenset[str] = frozenset()
+    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None
 
     def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
         """Rows with another number of cells than the titles are left out, as no cell of them can
         be trusted. Raises `RecordingRefused`."""
         beside = len(numbers) + 3 * len(kept)
-        columns = tuple(Column(self.titles[i].strip(), Growing(self.most, beside)) for i in numbers)
-        texts = [self._growing(index, beside) for index in kept]
-        rows, width = self._below(), len(self.titles)
-        count = whole_before = left_out = first_left_out = 0
-        while batch := list(islice(rows, BATCH)):
-            whole = []
-            for row in batch:
-                count += 1
-                if is_whole(row, width):
-                    whole.append(row)
-                else:
-                    left_out, first_left_out = left_out + 1, first_left_out or count
-            if not whole_before and whole:
-                refuse_words(self.path, whole[0], (*kept, *numbers))
-            for column, index in zip(columns, numbers, strict=True):
-                read_cells(
-                    column, [row[index] for row in whole], whole_before, self.separator != ","
-                )
-            for text, index in zip(texts, kept, strict=True):
-                text.add([row[index] for row in whole])
-            whole_before += len(whole)
-        self._refuse_none(count, whole_before, left_out)
-        self._refuse_mixed(columns)
-        return Table(
-            kept=tuple(text.joined() for text in texts),
-            columns=columns,
-            left_out=left_out,
-            first_left_out=first_left_out,
+        taken = _Taken(
+            path=self.path,
+            columns=tuple(
+                Column(self.titles[i].strip(), Growing(self.most, beside)) for i in numbers
+            ),
+            texts=tuple(self._growing(index, beside) for index in kept),
+            places=(tuple(kept), tuple(numbers)),
+            width=len(self.titles),
+            comma=self.separator != ",",
         )
+        for part in self._parts(taken):
+            taken.take(part)
+        self._refuse_none(taken.count, taken.whole, taken.left_out)
+        self._refuse_mixed(taken.columns)
+        return Table(
+            kept=tuple(text.joined() for text in taken.texts),
+            columns=taken.columns,
+            left_out=taken.left_out,
+            first_left_out=taken.first_left_out,
+        )
+
+    def _parts(self, taken: _Taken) -> Iterator[Part]:
+        """The rows in parts; what is kept as text is never a number."""
+        if self.parts is None or not all(isinstance(text, GrowingTimes) for text in taken.texts):
+            return batches_of(self._below())
+        return self.parts(int(self.has_units), taken.places[0])
 
     def lines(self) -> Iterator[list[str]]:
         """Cells of the rows that `read` keeps."""
@@ -111,14 +166,16 @@ def text_sheet(
     remarks: tuple[str, ...] = (),
     most: int | None = None,
     times: frozenset[str] = frozenset(),
+    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None,
 ) -> Sheet:
     """A table of rows of text; `rows` gives them from the one below the titles on, each time anew.
 
     A row of units below the titles gives the units. Where it is known that there are not more than
-    `most` rows, numbers need not stay in memory; `times` are names of columns of times.
+    `most` rows, numbers need not stay in memory; `times` are names of columns of times; `parts` are
+    those of `TextTable`.
     """
     units = units_below(titles, next(rows(), []))
-    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times)
+    table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times, parts)
     return Sheet(
         name=name,
         titles=tuple(titles),
