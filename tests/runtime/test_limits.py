@@ -28,7 +28,7 @@ LAYOUT = {
     "rulec_runtime.recordings.wall_clock": "units of time",
     "rulec_runtime.diagnosis.sensors.units": "units of time",
     "rulec_runtime.contract.plan": "samples at a time: speed alone",
-    "rulec_runtime.recordings.text_table": "rows at a time: speed alone",
+    "rulec_runtime.recordings.text_parts": "rows at a time: speed alone",
     "rulec_runtime.fleet.task": "version of a format",
     "rulec_runtime.recordings.which_sheet": "how many tables a message lists",
     "rulec_runtime.recordings.recording_file": "how many words a remark lists",
