@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.diagnose import diagnose, told_of
+from rulec_runtime.diagnosis.steady.seen import judgeable, see_stretches
 from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.piecewise import (
     differences,
@@ -27,6 +28,7 @@ from rulec_runtime.recordings.piecewise import (
 )
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.scratch import array, arrays, let_go
+from rulec_runtime.recordings.stationary import timeline_of
 from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import ROOT, compiled
@@ -70,10 +72,10 @@ def as_it_is(recording: Recording) -> Recording:
     return recording
 
 
-def again(recording: Recording) -> Recording:
+def again(recording: Recording, times: int = 3) -> Recording:
     """The same three times, one behind the other."""
-    time = np.arange(3.0 * len(recording))
-    values = {name: np.tile(column, 3) for name, column in recording.values.items()}
+    time = np.arange(float(times * len(recording)))
+    values = {name: np.tile(column, times) for name, column in recording.values.items()}
     return replace(recording, time=time, values=values, segment=np.zeros(len(time), dtype=int))
 
 
@@ -102,6 +104,23 @@ def test_same_findings(
     tiny(23)
     pieces = diagnosis_form(diagnose(changed(read_recording(file, rules)), rules))
     assert_alike(whole, pieces)
+
+
+def test_runs_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More episodes of a fault than are held at a time: a finding each, the same as all at once."""
+    rules = compiled("abc")
+    recording = again(read_recording(example("abc", "leakage_A.csv"), rules), 24)
+    stretches, noise = judgeable(recording, rules, "default")
+    seen = see_stretches(recording, rules, stretches, noise, "default")
+    timeline = timeline_of(recording.time, stretches)
+    blocks = {}
+    for at_once in (limits.RUNS_AT_ONCE, 7, len(stretches)):
+        monkeypatch.setattr(limits, "RUNS_AT_ONCE", at_once)
+        blocks[at_once] = told_of(rules, timeline, seen)
+    normal, small, whole = blocks.values()
+    assert len(whole[1].findings) == 3 * 24 > next(iter(blocks))
+    assert_alike(asdict(whole[1]), asdict(normal[1]))
+    assert_alike(asdict(whole[1]), asdict(small[1]))
 
 
 def assert_alike(one: Any, other: Any) -> None:
