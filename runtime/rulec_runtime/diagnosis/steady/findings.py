@@ -104,8 +104,9 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
     runs = []
-    for run in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
-        runs.append(run)
+    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+        # Of what says nothing of a fault, which may be long, only when it was is asked for.
+        runs.append((kind, members if kind == "fault" else [members[0], members[-1]]))
         let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
     fits = _fits(seen, faulty)

@@ -164,7 +164,9 @@ def _wandering(
     """Estimates with what they do within a stretch, as far as its halves are known."""
     if halves is None:
         return plain
-    return wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
+    found = wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
+    let_go(halves.apart, halves.excess)
+    return found
 
 
 def see_observed(
