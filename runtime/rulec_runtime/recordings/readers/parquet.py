@@ -15,9 +15,7 @@ from rulec_runtime.recordings.table import Sheet
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a Parquet file; units stand in the metadata of its fields."""
-    source = pyarrow.parquet.ParquetFile(
-        file, buffer_size=limits.PARQUET_BUFFER, pre_buffer=False
-    )
+    source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PARQUET_BUFFER, pre_buffer=False)
     schema = source.schema_arrow
 
     def pieces(names: Sequence[str]) -> Iterator[ArrowPiece]:
