@@ -11,7 +11,7 @@ import math
 
 # Memory ----------------------------------------------------------------------------------------
 
-IN_MEMORY = 16 * 2**20
+IN_MEMORY = 8 * 2**20
 """Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
 numerical, what is found is the same."""
 

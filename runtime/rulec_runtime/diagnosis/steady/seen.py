@@ -85,6 +85,7 @@ def see_stretches(
     points = points_of_stretches(recording, ruleset, stretches, noise)
     give_back()
     halves = halves_of(recording, ruleset, stretches)
+    let_go(stretches.first)
     return see_points(ruleset, points, halves, mode, keep=keep)
 
 
