@@ -47,8 +47,6 @@ def _rows(path: Path, text: TextFile, start: int, separator: str) -> Iterator[li
     """Rows that hold anything, from a line of the text on."""
     lines = islice(text.opened(), start, None)
     try:
-        for row in csv.reader(lines, delimiter=separator):
-            if any(row):
-                yield row
+        yield from filter(any, csv.reader(lines, delimiter=separator))
     except csv.Error as error:
         raise RecordingRefused(f"{path}: not a readable CSV file ({error})") from None

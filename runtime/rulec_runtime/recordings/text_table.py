@@ -19,8 +19,9 @@ from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.titles import is_time, units_below
 
-BATCH = 20_000
-"""Rows read at a time: cells become numbers before the next rows are read."""
+BATCH = 1000
+"""Rows read at a time: cells become numbers before the next rows are read, while they are still in
+the cache."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,14 @@ class TextTable:
         rows, width = self._below(), len(self.titles)
         count = whole_before = left_out = first_left_out = 0
         while batch := list(islice(rows, BATCH)):
-            whole = []
-            for row in batch:
-                count += 1
-                if is_whole(row, width):
-                    whole.append(row)
-                else:
-                    left_out, first_left_out = left_out + 1, first_left_out or count
+            whole = batch
+            if {*map(len, batch)} != {width}:
+                flags = [is_whole(row, width) for row in batch]
+                whole = [row for row, good in zip(batch, flags, strict=True) if good]
+                if len(whole) < len(batch):
+                    left_out += len(batch) - len(whole)
+                    first_left_out = first_left_out or count + flags.index(False) + 1
+            count += len(batch)
             if not whole_before and whole:
                 refuse_words(self.path, whole[0], (*kept, *numbers))
             for column, index in zip(columns, numbers, strict=True):
