@@ -11,7 +11,7 @@ import math
 
 # Memory ----------------------------------------------------------------------------------------
 
-IN_MEMORY = 16 * 2**20
+IN_MEMORY = 8 * 2**20
 """Bytes of arrays made together up to which they stay in memory; larger ones lie in a file. Origin:
 numerical, what is found is the same."""
 
@@ -20,6 +20,10 @@ PIECE = 2**20
 
 PARQUET_ROWS = 2**16
 """Rows of a Parquet file that are read at a time. Origin: numerical, what is read is the same."""
+
+PARQUET_BUFFER = 2**17
+"""Bytes of each column of a Parquet file that are read at a time. Origin: numerical, what is read
+is the same."""
 
 ALIGNED = 64
 """Bytes at whose multiples arrays in a file begin, as in memory. Origin: numerical."""
@@ -39,7 +43,15 @@ BLOCK = 2**17
 same."""
 
 SORTED_AT_ONCE = 2**19
-"""Numbers whose median is found by sorting them; of more it is found by counting. Origin:
+"""Numbers whose median is found by sorting them; of more by a sample, or by counting. Origin:
+numerical, the median is the same."""
+
+SAMPLED = 251
+"""Numbers of which one is taken into the sample that tells where a median is. Origin: numerical,
+the median is the same; a prime, so that nothing repeats with it."""
+
+MEDIAN_WITHIN = 4.0
+"""Standard deviations of the rank of a median in a sample, within which it is looked for. Origin:
 numerical, the median is the same."""
 
 RUNS_AT_ONCE = 256

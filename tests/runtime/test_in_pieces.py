@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.recordings import text_table
+from rulec_runtime.diagnosis.diagnose import diagnose, told_of
+from rulec_runtime.diagnosis.steady.seen import judgeable, see_stretches
+from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.piecewise import (
     differences,
     filled_blocks,
@@ -27,6 +28,7 @@ from rulec_runtime.recordings.piecewise import (
 )
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.scratch import array, arrays, let_go
+from rulec_runtime.recordings.stationary import timeline_of
 from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import ROOT, compiled
@@ -45,7 +47,8 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         monkeypatch.setattr(limits, "BLOCK", block)
         monkeypatch.setattr(limits, "SORTED_AT_ONCE", 5)
         monkeypatch.setattr(limits, "POINTS_AT_ONCE", 2)
-        monkeypatch.setattr(text_table, "BATCH", 7)
+        for module in (text_parts, text_table):
+            monkeypatch.setattr(module, "BATCH", 7)
 
     return set_to
 
@@ -70,10 +73,10 @@ def as_it_is(recording: Recording) -> Recording:
     return recording
 
 
-def again(recording: Recording) -> Recording:
+def again(recording: Recording, times: int = 3) -> Recording:
     """The same three times, one behind the other."""
-    time = np.arange(3.0 * len(recording))
-    values = {name: np.tile(column, 3) for name, column in recording.values.items()}
+    time = np.arange(float(times * len(recording)))
+    values = {name: np.tile(column, times) for name, column in recording.values.items()}
     return replace(recording, time=time, values=values, segment=np.zeros(len(time), dtype=int))
 
 
@@ -102,6 +105,23 @@ def test_same_findings(
     tiny(23)
     pieces = diagnosis_form(diagnose(changed(read_recording(file, rules)), rules))
     assert_alike(whole, pieces)
+
+
+def test_runs_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More episodes of a fault than are held at a time: a finding each, the same as all at once."""
+    rules = compiled("abc")
+    recording = again(read_recording(example("abc", "leakage_A.csv"), rules), 24)
+    stretches, noise = judgeable(recording, rules, "default")
+    seen = see_stretches(recording, rules, stretches, noise, "default")
+    timeline = timeline_of(recording.time, stretches)
+    blocks = {}
+    for at_once in (64, 7, len(stretches)):
+        monkeypatch.setattr(limits, "RUNS_AT_ONCE", at_once)
+        blocks[at_once] = told_of(rules, timeline, seen)
+    normal, small, whole = blocks.values()
+    assert len(whole[1].findings) == 3 * 24 > next(iter(blocks))
+    assert_alike(asdict(whole[1]), asdict(normal[1]))
+    assert_alike(asdict(whole[1]), asdict(small[1]))
 
 
 def assert_alike(one: Any, other: Any) -> None:
@@ -150,9 +170,11 @@ def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[int], None]) 
 @given(
     st.lists(st.sampled_from([-2.5, -1.0, 0.0, 1e-300, 1.0, 1.0, 3.0, 1e9]), max_size=60),
     st.integers(1, 9),
+    st.sampled_from([0, limits.IN_MEMORY]),
 )
-def test_median_by_counting(numbers: list[float], part: int) -> None:
-    """As by sorting, whatever is equal and wherever parts end."""
+def test_median_of_many(numbers: list[float], part: int, room: int) -> None:
+    """As by sorting, whatever is equal and wherever parts end: by a sample, or by counting alone
+    where there is no room."""
     values = np.array(numbers)
 
     def parts() -> Iterator[Array]:
@@ -160,6 +182,9 @@ def test_median_by_counting(numbers: list[float], part: int) -> None:
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(limits, "SORTED_AT_ONCE", 3)
+        patched.setattr(limits, "SAMPLED", 3)
+        patched.setattr(limits, "MEDIAN_WITHIN", 1.0)
+        patched.setattr(limits, "IN_MEMORY", room)
         found = median_of(parts)
     expected = float(np.median(values)) if numbers else NAN
     np.testing.assert_equal(found, expected)

@@ -58,11 +58,16 @@ def first_reading(values: Array) -> float | None:
 
 
 def median_of(parts: Parts) -> float:
-    """The median, as of all numbers at once; NaN of none."""
+    """The median, as of all numbers at once; NaN of none.
+
+    Of many, it is looked for near that of a sample, and by counting where it is not there.
+    """
     few: list[Array] = []
+    sample: list[Array] = []
     total = 0
     for part in parts():
         total += len(part)
+        sample.append(np.array(part[:: limits.SAMPLED]))
         if total <= limits.SORTED_AT_ONCE:
             few.append(np.array(part))
         else:
@@ -72,8 +77,38 @@ def median_of(parts: Parts) -> float:
     if total <= limits.SORTED_AT_ONCE:
         return float(np.median(np.concatenate(few)))
     middle = (total - 1) // 2
-    one, next_one = _from_rank(parts, middle)
+    near = _near_middle(np.sort(np.concatenate(sample)))
+    one, next_one = _between(parts, middle, *near) or _from_rank(parts, middle)
     return 0.5 * (one + next_one) if total % 2 == 0 else one
+
+
+def _near_middle(sample: Array) -> tuple[float, float]:
+    """Two numbers between which the median almost surely is, by an ordered sample."""
+    middle, wide = 0.5 * len(sample), limits.MEDIAN_WITHIN * 0.5 * len(sample) ** 0.5
+    low, high = max(int(middle - wide), 0), min(int(middle + wide), len(sample) - 1)
+    return float(sample[low]), float(sample[high])
+
+
+def _between(parts: Parts, rank: int, low: float, high: float) -> tuple[float, float] | None:
+    """The number of a rank, and the one behind it in order of size, if both are between two
+    numbers, and not much else is."""
+    below = count = 0
+    within: list[Array] = []
+    for part in parts():
+        here = part[(part >= low) & (part <= high)]
+        below += int(np.count_nonzero(part < low))
+        count += len(here)
+        if low < high:
+            within.append(here)
+            if here.itemsize * count > limits.IN_MEMORY:
+                return None
+    at = rank - below
+    if not 0 <= at < count - 1:
+        return None
+    if low == high:
+        return low, low
+    ordered = np.partition(np.concatenate(within), (at, at + 1))
+    return float(ordered[at]), float(ordered[at + 1])
 
 
 def _from_rank(parts: Parts, rank: int) -> tuple[float, float]:

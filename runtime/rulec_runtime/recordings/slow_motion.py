@@ -26,6 +26,7 @@ from rulec_runtime.recordings.stationary import (
     noise_at_work,
     noise_within,
     settled_stretches,
+    stretches_of,
     systematic_u,
 )
 from rulec_runtime.recordings.sums import means_between
@@ -79,7 +80,7 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
                 first.append(low)
                 last.append(high)
     order = np.argsort(first, kind="stable")
-    return Stretches(np.array(first, dtype=int)[order], np.array(last, dtype=int)[order])
+    return stretches_of(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
 
 
 def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:

@@ -73,12 +73,25 @@ class Timeline:
         return len(self.since)
 
 
+def stretches_of(first: NDArray[np.intp], last: NDArray[np.intp]) -> Stretches:
+    """Stretches by their first samples and those behind them; many lie in a file."""
+    found = Stretches(*arrays([((len(one),), np.intp) for one in (first, last)]))
+    found.first[:], found.last[:] = first, last
+    let_go(found.first, found.last)
+    return found
+
+
 def timeline_of(time: Array, stretches: Stretches) -> Timeline:
-    """When the stretches of a recording were."""
-    since, until = picked(time, stretches.first), picked(time, stretches.last - 1)
-    paused = np.zeros(len(stretches), dtype=bool)
-    paused[1:] = since[1:] - until[:-1] > long_pause(time)
-    return Timeline(since, until, stretches.lengths, len(time) - stretches.last, paused)
+    """When the stretches of a recording were; of many it lies in a file."""
+    kinds = (float, float, np.intp, np.intp, bool)
+    found = Timeline(*arrays([((len(stretches),), kind) for kind in kinds]))
+    found.since[:] = picked(time, stretches.first)
+    found.until[:] = picked(time, stretches.last - 1)
+    found.samples[:] = stretches.lengths
+    found.later[:] = len(time) - stretches.last
+    found.paused[1:] = found.since[1:] - found.until[:-1] > long_pause(time)
+    let_go(found.since, stretches.first)
+    return found
 
 
 def long_pause(time: Array) -> float:
@@ -321,7 +334,7 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
         first.extend(edges[:-1][long].tolist())
         last.extend(edges[1:][long].tolist())
     let_go(breaks, jumps)
-    return Stretches(np.array(first, dtype=int), np.array(last, dtype=int))
+    return stretches_of(np.array(first, dtype=np.intp), np.array(last, dtype=np.intp))
 
 
 def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:

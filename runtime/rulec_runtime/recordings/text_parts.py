@@ -13,8 +13,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
-BATCH = 20_000
-"""Rows read at a time: cells become numbers before the next rows are read."""
+BATCH = 1000
+"""Rows read at a time: cells become numbers before the next rows are read, while they are still in
+the cache."""
 
 Part = Array | list[list[str]]
 """Some rows: numbers, shape (rows, cells), NaN where a cell is empty, or the cells as text."""
@@ -23,9 +24,7 @@ Part = Array | list[list[str]]
 def rows_of(path: Path, lines: Iterable[str], separator: str) -> Iterator[list[str]]:
     """Cells of the rows that hold anything. Raises `RecordingRefused`."""
     try:
-        for row in csv.reader(lines, delimiter=separator):
-            if any(row):
-                yield row
+        yield from filter(any, csv.reader(lines, delimiter=separator))
     except csv.Error as error:
         raise RecordingRefused(f"{path}: not a readable CSV file ({error})") from None
 

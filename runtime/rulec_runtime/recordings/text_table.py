@@ -48,14 +48,14 @@ class _Taken:
             )
             self.whole += len(part)
             return
-        rows = []
-        for row in part:
-            self.count += 1
-            if is_whole(row, self.width):
-                rows.append(row)
-            else:
-                self.left_out += 1
-                self.first_left_out = self.first_left_out or self.count
+        rows = part
+        if {*map(len, part)} != {self.width}:
+            flags = [is_whole(row, self.width) for row in part]
+            rows = [row for row, good in zip(part, flags, strict=True) if good]
+            if len(rows) < len(part):
+                self.left_out += len(part) - len(rows)
+                self.first_left_out = self.first_left_out or self.count + flags.index(False) + 1
+        self.count += len(part)
         if not self.whole and rows:
             refuse_words(self.path, rows[0], sum(self.places, ()))
         self._take(

@@ -104,8 +104,9 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
     runs = []
-    for run in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
-        runs.append(run)
+    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+        # Of what says nothing of a fault, which may be long, only when it was is asked for.
+        runs.append((kind, members if kind == "fault" else [members[0], members[-1]]))
         let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
     fits = _fits(seen, faulty)
@@ -125,6 +126,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
                 found.findings.append(replace(one, behind=behind))
             let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
+            let_go(timeline.since)
         elif kind == "blind":
             found.not_judged.append(Period(since, until, text))
         elif kind == "ok":
@@ -159,8 +161,9 @@ def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     strongest = members[int(np.argmax(isolation.misfit[members]))]
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
-    let_go(isolation.misfit)
-    return bool(timeline.samples[members].sum() < limits.PERSISTENCE and not far)
+    brief = timeline.samples[members].sum() < limits.PERSISTENCE
+    let_go(isolation.misfit, timeline.samples)
+    return bool(brief and not far)
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
@@ -201,6 +204,7 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
         elif text:
             found.append(Period(since, until, text))
         last = text
+    let_go(timeline.since)
     return found
 
 

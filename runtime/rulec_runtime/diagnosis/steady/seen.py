@@ -85,6 +85,7 @@ def see_stretches(
     points = points_of_stretches(recording, ruleset, stretches, noise)
     give_back()
     halves = halves_of(recording, ruleset, stretches)
+    let_go(stretches.first)
     return see_points(ruleset, points, halves, mode, keep=keep)
 
 
@@ -164,7 +165,9 @@ def _wandering(
     """Estimates with what they do within a stretch, as far as its halves are known."""
     if halves is None:
         return plain
-    return wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
+    found = wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
+    let_go(halves.apart, halves.excess)
+    return found
 
 
 def see_observed(

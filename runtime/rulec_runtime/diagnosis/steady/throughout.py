@@ -19,7 +19,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.batches import in_batches, part_of
+from rulec_runtime.diagnosis.steady.batches import batches, in_batches, part_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
@@ -34,6 +34,7 @@ from rulec_runtime.diagnosis.steady.isolate import (
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
+from rulec_runtime.recordings.scratch import let_go
 
 
 def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation | None:
@@ -52,9 +53,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if len(judged) < 2:
         return None
     chance = isolation.chance
-    # What stretches name on their own is compared, however much it moves.
-    named = np.any(isolation.probability[:, judged] > limits.NAMED_ALONE, axis=1)
-    test, own, scores = _telling_most(whole, named)
+    test, own, scores = _telling_most(whole, _named(isolation, judged))
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
@@ -88,6 +87,16 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
         )
 
     return in_batches(len(observed), POINTS_ALONG, told)
+
+
+def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
+    """Which faults some stretch names on its own, shape (faults,): these are compared, however much
+    they move."""
+    named = np.zeros(len(isolation.probability), dtype=bool)
+    for part in batches(len(judged)):
+        named |= (isolation.probability[:, judged[part]] > limits.NAMED_ALONE).any(axis=1)
+        let_go(isolation.probability)
+    return named
 
 
 def _telling_most(

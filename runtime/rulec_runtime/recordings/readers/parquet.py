@@ -15,11 +15,13 @@ from rulec_runtime.recordings.table import Sheet
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a Parquet file; units stand in the metadata of its fields."""
-    source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PIECE, pre_buffer=False)
+    source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PARQUET_BUFFER, pre_buffer=False)
     schema = source.schema_arrow
 
     def pieces(names: Sequence[str]) -> Iterator[ArrowPiece]:
-        for batch in source.iter_batches(limits.PARQUET_ROWS, columns=list(names)):
+        # Threads would each keep memory of their own, and reading is not what takes long.
+        wanted = {"columns": list(names), "use_threads": False}
+        for batch in source.iter_batches(limits.PARQUET_ROWS, **wanted):
             yield from pieces_of(pyarrow.Table.from_batches([batch]), names)
         pyarrow.default_memory_pool().release_unused()
 
