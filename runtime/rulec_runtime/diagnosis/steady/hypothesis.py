@@ -72,14 +72,10 @@ class HypothesisTest:
     def at(self, chosen: np.ndarray | slice) -> HypothesisTest:
         """Some of the problems."""
         members, present = self.members[:, chosen], self.present[:, chosen]
-        known = self.metric.problems(chosen) if self._is_known else None
-        return replace(self, members=members, present=present, known=known)
-
-    @property
-    def _is_known(self) -> bool:
-        """Is there a metric that costs too much to be worked out twice?"""
+        # A metric costs too much to be worked out twice.
         known = self.known or self.__dict__.get("metric")
-        return known is not None and known.is_large
+        own = None if known is None else known.problems(chosen)
+        return replace(self, members=members, present=present, known=own)
 
     def at_other_times(self, present: Array) -> HypothesisTest:
         """The problems again, once or more, with the faults present at other points."""
