@@ -1,8 +1,9 @@
 """Readings at zero, or at their live zero, while the others say that liquid flows.
 
 A pump that stands, a shut valve and an empty line read zero as well; so a reading is dead where the
-flow through its module, from estimates that do not need it, is far beyond its uncertainty, and an
-estimate by the reading does not say so as well. Where nothing else gives that flow, a reading that does not even show noise is dead while its pump runs.
+flow through its module, from estimates that do not need it, is far beyond its uncertainty, and no
+estimate by the reading says so as well. Where nothing else gives that flow, a reading that does not
+even show noise is dead while its pump runs.
 """
 
 from __future__ import annotations
