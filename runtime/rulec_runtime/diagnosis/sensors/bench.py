@@ -186,9 +186,8 @@ class Bench:
     def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
         """What is sound, and which faults fit where; unless `all_tried`, degrees and distances of
         those alone that may fit."""
-        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried)
+        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried, pairs=False)
         fits = isolation.probability > 0
-        fits[:, isolation.pair[:, 0] >= 0] = False
         quiet = isolation.judged & ~isolation.deviating
         each = quiet | (fits & (isolation.freedom > 1))
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet

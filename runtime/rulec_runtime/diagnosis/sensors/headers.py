@@ -59,11 +59,13 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one, changed)
     )
     for misread, found in bench.agreements(every, partial(_read, bench)):
-        if not _makes_sense(bench, misread, found) or not _beats_faults(bench, misread, found):
+        if not _makes_sense(bench, misread, found):
             continue
-        explained = bench.explained(found).stretches
         running = _running(bench, misread, found)
-        if explained[running].mean() < limits.NEARLY_ALL:
+        explained = bench.explained(found, all_tried=False).stretches
+        if explained[running].mean() < limits.NEARLY_ALL or not _beats_faults(
+            bench, misread, found
+        ):
             continue
         left = float(np.median(found.excess[running]))
         if left < least:
