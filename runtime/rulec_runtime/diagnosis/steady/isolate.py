@@ -198,9 +198,7 @@ def _scaled(covariance: Array, factors: Array) -> Array:
     return scaled
 
 
-def _judge_group(
-    test: HypothesisTest, result: Isolation, *, all_tried: bool, pairs: bool
-) -> None:
+def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pairs: bool) -> None:
     members, rank = test.members[0], len(test.basis)
     chance = result.chance
     misfit = test.metric.value
