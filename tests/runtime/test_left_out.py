@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors import headers
 from rulec_runtime.diagnosis.sensors.bench import Bench, bench_of
+from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.sensors.near import Near, Verdicts
@@ -93,6 +95,29 @@ def test_a_fault_in_a_large_plant_has_few_columns_tried(
 
 @pytest.mark.parametrize("bend", ["swapped pressures", "dead power"])
 @pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
+def test_what_other_readings_leave(plant: str, bend: str) -> None:
+    """By what changes alone as with all estimates anew."""
+    ruleset, of_all = bench(plant, bend)
+    recording = health.CASES[bend][0](health.recorded(plant), ruleset)
+    plain, changed, known = headers._with_all(recording, of_all), Changed(of_all), of_all.recorded
+    compared = 0
+    for one in headers._candidates(recording, of_all, plain, set()):
+        points = headers._read(of_all, one)
+        every, found = of_all.agreement(points), changed.outcome(points, one.signals)
+        readers = headers._readers(of_all, one)
+        more = (every.valid & ~known.valid).any(axis=0)
+        np.testing.assert_array_equal(found.more, more)
+        np.testing.assert_array_equal(found.used, every.valid[readers].any(axis=0))
+        np.testing.assert_array_equal(found.fewer[~more], (every.freedom < known.freedom)[~more])
+        same = ~more & np.isfinite(every.excess)
+        left = every.excess[same] * every.limit[same]
+        np.testing.assert_allclose(found.chi[same], left, rtol=limits.CHANGED_ROUGHLY, atol=1e-6)
+        compared += int(same.sum())
+    assert compared > 10
+
+
+@pytest.mark.parametrize("bend", ["swapped pressures", "dead power"])
+@pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
 def test_what_is_not_tried_would_be_refused(
     plant: str, bend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,7 +128,8 @@ def test_what_is_not_tried_would_be_refused(
         plain = headers._with_all(recording, of_all)
         return [*headers._candidates(recording, of_all, plain, set())]
 
-    tried = {one.text for one in candidates() if headers._may_agree(of_all, one)}
+    changed = Changed(of_all)
+    tried = {one.text for one in candidates() if headers._may_agree(of_all, one, changed)}
 
     def allowing(near: Near, signal: str, values: Array, *rest: Any) -> Verdicts:
         none = np.zeros(values.shape, dtype=bool)

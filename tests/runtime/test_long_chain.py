@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +12,11 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.sensors import headers
+from rulec_runtime.diagnosis.sensors.bench import Bench
+from rulec_runtime.diagnosis.sensors.changed import Changed
+from rulec_runtime.diagnosis.sensors.headers import Misread
+from rulec_runtime.diagnosis.sensors.judge import dead_of
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.observe import estimate
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
@@ -74,6 +80,46 @@ def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
     assert finding.lower < DEGREE < finding.upper
     assert finding.since == pytest.approx(first, abs=5.0)
     assert finding.until == pytest.approx(last, abs=5.0)
+
+
+def test_small_reading_that_has_to_be_small_is_not_dead() -> None:
+    """A mixer of a long chain shows a hundredth of its sensor's range; a leak before it takes a
+    little of that. Without that reading equal pumps would not be told apart."""
+    rules, first = rules_of(LONG), 2 * ROWS // 3
+    leak = Planted("D3_1.leakage", DEGREE, first, ROWS)
+    recording = recorded(rules, ROWS, [leak], 1.0, np.random.default_rng(5))
+    found = diagnose(recording, rules)
+    assert not found.sensors
+    (finding,) = found.findings
+    assert finding.fault.id == leak.fault
+    assert finding.lower < DEGREE < finding.upper
+    dead = recording.values["M3.dp"].copy()
+    dead[first:] *= 0.01
+    recording = replace(recording, values={**recording.values, "M3.dp": dead})
+    ((one, rows),) = dead_of(recording, rules)
+    assert (one.signal, rows.stop) == ("M3.dp", ROWS)
+    assert rows.start == pytest.approx(first, abs=5.0)
+
+
+def test_columns_of_a_long_chain_are_read_otherwise_where_that_may_help(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What a fault explains, and what no other reading makes agree, is worked out in full for next
+    to none of the hundreds of columns."""
+    rules = rules_of(SHORT)
+    planted = [Planted("D3_1.leakage", DEGREE, ROWS // 3, ROWS)]
+    recording = recorded(rules, ROWS, planted, 1.0, np.random.default_rng(5))
+    asked: list[str] = []
+    told = headers._may_agree
+
+    def counted(bench: Bench, misread: Misread, changed: Changed) -> bool:
+        may = told(bench, misread, changed)
+        asked.append(misread.text) if may else None
+        return may
+
+    monkeypatch.setattr(headers, "_may_agree", counted)
+    assert not diagnose(recording, rules).sensors
+    assert len(asked) < 5
 
 
 def test_time_of_a_long_chain() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,14 +97,20 @@ def recorded(
     interval: float,
     random: np.random.Generator,
 ) -> Recording:
-    """Readings at the reference point, with errors of sensors by their class."""
+    """Readings at the reference point, with errors of sensors by their class; what a fault in a
+    sensor scales is the reading, errors and all."""
     degrees: dict[str, Array] = {}
     for one in planted:
         column = degrees.setdefault(one.fault, np.zeros(rows))
         column[one.first : one.last] = one.degree
-    given = {s.id: np.full(rows, s.reference) for s in equations_of(ruleset).given_signals}
-    simulated = simulate_with(equations_of(ruleset), given, degrees)
-    values = sense(ruleset, simulated.values, SensorErrors(bounded=True), random)
+    shown = _simulated(ruleset, rows, degrees)
+    scaled = {f.id: f.scales for f in ruleset.faults if f.in_sensor and f.id in degrees}
+    gains = {}
+    if scaled:
+        others = {fault: degree for fault, degree in degrees.items() if fault not in scaled}
+        true = _simulated(ruleset, rows, others)
+        gains = {name: shown[name] / true[name] for names in scaled.values() for name in names}
+    values = sense(ruleset, shown, SensorErrors(bounded=True), random, gains)
     return Recording(
         time=interval * np.arange(float(rows)),
         values={name: column for name, column in values.items() if name in ruleset.observed},
@@ -112,6 +118,13 @@ def recorded(
         missing=(),
         notes=(),
     )
+
+
+def _simulated(ruleset: Ruleset, rows: int, degrees: Mapping[str, Array]) -> Mapping[str, Array]:
+    """What perfect sensors show at the reference point, SI."""
+    equations = equations_of(ruleset)
+    given = {s.id: np.full(rows, s.reference) for s in equations.given_signals}
+    return simulate_with(equations, given, degrees).values
 
 
 def part_of(recording: Recording, first: int, last: int) -> Rows:

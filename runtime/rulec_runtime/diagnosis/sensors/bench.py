@@ -47,7 +47,7 @@ class Agreement:
     limit: Array
     freedom: np.ndarray
     valid: np.ndarray
-    every: Callable[[], Observed]
+    every: Callable[[slice], Observed]
     read: Points
     chosen: slice
 
@@ -66,7 +66,7 @@ class Agreement:
     @cached_property
     def observed(self) -> Observed:
         """What the plan says of the stretches."""
-        return self.every().part(self.chosen)
+        return self.every(self.chosen)
 
     @property
     def points(self) -> Points:
@@ -145,7 +145,7 @@ class Bench:
         estimates, n = estimate(self.ruleset, points), len(points)
         if not has_many(self.ruleset):
             observed = estimates.observed()
-            return Agreement(*self._agreement(observed), lambda: observed, points, slice(0, n))
+            return Agreement(*self._agreement(observed), observed.part, points, slice(0, n))
         # Tables of so many estimates are made anew where they are asked for again.
         size = at_once(self.ruleset)
         parts = [
@@ -155,7 +155,11 @@ class Bench:
         excess, limit, freedom, valid = (
             np.concatenate(tables, axis=-1) for tables in zip(*parts, strict=True)
         )
-        return Agreement(excess, limit, freedom, valid, estimates.observed, points, slice(0, n))
+
+        def some(chosen: slice) -> Observed:
+            return estimates.at(chosen).observed()
+
+        return Agreement(excess, limit, freedom, valid, some, points, slice(0, n))
 
     def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:
         """Chi-square over its limit, that limit, degrees of freedom, and usable estimates."""
@@ -186,9 +190,8 @@ class Bench:
     def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
         """What is sound, and which faults fit where; unless `all_tried`, degrees and distances of
         those alone that may fit."""
-        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried)
+        isolation = isolate(self.ruleset, found.observed, all_tried=all_tried, pairs=False)
         fits = isolation.probability > 0
-        fits[:, isolation.pair[:, 0] >= 0] = False
         quiet = isolation.judged & ~isolation.deviating
         each = quiet | (fits & (isolation.freedom > 1))
         best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet

@@ -1,8 +1,9 @@
 """Readings at zero, or at their live zero, while the others say that liquid flows.
 
 A pump that stands, a shut valve and an empty line read zero as well; so a reading is dead where the
-flow through its module, from estimates that do not need it, is far beyond its uncertainty. Where
-nothing else gives that flow, a reading that does not even show noise is dead while its pump runs.
+flow through its module, from estimates that do not need it, is far beyond its uncertainty, and no
+estimate by the reading says so as well. Where nothing else gives that flow, a reading that does not
+even show noise is dead while its pump runs.
 """
 
 from __future__ import annotations
@@ -99,8 +100,27 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
             reference = max(
                 abs(o.reference) for o in bench.ruleset.observers if signal.id in o.signals
             )
-            result[i] = flow[0] > max(limits.FLOWS_BEYOND * flow[1], limits.FLOWS_PART * reference)
+            there = flow[0] > max(limits.FLOWS_BEYOND * flow[1], limits.FLOWS_PART * reference)
+            result[i] = there and not _shows(bench, signal, int(i), *flow)
     return result
+
+
+def _shows(bench: Bench, signal: SignalSpec, point: int, flow: float, u: float) -> bool:
+    """Does an estimate by a reading say rather what the others say, a flow in m3/s, than what zero
+    in its stead would say? A small part of its range may be what it has to show."""
+    ruleset, observed = bench.ruleset, bench.recorded.observed
+    own = np.flatnonzero(bench.readers(signal.id) & observed.valid[:, point])
+    names = [f"q:{ruleset.observers[i].id}" for i in own]
+    plan = ruleset.plan.select(names)
+    low = signal.offset if signal.lowest is None else signal.lowest
+    values = bench.points.values
+    inputs = {name: float(values[name][point]) for name in plan.used_inputs & values.keys()}
+    at_low = plan.run({**inputs, signal.id: low})
+    for name, shown in zip(names, observed.flows[own, point].tolist(), strict=True):
+        zero = float(np.nan_to_num(at_low[name][0]))
+        if abs(zero - flow) > limits.FLOWS_BEYOND * u and abs(shown - flow) < abs(shown - zero):
+            return True
+    return False
 
 
 def _one_value(signal: SignalSpec, values: Array) -> bool:

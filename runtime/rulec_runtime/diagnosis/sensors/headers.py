@@ -20,6 +20,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
+from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.near import Near
 from rulec_runtime.diagnosis.sensors.units import like_a_reading, mixups, of_one_dimension
@@ -53,13 +54,18 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
         return None
     plain = _with_all(raw, bench)
     best, least = None, np.inf
-    every = (one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one))
+    changed = Changed(bench)
+    every = (
+        one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one, changed)
+    )
     for misread, found in bench.agreements(every, partial(_read, bench)):
-        if not _makes_sense(bench, misread, found) or not _beats_faults(bench, misread, found):
+        if not _makes_sense(bench, misread, found):
             continue
-        explained = bench.explained(found).stretches
         running = _running(bench, misread, found)
-        if explained[running].mean() < limits.NEARLY_ALL:
+        explained = bench.explained(found, all_tried=False).stretches
+        if explained[running].mean() < limits.NEARLY_ALL or not _beats_faults(
+            bench, misread, found
+        ):
             continue
         left = float(np.median(found.excess[running]))
         if left < least:
@@ -103,13 +109,17 @@ def _read(bench: Bench, misread: Misread) -> Points:
     return bench.with_readings(misread.values, misread.noise)
 
 
-def _may_agree(bench: Bench, misread: Misread) -> bool:
+def _may_agree(bench: Bench, misread: Misread, changed: Changed) -> bool:
     """Is it another reading that may make what disagrees agree, as far as a part of it tells?"""
     points = _read(bench, misread)
     apart = _apart(misread, points)
     if not apart.any():
         return False
     readers = _readers(bench, misread)
+    before = bench.recorded
+    # Where all agrees, and nothing can be compared beside, nothing is gained.
+    if not (apart & ~(before.sound & before.valid[readers].all(axis=0))).any():
+        return False
     least = bench.left_out.least(readers)
     apart &= least <= bench.widest_limit
     if apart.any() and _rival(bench, misread, bench.rivals_as_recorded, least):
@@ -120,7 +130,27 @@ def _may_agree(bench: Bench, misread: Misread) -> bool:
             found = replace(bench, ruleset=part.ruleset).agreement(points)
             left = np.where(found.freedom > 0, found.excess * found.limit, 0.0)
             apart &= left <= bench.widest_limit
-    return bool(apart.any())
+    return bool(apart.any()) and _may_make_sense(bench, misread, points, changed)
+
+
+def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Changed) -> bool:
+    """The same by all that it changes, where that can be told without a look at all the rest."""
+    before, apart = bench.recorded, _apart(misread, points)
+    found = changed.outcome(points, misread.signals)
+    running, fewer = apart & found.used & (before.freedom > 0), found.fewer
+    few = fewer & (before.freedom <= _readers(bench, misread).sum())
+    if (found.more | few)[apart].any():
+        return True
+    if not running.any() or fewer[running].mean() > 1.0 - limits.NEARLY_ALL:
+        return False
+    if before.sound[running].mean() > limits.AGREES_AS_RECORDED:
+        return False
+    left = found.chi * (1.0 - limits.CHANGED_ROUGHLY)
+    sound = left <= before.limit
+    return bool(
+        sound[running].mean() >= limits.AGREES_OTHERWISE
+        and not _rival(bench, misread, bench.rivals_as_recorded, left)
+    )
 
 
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
@@ -173,14 +203,14 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     A slope of the very reading whose unit is in doubt is no rival: it would have to hit the ratio
     of two units.
     """
-    before, explained = bench.recorded, bench.explained_as_recorded
     judged = _judged(bench, misread)
     if judged.mean() < limits.NEARLY_ALL:
         return True
-    if _rival(bench, misread, explained, found.excess * found.limit):
+    if _rival(bench, misread, bench.rivals_as_recorded, found.excess * found.limit):
         return False
     if misread.condition is UNIT:
         return True
+    before, explained = bench.recorded, bench.explained_as_recorded
     # Two columns are seldom swapped: what one fault leaves must be gone by it.
     after = bench.explained(found)
     least = np.where(before.sound, before.excess * before.limit, np.inf)

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from rulec_runtime import limits
-from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.steady.observe import plan_inputs, usable_by_readings
@@ -110,10 +110,12 @@ class Near:
         ruleset = self._ruleset
         names = dict.fromkeys(t.observer for r in watching for t in r.terms)
         observers = [ruleset.observer_by_id[name] for name in names]
-        outputs = [f"q:{o.id}" for o in observers]
-        outputs += [guard.output for o in observers for guard in o.guards]
-        outputs += [f"{kind}:{r.id}" for r in watching for kind in ("R", "u")]
-        plan = ruleset.plan.selected(dict.fromkeys(outputs)).narrowed()
+        if signal not in self._plans:
+            outputs = [f"q:{o.id}" for o in observers]
+            outputs += [guard.output for o in observers for guard in o.guards]
+            outputs += [f"{kind}:{r.id}" for r in watching for kind in ("R", "u")]
+            self._plans[signal] = ruleset.plan.selected(dict.fromkeys(outputs)).narrowed()
+        plan = self._plans[signal]
         points = self._points(signal, values, noise, {s for o in observers for s in o.signals})
         ran = plan.run(plan_inputs(points))
         out = {n: np.broadcast_to(v, (values.size,)) for n, v in ran.items()}
@@ -136,6 +138,11 @@ class Near:
     @property
     def _ruleset(self) -> Ruleset:
         return self.bench.ruleset
+
+    @cached_property
+    def _plans(self) -> dict[str, Plan]:
+        """By reading what has been run for it: other values of it are asked for again."""
+        return {}
 
     @cached_property
     def _readings(self) -> dict[str, frozenset[str]]:

@@ -111,13 +111,18 @@ def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
 
 
 def isolate(
-    ruleset: Ruleset, observed: Observed, looks: int | None = None, *, all_tried: bool = False
+    ruleset: Ruleset,
+    observed: Observed,
+    looks: int | None = None,
+    *,
+    all_tried: bool = False,
+    pairs: bool = True,
 ) -> Isolation:
     """Judge every point on its own; points with the same usable observers together.
 
     `looks` is the number of stretches that share one chance of a false alarm (default: all). Faults
     that cannot fit are not tried, so that their degrees and what they leave are not known, unless
-    `all_tried`.
+    `all_tried`. Without `pairs` two faults at once explain nothing.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
@@ -125,7 +130,7 @@ def isolate(
         basis = residual_basis(ruleset, valid)
         if len(basis):
             test = test_of(ruleset, observed, valid, basis, members)
-            _judge_group(test, result, all_tried=all_tried)
+            _judge_group(test, result, all_tried=all_tried, pairs=pairs)
     return result
 
 
@@ -193,7 +198,7 @@ def _scaled(covariance: Array, factors: Array) -> Array:
     return scaled
 
 
-def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
+def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pairs: bool) -> None:
     members, rank = test.members[0], len(test.basis)
     chance = result.chance
     misfit = test.metric.value
@@ -214,10 +219,13 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool) ->
     if deviating.any():
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(information > 0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
-        _explain(test.at(deviating), gain[:, deviating], result, all_tried=all_tried)
+        own = test.at(deviating)
+        _explain(own, gain[:, deviating], result, all_tried=all_tried, pairs=pairs)
 
 
-def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, all_tried: bool) -> None:
+def _explain(
+    test: HypothesisTest, gain: Array, result: Isolation, *, all_tried: bool, pairs: bool
+) -> None:
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
@@ -229,9 +237,9 @@ def _explain(test: HypothesisTest, gain: Array, result: Isolation, *, all_tried:
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
     unexplained = np.asarray(~np.isfinite(evidence).any(axis=0) & within.all(axis=0))
-    if unexplained.any() and rank > 2:
-        pairs = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
-        _take_pairs(pairs, chosen[unexplained], test.ruleset.odds, result)
+    if pairs and unexplained.any() and rank > 2:
+        found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
+        _take_pairs(found, chosen[unexplained], test.ruleset.odds, result)
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
