@@ -104,10 +104,11 @@ def checked(
     assert "<h1" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(
     ("only", "cases"),
-    [pytest.param("fault-dp", 1, marks=pytest.mark.prove), ("dynamic-single-0", 1)],
+    [("fault-dp", 1), ("dynamic-single-0", 1)],
 )
 def test_a_quick_run(only: str, cases: int, tmp_path: Path) -> None:
     """No case fails, and most that can be seen are named. In every run docs/proof.md runs a leak,

@@ -68,6 +68,7 @@ def test_a_name_is_lost_for_one_reason(one: Refitted, reason: str) -> None:
     assert one.reason == reason
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("in_this_process")
 def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
     """A name that a recorded answer lacks is found as lost; the search of today has it."""

@@ -139,6 +139,7 @@ def test_a_period_that_does_not_grow_has_no_growth() -> None:
     assert Period(0.0, 1.0, 0.1, 0.01).growth is None
 
 
+@pytest.mark.prove
 def test_a_fault_that_shows_the_other_way_round_does_not_take_its_place() -> None:
     """Begun when the right one begins, it would be pressed to nothing; it must not be likelier."""
     given = {**tour(alone()[0], SAMPLES), "A.T": np.full(SAMPLES, USUAL)}
