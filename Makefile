@@ -15,8 +15,8 @@ help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
 # pip would compile every module on one core. Not compiled before is what no test imports: the tests
-# that packages bring, tools to install, mypy (machine code), what learns (make prove), lexers, fonts.
-UNUSED := /(tests?|pip|setuptools|pkg_resources|mypyc?|sklearn|pygments/lexers)/
+# that packages bring, tools to install, mypy (machine code), what learns (make prove), lexers, fonts, databases.
+UNUSED := /(tests?|pip|setuptools|pkg_resources|mypyc?|sklearn|pygments/lexers|fontTools|sqlalchemy)/
 define install
 	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \

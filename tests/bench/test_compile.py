@@ -66,6 +66,14 @@ def seconds_of_passes(plant: Path) -> tuple[dict[str, float], Ruleset]:
 
 
 KEYS = {"chain": "chain", "side by side": "side-by-side"}
+
+
+def least_of_passes(plant: Path, rounds: int = 2) -> tuple[dict[str, float], Ruleset]:
+    """The quickest of several: module types are differentiated in the first, and others on the
+    machine make it longer, never shorter."""
+    return min((seconds_of_passes(plant) for _ in range(rounds)), key=lambda r: sum(r[0].values()))
+
+
 STEPS = {"chain": (50, 100, 200, 400), "side by side": (50, 200, 1000)}
 
 
@@ -76,7 +84,8 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
     for size in STEPS[family]:
         folder = tmp_path / str(size)
         folder.mkdir()
-        table[size] = found, made = seconds_of_passes(written(family, size, folder))
+        plant = written(family, size, folder)
+        table[size] = found, made = least_of_passes(plant)
         total = sum(found.values())
         what = f"{family}, {len(made.modules)} modules, {len(made.cells)} rules"
         results.add(what, total, "s", key=f"{KEYS[family]}.{size}.seconds")
@@ -85,7 +94,7 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     what = f"{family}, up to {STEPS[family][-1]} modules: peak memory"
     results.add(what, peak, "MB", 1000.0, f"{KEYS[family]}.memory")
-    abc = sum(seconds_of_passes(ROOT / "plants" / "abc")[0].values())
+    abc = sum(least_of_passes(ROOT / "plants" / "abc", 5)[0].values())
     for size, (found, _) in table.items():
         goal = {("chain", 200): 15.0}.get((family, size))
         ratio = sum(found.values()) / abc

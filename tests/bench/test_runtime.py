@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,6 +30,7 @@ from tests.rig.follower.plants import Planted, recorded
 MILLION = 1_000_000
 LONG = 100_000
 MANY = 10_000
+ROUNDS = 3
 CHUNKED = 65_536
 POLE = 1e3
 EVERYTHING = ("R:", "u:", "x:", "ux:")
@@ -70,13 +70,13 @@ def inputs_of(recording: Recording, ruleset: Ruleset) -> dict[str, Any]:
 
 
 def seconds(call: Callable[[], object], rounds: int = 1) -> float:
-    """Median processor time, which a busy machine distorts less than a clock."""
+    """Least processor time: others on the machine make it longer, never shorter."""
     times = []
     for _ in range(rounds):
         begin = time.process_time()
         call()
         times.append(time.process_time() - begin)
-    return statistics.median(times)
+    return min(times)
 
 
 def peak() -> float:
@@ -129,7 +129,7 @@ def test_a_long_recording(
     names = [n for n in rules.plan.outputs if n.startswith(("R:", "u:", "q:", "s:"))]
     plan, inputs = rules.plan.select(names), inputs_of(recording, rules)
     alone = seconds(lambda: in_blocks(plan, inputs, LONG))
-    found = seconds(lambda: call(recording, rules))
+    found = seconds(lambda: call(recording, rules), ROUNDS if call is diagnose else 1)
     goal = 5.0 if call is diagnose else None
     key = f"{call.__name__}.{plant}.seconds"
     results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s", goal, key)
@@ -145,7 +145,7 @@ def test_hundreds_of_findings(results: Results) -> None:
     recording = recorded(rules, MANY, planted, 1.0, random)
     found = diagnose(recording, rules).findings
     assert len(found) > 0.9 * len(planted)
-    taken = seconds(lambda: diagnose(recording, rules), 3)
+    taken = seconds(lambda: diagnose(recording, rules), ROUNDS)
     results.add(
         f"diagnose {MANY} samples with {len(found)} findings", taken, "s", 1.5, "findings.seconds"
     )
@@ -156,7 +156,7 @@ def test_a_healthy_million(results: Results) -> None:
     rules, random = compiled("abc"), np.random.default_rng(2)
     recording = tiled(recorded(rules, MANY, [], 1.0, random), MILLION)
     assert diagnose(recording, rules).findings == ()
-    taken = seconds(lambda: diagnose(recording, rules))
+    taken = seconds(lambda: diagnose(recording, rules), ROUNDS)
     results.add(f"diagnose {MILLION} healthy samples of abc", taken, "s", 3.0, "million.seconds")
 
 
