@@ -424,6 +424,11 @@ class Ruleset:
 
     def to_json(self) -> str:
         """The ruleset as text; the same ruleset always gives the same bytes."""
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
+        # Who compiles a plant keeps it for the next start, and writes it.
         data = _fields(self)
         return _write({**data, DIGEST: digest_of(data, _fields)})
 
