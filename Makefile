@@ -15,7 +15,8 @@ help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
 # pip would compile every module on one core. Not compiled before is what no test imports: the tests
-# that packages bring, tools to install, mypy (machine code), what learns (make prove), lexers, fonts, databases.
+# that packages bring, tools to install, mypy (machine code), what learns (make prove), lexers,
+# fonts, databases.
 UNUSED := /(tests?|pip|setuptools|pkg_resources|mypyc?|sklearn|pygments/lexers|fontTools|sqlalchemy)/
 define install
 	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
@@ -60,7 +61,7 @@ $(VENV)/bench: $(VENV)/dev
 	$(call install,.[dev$(comma)bench])
 	@touch $@
 
-bench: $(VENV)/bench ## speed beside peers, as ratios, and how effort grows: one table (three minutes)
+bench: $(VENV)/bench ## speed beside peers, as ratios, and how effort grows (three minutes)
 	$(BIN)/python -m tests.bench
 
 goals: $(VENV)/dev ## speed against goals: compile, a million samples, start of the command

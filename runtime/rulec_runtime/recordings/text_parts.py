@@ -26,7 +26,10 @@ def rows_of(path: Path, lines: Iterable[str], separator: str) -> Iterator[list[s
     try:
         yield from filter(any, csv.reader(lines, delimiter=separator))
     except csv.Error as error:
-        raise RecordingRefused(f"{path}: not a readable CSV file ({error})") from None
+        # All else may stand in a cell: only a quote that nothing closes makes one too large.
+        raise RecordingRefused(
+            f'{path}: not a readable CSV file ({error}); look for a quote (") that is not closed'
+        ) from None
 
 
 def batches_of(rows: Iterator[list[str]]) -> Iterator[Part]:

@@ -40,14 +40,26 @@ class _Taken:
 
     def take(self, part: Part) -> None:
         """Rows behind those that were read."""
+        kept, numbers = self.places
         if isinstance(part, np.ndarray):
+            for column, index in zip(self.columns, numbers, strict=True):
+                column.add(part[:, index], self.comma)
+            for text, index in zip(self.texts, kept, strict=True):
+                text.add(part[:, index])
             self.count += len(part)
-            self._take(
-                lambda text, index: text.add(part[:, index]),
-                lambda column, index: column.add(part[:, index], self.comma),
-            )
             self.whole += len(part)
             return
+        rows = self._whole_of(part)
+        if not self.whole and rows:
+            refuse_words(self.path, rows[0], (*kept, *numbers))
+        for column, index in zip(self.columns, numbers, strict=True):
+            read_cells(column, [row[index] for row in rows], self.whole, self.comma)
+        for text, index in zip(self.texts, kept, strict=True):
+            text.add([row[index] for row in rows])
+        self.whole += len(rows)
+
+    def _whole_of(self, part: list[list[str]]) -> list[list[str]]:
+        """Those of some rows that have all cells; the others are counted."""
         rows = part
         if {*map(len, part)} != {self.width}:
             flags = [is_whole(row, self.width) for row in part]
@@ -56,25 +68,7 @@ class _Taken:
                 self.left_out += len(part) - len(rows)
                 self.first_left_out = self.first_left_out or self.count + flags.index(False) + 1
         self.count += len(part)
-        if not self.whole and rows:
-            refuse_words(self.path, rows[0], sum(self.places, ()))
-        self._take(
-            lambda text, index: text.add([row[index] for row in rows]),
-            lambda column, index: read_cells(
-                column, [row[index] for row in rows], self.whole, self.comma
-            ),
-        )
-        self.whole += len(rows)
-
-    def _take(
-        self,
-        kept: Callable[[GrowingCells | GrowingTimes, int], None],
-        numbers: Callable[[Column, int], None],
-    ) -> None:
-        for column, index in zip(self.columns, self.places[1], strict=True):
-            numbers(column, index)
-        for text, index in zip(self.texts, self.places[0], strict=True):
-            kept(text, index)
+        return rows
 
 
 @dataclass(frozen=True)
