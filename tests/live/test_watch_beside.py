@@ -30,6 +30,13 @@ def children(pid: int) -> list[int]:
     return [int(c) for c in listed if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
 
 
+def holds_interrupts(pid: int) -> bool:
+    """Is a process still starting another one?"""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    (mask,) = [int(line.split()[1], 16) for line in lines if line.startswith("SigBlk:")]
+    return bool(mask >> (signal.SIGINT - 1) & 1)
+
+
 def test_an_interrupt_waits_for_no_look(tmp_path: Path) -> None:
     rules, log, script = tmp_path / "abc.json", tmp_path / "log.csv", tmp_path / "watch.py"
     rules.write_text(compiled("abc").to_json(), encoding="utf-8")
@@ -49,6 +56,9 @@ def test_an_interrupt_waits_for_no_look(tmp_path: Path) -> None:
             time.sleep(0.3)
             started = children(watch.pid)
         (look,) = started
+        # Interrupted while it starts one, the watch would end before it is asked for anything.
+        while holds_interrupts(watch.pid):
+            time.sleep(0.01)
         os.kill(look, signal.SIGSTOP)  # a look that never ends
         since = time.monotonic()
         watch.send_signal(signal.SIGINT)

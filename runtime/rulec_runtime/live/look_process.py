@@ -80,8 +80,13 @@ def _started() -> _Running:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), daemon=True)
-    with interrupts_held():
-        process.start()
+    try:
+        with interrupts_held():
+            process.start()
+    except KeyboardInterrupt:
+        # Nobody knows it yet, and the end of this process would wait for it.
+        process.kill()
+        raise
     theirs.close()
     return _Running(process, ours, ThreadPoolExecutor(1, "look"))
 
