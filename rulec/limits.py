@@ -111,6 +111,23 @@ Origin: assumed, files hold ten digits."""
 CORRELATION_RIDGE = 1e-12
 """Added to each variance, as a share of it, before a covariance is factored. Origin: numerical."""
 
+BELIEF_FREEDOM = 3.0
+"""Degrees of freedom of what is believed of a parameter: sheets and calibrations are wrong now and
+then, and by more than a normal distribution allows. Origin: source (Lange, Little, Taylor 1989, as
+is usual)."""
+
+CALIBRATION_FAILS = 0.1
+"""Odds that a calibration does not hold, and the sheet counts again: it was made with a law that
+left something out, or the module was changed since. Origin: assumed."""
+
+STRAINED = 2.0
+"""Standard uncertainties off its sheet from which on a parameter is told. Origin: distribution
+(normal, two-sided, 5 %)."""
+
+UNBELIEVABLE = 3.0
+"""Standard uncertainties off its sheet beyond which a value is not believed. Origin: distribution
+(normal, two-sided, 0.3 %)."""
+
 CONTRADICTION = 1e-4
 """Probability below which a difference between recording and data sheet is no chance. Origin:
 distribution (upper tail of chi-square, 1e-4)."""

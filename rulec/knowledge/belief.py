@@ -1,0 +1,229 @@
+"""What is known of parameters before a recording: one belief, wherever values are fitted.
+
+A parameter is believed to lie where its data sheet states it or, once calibrated, where the
+calibration found it; then the sheet counts for the case that the calibration does not hold, as one
+made with a law that left something out. Positive parameters are believed in their logarithms: none
+changes its sign. Both are Student distributions: a recording moves a value as far as it sees it,
+and leaves the rest where it was. No belief is ever dropped.
+
+Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (what is known before).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from scipy.special import gammaln
+
+from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED
+
+_PEAK = float(
+    gammaln((BELIEF_FREEDOM + 1) / 2)
+    - gammaln(BELIEF_FREEDOM / 2)
+    - 0.5 * np.log(0.5 * BELIEF_FREEDOM)
+)
+"""Log density at the centre of a Student distribution, less that of a normal one of its scale."""
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Numbers in which values are fitted: logarithms of positive ones; `positive` has shape (n,).
+
+    >>> z = Coordinates(np.array([True, False]))
+    >>> z.of(np.array([1.0, -2.0])), z.values(np.array([0.0, -2.0]))
+    (array([ 0., -2.]), array([ 1., -2.]))
+    """
+
+    positive: np.ndarray
+
+    def of(self, values: Array) -> Array:
+        """Coordinates of values, shape (n,)."""
+        return np.where(self.positive, np.log(np.where(self.positive, values, 1.0)), values)
+
+    def values(self, at: Array) -> Array:
+        """Values at coordinates, shape (n,)."""
+        return np.where(self.positive, np.exp(np.where(self.positive, at, 0.0)), at)
+
+    def slopes(self, at: Array) -> Array:
+        """Slopes of the values by the coordinates, shape (n,)."""
+        return np.where(self.positive, self.values(at), 1.0)
+
+    def scales(self, values: Array, u: Array) -> Array:
+        """Standard uncertainties of the coordinates, shape (n,).
+
+        That of a logarithm is the one with which a log-normal value has the relative uncertainty.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.sqrt(np.log1p((u / values) ** 2))
+        return np.where(self.positive, relative, u)
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """One statement on some parameters: `mean`, shape (k,), and `precision`, shape (k, k), in
+    coordinates, with the log odds that it is the one that holds."""
+
+    mean: Array
+    precision: Array
+    odds: float
+
+    @cached_property
+    def _ways(self) -> tuple[Array, Array, Array]:
+        """Sizes of the parameters, and independent directions with their weights."""
+        size = np.sqrt(np.diag(self.precision))
+        parts, ways = np.linalg.eigh(self.precision / np.outer(size, size))
+        return size, np.maximum(parts, 1e-12), ways
+
+    def density(self, at: Array) -> tuple[float, Array]:
+        """Log density (that of a normal one without its constant), and the precision there."""
+        size, parts, ways = self._ways
+        far = parts * (ways.T @ (size * (at - self.mean))) ** 2
+        tails = 0.5 * (BELIEF_FREEDOM + 1.0) * float(np.sum(np.log1p(far / BELIEF_FREEDOM)))
+        peak = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts))) + _PEAK * len(parts)
+        weight = parts * (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
+        return peak - tails + self.odds, (ways * weight) @ ways.T * np.outer(size, size)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Parameters believed together: their places, and what is stated of them."""
+
+    places: np.ndarray
+    stated: tuple[_Stated, ...]
+
+    def holding(self, at: Array) -> tuple[_Stated, float, Array]:
+        """The statement that is the most probable there, its log density and precision."""
+        every = [(s, *s.density(at[self.places])) for s in self.stated]
+        return max(every, key=lambda one: one[1])
+
+
+@dataclass(frozen=True)
+class Held:
+    """A belief near a place: its log density, and the normal distribution that has its slope and
+    weight there, `mean` of shape (n,), `precision` of shape (n, n), in coordinates."""
+
+    density: float
+    mean: Array
+    precision: Array
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is known of the parameters `names`; arrays are in this order, values in SI."""
+
+    names: tuple[str, ...]
+    coordinates: Coordinates
+    parts: tuple[_Part, ...]
+
+    def near(self, at: Array) -> Held:
+        """The belief near some coordinates, shape (n,)."""
+        n, density = len(self.names), 0.0
+        mean, precision = np.zeros(n), np.zeros((n, n))
+        for part in self.parts:
+            stated, own, there = part.holding(at)
+            density += own
+            mean[part.places] = stated.mean
+            precision[np.ix_(part.places, part.places)] = there
+        return Held(density, mean, precision)
+
+    @property
+    def mean(self) -> Array:
+        """Where the parameters are believed to lie, in coordinates, shape (n,)."""
+        return self.near(self._means(0)).mean
+
+    @property
+    def by_sheet(self) -> Held:
+        """What is believed where no calibration holds."""
+        return self.near(self._means(-1))
+
+    def _means(self, which: int) -> Array:
+        at = np.zeros(len(self.names))
+        for part in self.parts:
+            at[part.places] = part.stated[which].mean
+        return at
+
+
+def belief_in(
+    names: Sequence[str],
+    positive: np.ndarray,
+    values: Array,
+    covariance: Array,
+    sheet: Mapping[str, tuple[float, float]],
+) -> Belief:
+    """The belief in parameters with an uncertainty.
+
+    Parameters
+    ----------
+    names : shape (n,).
+    positive : shape (n,); which of them have no other sign.
+    values, covariance : by calibration, or else by the sheet; shapes (n,), (n, n), SI.
+    sheet : value and standard uncertainty by the data sheet; what differs from it was calibrated.
+    """
+    own = Coordinates(positive)
+    u = np.sqrt(np.diag(covariance))
+    scale = own.scales(values, u)
+    correlation = covariance / np.outer(u, u)
+    at = own.of(values)
+    stated = [sheet.get(name, (0.0, 0.0)) for name in names]
+    of_sheet = np.array([value for value, _ in stated])
+    u_sheet = np.array([uncertain for _, uncertain in stated])
+    calibrated = ~(np.isclose(of_sheet, values, rtol=1e-12, atol=0.0) & np.isclose(u_sheet, u))
+    calibrated &= u_sheet > 0.0
+    sheet_at = own.of(np.where(calibrated, of_sheet, values))
+    sheet_scale = own.scales(np.where(calibrated, of_sheet, values), u_sheet)
+    parts = []
+    for places in _together(correlation):
+        inverse = np.linalg.inv(correlation[np.ix_(places, places)] + 1e-9 * np.eye(len(places)))
+        found = _Stated(at[places], inverse / np.outer(scale[places], scale[places]), 0.0)
+        if not calibrated[places].any():
+            parts.append(_Part(places, (found,)))
+            continue
+        wide = np.where(calibrated, sheet_scale, scale)[places]
+        known = _Stated(sheet_at[places], np.diag(wide**-2.0), float(np.log(CALIBRATION_FAILS)))
+        parts.append(_Part(places, (found, known)))
+    return Belief(tuple(names), own, tuple(parts))
+
+
+def _together(correlation: Array) -> list[np.ndarray]:
+    """Places of parameters that are stated together."""
+    left, found = list(range(len(correlation))), []
+    while left:
+        places = [left[0]]
+        for i in places:
+            places += [j for j in left if j not in places and correlation[i, j] != 0.0]
+        left = [i for i in left if i not in places]
+        found.append(np.array(sorted(places)))
+    return found
+
+
+@dataclass(frozen=True)
+class Strain:
+    """A parameter that lies far from its data sheet, SI; `distance` in standard uncertainties."""
+
+    parameter: str
+    value: float
+    stated: float
+    u: float
+
+    @property
+    def distance(self) -> float:
+        """How far it is off, in standard uncertainties of the sheet."""
+        return abs(self.value - self.stated) / self.u
+
+
+def strain_of(
+    values: Mapping[str, float], sheet: Mapping[str, tuple[float, float]]
+) -> tuple[Strain, ...]:
+    """Parameters far from their sheet, value and standard uncertainty, the farthest first.
+
+    >>> far = strain_of({"V.Kv": 6.8, "V.k": 1.0}, {"V.Kv": (33.0, 6.0), "V.k": (1.1, 0.1)})
+    >>> [(strain.parameter, round(strain.distance, 1)) for strain in far]
+    [('V.Kv', 4.4)]
+    """
+    known = [Strain(n, values[n], *pair) for n, pair in sheet.items() if n in values and pair[1]]
+    far = [strain for strain in known if strain.distance > STRAINED]
+    return tuple(sorted(far, key=lambda strain: -strain.distance))
