@@ -82,6 +82,11 @@ MULTIPLIED_POWER = 8
 
 # Knowledge
 
+ASSUMED_ACCURACY = 0.05
+"""Share of what it predicts within which a law keeps that states no accuracy. ISO 9906 grade 2B
+lets the head of a pump differ by as much, and textbook laws of friction scatter by about that.
+Origin: assumed."""
+
 FLUID_POINTS = 25
 """Temperatures over the valid range at which a property must be positive. Origin: assumed."""
 

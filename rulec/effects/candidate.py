@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.knowledge.shape import Shape
@@ -95,8 +96,9 @@ class Missing:
 class Spot:
     """A disturbance location: a place that `unknown` shifts, in its own unit.
 
-    `kind` is ``definition``, ``observer`` or ``signal``; `signal` is the id of the reading where
-    it is one. `unit` is how values of the place are shown, SI = shown * factor.
+    `kind` is ``definition``, ``observer``, ``signal``, ``balance`` or ``reading``. `unit` is how
+    values of the place are shown, SI = shown * factor. `accuracy` is the share of its value within
+    which the law there keeps; 0 where none is.
     """
 
     id: str
@@ -108,6 +110,7 @@ class Spot:
     factor: float
     observers: tuple[str, ...]
     unknown: str
+    accuracy: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,14 +119,18 @@ class BaseParameters:
 
     `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
     (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
-    the data sheet, of parameters that were calibrated; `contradicted` modules whose calibration
-    and data sheet differ beyond chance.
+    the data sheet. Values lie between `lowest` and `highest`; those that are above zero by their
+    meaning are `positive`; all three have shape (parameters,). `contradicted` are modules whose
+    calibration and data sheet differ beyond chance.
     """
 
     ids: tuple[str, ...]
     units: tuple[str, ...]
     factors: Array
     values: Array
+    positive: np.ndarray
+    lowest: Array
+    highest: Array
     covariance: Array
     constants: Mapping[str, float]
     sheet: Mapping[str, tuple[float, float]]

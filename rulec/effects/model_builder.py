@@ -252,11 +252,14 @@ def _base_parameters(models: Compilation) -> BaseParameters:
     plant = models.plant
     constants: dict[str, float] = {}
     moved: dict[str, Parameter] = {}
+    sheet: dict[str, tuple[float, float]] = {}
     for module in plant.modules.values():
         joint = {name for block in module.blocks for name in block.parameters}
         for name, parameter in module.parameters.items():
             if parameter.u or name in joint:
+                stated = module.stated.get(name, parameter)
                 moved[parameter_id(module, name)] = parameter
+                sheet[parameter_id(module, name)] = stated.value, stated.u
             else:
                 constants[parameter_id(module, name)] = parameter.value
     place = {name: i for i, name in enumerate(moved)}
@@ -271,17 +274,14 @@ def _base_parameters(models: Compilation) -> BaseParameters:
         units=tuple(p.unit.text for p in moved.values()),
         factors=np.array([p.unit.factor for p in moved.values()]),
         values=np.array([p.value for p in moved.values()]),
+        positive=np.array([p.positive for p in moved.values()], dtype=bool),
+        lowest=np.array([p.lowest for p in moved.values()]),
+        highest=np.array([p.highest for p in moved.values()]),
         covariance=covariance,
         constants=constants,
-        sheet={n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
+        sheet=sheet,
         contradicted=frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
     )
-
-
-def _sheet(module: Module) -> dict[str, tuple[float, float]]:
-    """What the data sheet says of parameters that were calibrated."""
-    stated = [module.stated[name] for block in module.blocks for name in block.parameters]
-    return {parameter_id(module, p.name): (p.value, p.u) for p in stated if p.u > 0.0}
 
 
 def _contradicts(module: Module) -> bool:

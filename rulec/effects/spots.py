@@ -13,7 +13,7 @@ from rulec.effects.places import Site, Survey
 from rulec.knowledge.module_type import OUTFLOW, ModuleType
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
-from rulec.limits import COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
+from rulec.limits import ASSUMED_ACCURACY, COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
 from rulec.passes.lower import Lowering, lower_module
 
 _RATE = Dimension.of({"s": -1})
@@ -43,6 +43,9 @@ def _at(
 ) -> Spot:
     kind, name = place
     id_ = f"{kind}:{module.name}.{name}"
+    law = (f"{kind}s", name)
+    stated = module.type.laws().get(law)
+    assumed = ASSUMED_ACCURACY if law in module.type.laws() else 0.0
     return Spot(
         id=id_,
         kind=kind,
@@ -53,6 +56,7 @@ def _at(
         factor=factor,
         observers=observers,
         unknown=f"{id_}.error",
+        accuracy=stated.share if stated else assumed,
     )
 
 

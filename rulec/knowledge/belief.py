@@ -21,12 +21,18 @@ from scipy.special import gammaln
 
 from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED
 
-_PEAK = float(
-    gammaln((BELIEF_FREEDOM + 1) / 2)
-    - gammaln(BELIEF_FREEDOM / 2)
-    - 0.5 * np.log(0.5 * BELIEF_FREEDOM)
-)
-"""Log density at the centre of a Student distribution, less that of a normal one of its scale."""
+
+def peak_of(freedom: Array) -> Array:
+    """Log density at the centre of Student distributions, less that of normal ones of their scale.
+
+    >>> peak_of(np.array([3.0])).round(3)
+    array([-0.082])
+    """
+    known = gammaln((freedom + 1) / 2) - gammaln(freedom / 2)
+    return np.asarray(known - 0.5 * np.log(0.5 * freedom))
+
+
+_PEAK = peak_of(np.asarray(BELIEF_FREEDOM))
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ class _Stated:
         size, parts, ways = self._ways
         far = parts * (ways.T @ (size * (at - self.mean))) ** 2
         tails = 0.5 * (BELIEF_FREEDOM + 1.0) * float(np.sum(np.log1p(far / BELIEF_FREEDOM)))
-        peak = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts))) + _PEAK * len(parts)
+        peak = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts))) + float(_PEAK) * len(parts)
         weight = parts * (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
         return peak - tails + self.odds, (ways * weight) @ ways.T * np.outer(size, size)
 
@@ -202,12 +208,13 @@ def _together(correlation: Array) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class Strain:
-    """A parameter that lies far from its data sheet, SI; `distance` in standard uncertainties."""
+    """A parameter that lies far from its data sheet, in `unit`."""
 
     parameter: str
     value: float
     stated: float
     u: float
+    unit: str = ""
 
     @property
     def distance(self) -> float:
@@ -216,14 +223,24 @@ class Strain:
 
 
 def strain_of(
-    values: Mapping[str, float], sheet: Mapping[str, tuple[float, float]]
+    values: Mapping[str, float],
+    sheet: Mapping[str, tuple[float, float]],
+    units: Mapping[str, tuple[str, float]],
 ) -> tuple[Strain, ...]:
     """Parameters far from their sheet, value and standard uncertainty, the farthest first.
 
-    >>> far = strain_of({"V.Kv": 6.8, "V.k": 1.0}, {"V.Kv": (33.0, 6.0), "V.k": (1.1, 0.1)})
+    `values` and `sheet` are in SI; `units` have the unit in which each is told, and its factor.
+
+    >>> sheet, unit = {"V.Kv": (33.0, 6.0), "V.k": (1.1, 0.1)}, ("m3/h", 1.0)
+    >>> far = strain_of({"V.Kv": 6.8, "V.k": 1.0}, sheet, {"V.Kv": unit, "V.k": unit})
     >>> [(strain.parameter, round(strain.distance, 1)) for strain in far]
     [('V.Kv', 4.4)]
     """
-    known = [Strain(n, values[n], *pair) for n, pair in sheet.items() if n in values and pair[1]]
-    far = [strain for strain in known if strain.distance > STRAINED]
+    found = []
+    for name, (stated, u) in sheet.items():
+        unit, factor = units[name]
+        if u > 0.0 and name in values:
+            value = values[name] / factor
+            found.append(Strain(name, value, stated / factor, u / factor, unit))
+    far = [strain for strain in found if strain.distance > STRAINED]
     return tuple(sorted(far, key=lambda strain: -strain.distance))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.check_states import StateReader
+from rulec.knowledge.check_value import check_value
 from rulec.knowledge.degree_unit import adds, has_no_zero, scales_from_zero
 from rulec.knowledge.knowledge import FaultType, SensorClass
 from rulec.knowledge.module_type import (
     ENDS,
+    Accuracy,
     Definition,
     FaultUse,
     Frequency,
@@ -47,7 +50,9 @@ class ModuleReader(Reader):
         provides = self._provides(signals)
         before = len(self.found)
         definitions = {
-            n: Definition(n, self.expression("definitions", n, "is"), d.get("title", n))
+            n: Definition(
+                n, self.expression("definitions", n, "is"), d.get("title", n), _accuracy(d)
+            )
             for n, d in data.get("definitions", {}).items()
         }
         of_states = StateReader(self.document, self.units, self.found)
@@ -123,7 +128,11 @@ class ModuleReader(Reader):
     def _parameter(self, name: str, part: Mapping[str, Any]) -> Parameter:
         path = ("parameters", name)
         unit = self.unit(*path, "unit")
-        return Parameter(
+        low, high = 0.0 if part.get("sign") != "any" else -math.inf, math.inf
+        if "range" in part:
+            self.check_range(*part["range"], *path, "range")
+            low, high = (unit.to_si(end) for end in part["range"])
+        parameter = Parameter(
             name=name,
             value=unit.to_si(part["value"]),
             u=part["u"] * unit.factor,
@@ -131,7 +140,11 @@ class ModuleReader(Reader):
             fit=part.get("fit", True),
             title=part.get("title", name),
             origin=self.origin(*path, source=part["source"]),
+            lowest=low,
+            highest=high,
         )
+        check_value(self, path, parameter)
+        return parameter
 
     def _check_tables(self) -> None:
         """Refuse points in a unit with an offset: there a share of a value says nothing."""
@@ -202,7 +215,8 @@ class ModuleReader(Reader):
         path = ("observers", name)
         origin = self.origin(*path, source=part["source"])
         expression = self.expression(*path, "Q")
-        return Observer(name, part["component"], expression, part.get("reference", False), origin)
+        is_reference = part.get("reference", False)
+        return Observer(name, part["component"], expression, is_reference, origin, _accuracy(part))
 
     def _check_lengths(self, kind: ModuleType) -> None:
         """Refuse definitions that multiply, before anything is built of them."""
@@ -320,6 +334,14 @@ class ModuleReader(Reader):
             self.report_word(path, column, signal.name, "KB122", message, hint)
             return True
         return False
+
+
+def _accuracy(part: Mapping[str, Any]) -> Accuracy | None:
+    """How exact a part says it is; one without a source is assumed."""
+    if "accuracy" not in part:
+        return None
+    share, _, source = part["accuracy"].partition("%")
+    return Accuracy(float(share) / 100, source.lstrip(", ") or "[assumed]")
 
 
 def _si(unit: Unit, value: float | None) -> float | None:

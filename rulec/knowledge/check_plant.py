@@ -13,6 +13,7 @@ from zoneinfo import available_timezones
 import numpy as np
 
 from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.check_value import check_value
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType, Parameter
@@ -292,6 +293,7 @@ def _values(
             unit=unit,
             origin=reader.origin(*where, source=source or value["source"]),
         )
+        check_value(reader, where, result[key])
     return result
 
 

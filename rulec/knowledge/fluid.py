@@ -42,6 +42,7 @@ def _factor(fluid: Fluid, part: Property) -> Parameter:
         u=part.u,
         unit=Unit("1", 1.0, NONE),
         fit=False,
+        lowest=0.0,
         title=title,
         origin=part.origin,
         shared=True,

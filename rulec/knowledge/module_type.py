@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -42,7 +43,8 @@ class Signal:
 class Parameter:
     """A constant of a module type, value and standard uncertainty in SI.
 
-    `shared`: its error is the same in all modules that have it.
+    It lies between `lowest` and `highest`. `shared`: its error is the same in all modules that have
+    it.
     """
 
     name: str
@@ -53,26 +55,51 @@ class Parameter:
     title: str
     origin: Origin
     shared: bool = False
+    lowest: float = -math.inf
+    highest: float = math.inf
+
+    @property
+    def positive(self) -> bool:
+        """Is it above zero by its meaning?"""
+        return self.lowest >= 0.0 and self.value > 0.0
+
+    @property
+    def is_constant(self) -> bool:
+        """Is it known exactly, and nothing to be found by a fit?"""
+        return self.u == 0.0 and not self.fit
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How exact a law is: it keeps within this `share` of what it predicts in 19 of 20 places.
+
+    Errors of sensors come on top. Half of the share is the standard uncertainty of its form.
+    """
+
+    share: float
+    source: str
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A named part of an equation."""
+    """A named part of an equation; `accuracy` is None where none is stated."""
 
     name: str
     expression: Expression
     title: str
+    accuracy: Accuracy | None = None
 
 
 @dataclass(frozen=True)
 class Observer:
-    """A relation read as an estimate of the volume flow."""
+    """A relation read as an estimate of the volume flow; `accuracy` as of a definition."""
 
     name: str
     component: str
     expression: Expression
     is_reference: bool
     origin: Origin
+    accuracy: Accuracy | None = None
 
 
 _EQUATIONS = {"der": "rate", "start": "start", "low": "low", "high": "high", "after": "after"}
@@ -232,6 +259,38 @@ class ModuleType:
                 if name in self.definitions and name not in seen:
                     seen.add(name)
                     stack.append(self.definitions[name].expression)
+
+    def laws(self) -> dict[Path_, Accuracy | None]:
+        """Places where the author chose a form, such as ``("definitions", "Q_law")``.
+
+        A place is a law if it states an accuracy, or if an uncertain parameter stands in it. What a
+        law stands on is a part of it, unless it states an accuracy; an observer that stands on such
+        a part is none. A bare name, a meter, a sum of readings and a balance are no laws.
+        """
+        found: dict[Path_, Accuracy | None] = {}
+        uncertain = {p.name for p in self.parameters.values() if not p.is_constant}
+
+        def visit(path: Path_, part: Definition | Observer, inside: bool = False) -> None:
+            names = {name for name, _ in part.expression.names()}
+            below = self.names_through(part.expression) & self.definitions.keys()
+            states = any(self.definitions[name].accuracy for name in below)
+            own = bool(names & uncertain) and not (states and isinstance(part, Observer))
+            if part.accuracy or (own and not inside):
+                found[path] = part.accuracy
+            descend(names, inside or path in found)
+
+        def descend(names: Iterable[str], inside: bool = False) -> None:
+            for name in names:
+                if name in self.definitions:
+                    visit(("definitions", name), self.definitions[name], inside)
+
+        for observer in self.observers.values():
+            visit(("observers", observer.name), observer)
+        descend(ENDS)
+        for path, expression in self.equations_at():
+            if path[0] in ("states", "readings"):
+                descend(name for name, _ in expression.names())
+        return found
 
     def names_through(self, expression: Expression) -> set[str]:
         """Names in an equation and in all definitions that it stands on."""

@@ -45,8 +45,9 @@ def with_tables(document: Document, found: list[Diagnostic]) -> Document:
         written = equations(name, table)
         own: list[Path_] = [("definitions", part) for part in written]
         for part, text in written.items():
-            title = _title(table) if part == name else {"title": f"a part of the curve {name}"}
-            groups["definitions"][part] = {"is": text, **title}
+            own_keys = {key: table[key] for key in ("title", "accuracy") if key in table}
+            rest = own_keys if part == name else {"title": f"a part of the curve {name}"}
+            groups["definitions"][part] = {"is": text, **rest}
             places["definitions", part, "is"] = document.place(GROUP, name, "over")
         for ending, entry in (
             (SIZE, {"unit": table["unit"], "u": table["u"], "title": f"size of the curve {name}"}),
@@ -122,10 +123,6 @@ def _check(
             message = f"{following:g} stands behind {x:g}: the points of a table go up"
             place = document.place(GROUP, name, "points", i)
             found.append(Diagnostic(place, "KB123", message, "sort them, and give each once"))
-
-
-def _title(table: Mapping[str, Any]) -> dict[str, str]:
-    return {"title": table["title"]} if "title" in table else {}
 
 
 def _number(value: float) -> str:

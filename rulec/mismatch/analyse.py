@@ -11,11 +11,13 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch import steady
+from rulec.knowledge.belief import strain_of
+from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Blind, Explained
 from rulec.mismatch.answer.public import checks_of, refusal
 from rulec.mismatch.answer.tell import findings_of, location_of, untested
 from rulec.mismatch.answer.verdict import (
+    Doubt,
     headline_of,
     next_step,
     remainder_of,
@@ -27,7 +29,7 @@ from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.result import Curves, Finding, Mismatch, Series
+from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
 from rulec.mismatch.structure import told as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
@@ -82,9 +84,10 @@ def analyse(
         *(failed_at(f) for f in found.failing),
         *found.places,
     )
-    verdict = verdict_of(findings, bool(found.places))
     plain, repair = refits.repairs
     plants, fits, samples = shown.plants, shown.fits, model.samples
+    doubt = _doubt(found, fits, repair)
+    verdict = verdict_of(findings, bool(found.places), doubt)
     spans = heldout_spans(samples.time, ~samples.open)
     checks = checks_of(plants, recording, spans) if plants else ()
     refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
@@ -93,7 +96,8 @@ def analyse(
     standing = found.standing
     answer = with_misread(
         verdict,
-        headline_of(verdict, findings, locations, fits, standing) + remainder_of(verdict, fits),
+        headline_of(verdict, findings, locations, doubt, fits, standing)
+        + remainder_of(verdict, fits),
         next_step(
             verdict, findings, found.hidden, model.builder.missing, refused, locations, standing
         ),
@@ -132,7 +136,23 @@ def analyse(
         standing=found.standing,
         recordings=found.recordings,
         changed=found.changed,
+        strain=doubt.strain,
     )
+
+
+def _doubt(found: Explained[Any], fits: Sequence[Fit], repair: Repair) -> Doubt:
+    """What speaks against a tick, by the plant that would be written."""
+    known = found.model.builder.parameters
+    units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
+    strain = strain_of({p.id: p.value for p in repair.parameters}, known.sheet, units)
+    signals, beyond = found.model.ruleset.signal_by_id, []
+    for fit in fits:
+        error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor
+        noise = limits.FAR_OFF * fit.heldout.noise * signals[fit.signal].factor
+        if error > np.hypot(noise, found.allowed(fit.signal)):
+            size = float(np.sqrt(np.nanmean(found.recording.values[fit.signal] ** 2)))
+            beyond.append((fit, error / size))
+    return Doubt(found.nothing, tuple(beyond), strain)
 
 
 def _evidence(

@@ -10,6 +10,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
+from rulec.knowledge.belief import Strain
 from rulec.mismatch.standing import Standing
 
 __all__ = ["Changed", "Repair"]
@@ -98,12 +99,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another explanation that fits about as well."""
+    """Another explanation that fits about as well; one that is the `same` shows as the first."""
 
     id: str
     name: str
     title: str
     probability: float
+    same: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,6 +173,13 @@ class Finding:
     periods: tuple[Period, ...]
     closed: float
     members: tuple[str, ...] = ()
+    shapeless: float = 0.0
+
+    @property
+    def class_probability(self) -> float:
+        """That it is this one or one of those that no recording of this kind tells from it."""
+        same = sum(a.probability for a in self.alternatives if a.same)
+        return self.probability + self.shapeless + same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,8 +384,9 @@ UNWRITTEN = Repair((), (), np.zeros((0, 0)), {}, {}, {})
 class Mismatch:
     """The whole answer.
 
-    `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
-    ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
+    `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous``, ``unsure``
+    or ``cannot judge``. `strain` are parameters far from their data sheets. `fits` has one for each
+    predicted signal, `fit` is the first. `split` says in
     words which blocks served for what, `digest` is its hash. `noise` says where the size of the
     noise comes from, `tried` how many explanations were tried. `repair` is the plant that `rulec
     adopt` writes, `plain` the recalibrated one, which can be written at any time. `left_out` are
@@ -421,3 +431,4 @@ class Mismatch:
     standing: tuple[Standing, ...] = ()
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
+    strain: tuple[Strain, ...] = ()

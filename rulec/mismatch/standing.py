@@ -22,8 +22,8 @@ class Standing:
 
     `names` are those of the search, `titles` the same in words; without any nothing is left out.
     The rest is where it was fitted, SI: ids of what is `joined`, `values` and `fixed` numbers by
-    id, `periods`, modules whose calibration was `released` or whose data sheet `trusted`, and per
-    term without a name its name and the share of its driver's range over which it is alike.
+    id, `periods`, and per term without a name its name and the share of its driver's range over
+    which it is alike.
     """
 
     names: tuple[str, ...]
@@ -33,6 +33,4 @@ class Standing:
     values: Mapping[str, float]
     fixed: Mapping[str, float]
     periods: tuple[Presence, ...]
-    released: tuple[str, ...]
-    trusted: tuple[str, ...]
     terms: tuple[tuple[str, float], ...]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -87,7 +87,7 @@ def explain(
 
 def _explained(recording: Recording, found: Search, by: ByRecording | None) -> Explanation:
     """What a search found, and what each of several recordings says."""
-    fitted, accepted = found.fitted, found.accepted
+    fitted, accepted, posterior = found.fitted, found.accepted, found.posterior
     system = fitted.rows.system
     of_rows = system.data.of_rows
     # Places that follow a driver that nobody recorded, the first that was found first.
@@ -105,9 +105,11 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         untimed="operating points" if of_rows else "files, each with a clock of its own,",
         fitted=fitted,
         latent=latent,
-        standing=standing_of(found.posterior),
+        standing=standing_of(posterior),
         recordings=of_recordings(recording, fitted.rows, by) if by else (),
         changed=updates_of(recording.sources, by) if by else (),
+        nothing=posterior.nothing,
+        within=posterior.models[posterior.told].allowed(posterior.geometry),
     )
 
 
@@ -160,11 +162,17 @@ class Models:
 class Explanation(Explained[Fitted]):
     """By errors in variables; `fitted` is the model with all that was accepted.
 
-    `latent` are courses of what nobody recorded.
+    `latent` are courses of what nobody recorded. `within` is the error of each output that sensors
+    within their class, and laws within their accuracy, explain, SI.
     """
 
     fitted: Fitted
     latent: tuple[Reconstruction, ...]
+    within: Mapping[str, float]
+
+    def allowed(self, signal: str) -> float:
+        """What sensors and laws explain; a reading that no output is has no such number."""
+        return self.within.get(signal, np.inf)
 
     @property
     def _system(self) -> System:
@@ -224,7 +232,7 @@ class Explanation(Explained[Fitted]):
         bare = setting
         for candidate in setting.joined:
             bare = bare.leaving(candidate.id)
-        plain = repaired = _refitted(settled, [bare.calibrated(), Configuration()], used)
+        plain = repaired = _refitted(settled, [bare, Configuration()], used)
         if setting.joined:
             moved = replace(setting, values={**setting.values, **plain.setting.values})
             repaired = _refitted(settled, [setting, moved], used)
@@ -284,7 +292,7 @@ class Explanation(Explained[Fitted]):
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Whose errors are told, calibrations that had to be let go; what faults took."""
+        """Whose errors are told; what faults took."""
         before, behind = [], []
         if why or (fits and not fits[0].simulated):
             why = why or "simulation takes it as given"
@@ -297,7 +305,7 @@ class Explanation(Explained[Fitted]):
             )
         if proofs and not proofs[0].fit.heldout.points:
             behind.append("no held-out point is free of faults: nothing is proved")
-        return (*before, *_moved(self.fitted)), tuple(behind)
+        return tuple(before), tuple(behind)
 
 
 def _switching(accepted: Sequence[Accepted], first: Reconstruction) -> str:
@@ -348,26 +356,6 @@ def _also(fitted: Fitted, spot: Spot) -> list[Spot]:
     found = {s.spot.id: s for s in suspects(fitted)}
     own = found.pop(spot.id, None)
     return [s.spot for s in found.values() if own is not None and alike(own, s)]
-
-
-def _moved(fitted: Fitted) -> Iterator[str]:
-    """A remark for each module whose calibration had to be let go, and by how much."""
-    known = fitted.rows.system.builder.parameters
-    u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
-    for module in sorted(fitted.setting.released):
-        own = [
-            (abs(fitted.setting.values[n] - known.values[i]) / u[i], n)
-            for i, n in enumerate(known.ids)
-            if n.partition(".")[0] == module and u[i] > 0 and n in fitted.setting.values
-        ]
-        far, name = max(own, default=(0.0, ""))
-        if module in fitted.setting.trusted:
-            yield (
-                f"the calibration of {module} contradicts its data sheet; with what was found the "
-                f"data sheet holds, and {name} moved by {far:.0f} of its calibrated uncertainties"
-            )
-        elif far > limits.FAR_MOVED:
-            yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 
 def models_of(repaired: Fitted) -> Models:

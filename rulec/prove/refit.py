@@ -35,8 +35,8 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.sets import (
+    Names,
     Posterior,
     explain,
     posterior,

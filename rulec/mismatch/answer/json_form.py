@@ -47,6 +47,7 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "fit": _fit(mismatch.fit) if mismatch.fit is not None else None,
         "fits": [_fit(fit) for fit in mismatch.fits],
         "confounded": [vars(pair) for pair in mismatch.confounded],
+        "strain": [{**vars(s), "distance": s.distance} for s in mismatch.strain],
         "hidden_driver": _hidden(mismatch.hidden, series) if mismatch.hidden else None,
         "untested": list(mismatch.untested),
         "next": mismatch.next,
@@ -141,8 +142,15 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "action": finding.action,
         "source": finding.source,
         "probability": finding.probability,
+        "class_probability": finding.class_probability,
         "alternatives": [
-            {"effect": a.name, "id": a.id, "title": a.title, "probability": a.probability}
+            {
+                "effect": a.name,
+                "id": a.id,
+                "title": a.title,
+                "probability": a.probability,
+                "same": a.same,
+            }
             for a in finding.alternatives
         ],
         "gain": finding.gain,

@@ -44,9 +44,11 @@ def _finding(model: Model, own: Accepted, share: float) -> Finding:
     }
     periods = model.periods(candidate, parameters)
     others = [
-        Alternative(c.id, c.name, titled(model.ruleset, c), odds * own.probability)
+        Alternative(
+            c.id, c.name, titled(model.ruleset, c), odds * own.probability, c.id in own.same
+        )
         for c, odds in own.others
-        if odds * own.probability > limits.REPORTED
+        if odds * own.probability > limits.REPORTED or c.id in own.same
     ]
     ids = tuple(c.id for c in model.joined if c.sort != HIDDEN)
     return Finding(
@@ -68,6 +70,7 @@ def _finding(model: Model, own: Accepted, share: float) -> Finding:
         periods=periods,
         closed=share,
         members=candidate.members,
+        shapeless=own.shapeless * own.probability,
     )
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rulec_runtime.report.text import percent
+from rulec_runtime.report.text import number, percent
 
 from rulec.effects.candidate import TIME, Missing
+from rulec.knowledge.belief import Strain
+from rulec.limits import UNBELIEVABLE
 from rulec.mismatch import limits as common
 from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.wording import onset, region_words
@@ -22,6 +24,8 @@ TO_RECORD = "Record settled operation with all readings that the observers need.
 NOT_YET = "Do not adopt this as it is"
 
 EXPERIMENT = "Plan a recording that tells them apart: `rulec experiment` reads what `--json` wrote."
+
+CHECK_SHEET = "Check the data sheets, and record other operating points."
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
@@ -55,16 +59,45 @@ class Told:
     next: str
 
 
-def verdict_of(findings: Sequence[Finding], left: bool) -> str:
+@dataclass(frozen=True)
+class Doubt:
+    """What speaks against a tick: `nothing` is the probability that nothing is left out, `beyond`
+    the readings that are off by more than noise, sensors and laws explain (by their share of what
+    is read), `strain` parameters that would have to lie far from their data sheets."""
+
+    nothing: float
+    beyond: tuple[tuple[Fit, float], ...]
+    strain: tuple[Strain, ...]
+
+    @property
+    def is_there(self) -> bool:
+        """Does anything speak against it?"""
+        return self.nothing < common.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
+
+    @property
+    def unbelievable(self) -> tuple[Strain, ...]:
+        """Parameters whose values nobody would believe."""
+        return tuple(s for s in self.strain if s.distance > UNBELIEVABLE)
+
+    @property
+    def missing(self) -> bool:
+        """Is it sure that something is missing, if not what?"""
+        sure = self.nothing < common.MENTIONED
+        return sure or bool(self.beyond) or bool(self.unbelievable)
+
+
+def verdict_of(findings: Sequence[Finding], left: bool, doubt: Doubt) -> str:
     """One of the verdicts of docs/repair-a-model.md; `left` tells that something has no name."""
     named = [f for f in findings if f.sort != "free"]
     if left and sum(f.closed for f in named) < limits.MAJOR:
         return "unnamed"
     if not named:
-        return "unnamed" if left or findings else "none"
+        if left or findings:
+            return "unnamed"
+        return "unsure" if doubt.is_there else "none"
     physics = [f for f in named if f.sort in OF_THE_MODEL]
     deciding = physics or named
-    if deciding[0].probability < common.CERTAIN:
+    if deciding[0].class_probability < common.CERTAIN:
         return "ambiguous"
     if physics:
         return "named"
@@ -75,6 +108,7 @@ def headline_of(
     verdict: str,
     findings: Sequence[Finding],
     locations: Sequence[Location],
+    doubt: Doubt,
     fits: Sequence[Fit] = (),
     standing: Sequence[Standing] = (),
 ) -> str:
@@ -82,7 +116,9 @@ def headline_of(
     told = [f for f in findings if f.sort != "free"]
     names = [_with_others(f) for f in told]
     if verdict == "none":
-        return _perhaps(standing) or _nothing(*_farthest(fits))
+        return _nothing(*_farthest(fits))
+    if verdict == "unsure":
+        return _unsure(doubt, standing)
     if verdict == "unnamed":
         named = {(f.module, f.place) for f in told}
         nameless = [at for at in locations if (at.module, at.place) not in named]
@@ -94,7 +130,7 @@ def headline_of(
             f"explains.{follows}"
         )
     pairs = list(zip(told, names, strict=True))
-    sure = [(f.sort, n) for f, n in pairs if f.probability >= common.CERTAIN]
+    sure = [(f.sort, n) for f, n in pairs if f.class_probability >= common.CERTAIN]
     if verdict == "ambiguous":
         beside = f" Sure beside that: {_joined([n for _, n in sure])}." if sure else ""
         return _open(*_deciding(pairs)) + beside
@@ -106,7 +142,7 @@ def headline_of(
     if verdict in ("fault", "sensor"):
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
-    doubtful = [n for f, n in pairs if f.probability < common.CERTAIN]
+    doubtful = [n for f, n in pairs if f.class_probability < common.CERTAIN]
     said += [f"Not sure: {_joined(doubtful)}"] if doubtful else []
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
 
@@ -134,8 +170,13 @@ def _with_others(finding: Finding) -> str:
     grown = next((p for p in finding.periods if p.growth), None)
     if grown is not None:
         name += f" that grows since {onset(grown)}"
-    others = [_inside(a.title) for a in finding.alternatives if a.probability >= common.MENTIONED]
-    return " or ".join([name, *others])
+    others = [
+        _inside(a.title)
+        for a in finding.alternatives
+        if a.same or a.probability >= common.MENTIONED
+    ]
+    shapeless = ["a curve like it"] if finding.shapeless >= common.MENTIONED else []
+    return " or ".join([name, *others, *shapeless])
 
 
 OF_THE_MODEL = ("physics", "ageing")
@@ -167,7 +208,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
 
     A name may be right and yet not be all: who adopts the repair must know.
     """
-    if verdict in ("none", "unnamed", "cannot judge"):
+    if verdict in ("none", "unnamed", "unsure", "cannot judge"):
         return ""
     most, signal = _farthest(fits)
     if most < common.FAR_OFF:
@@ -175,16 +216,33 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 
 
-def _perhaps(standing: Sequence[Standing]) -> str:
-    """What may be missing, and may as well not; empty where that is hardly so."""
+def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
+    """Something is missing, or may be, and this recording does not tell what."""
+    off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
+    strained = "; ".join(strain_words(s) for s in doubt.unbelievable)
+    if doubt.missing:
+        why = off or strained or f"{percent(doubt.nothing)} that nothing is"
+        said = f"Something is missing: {why}; what, this recording does not tell."
+    else:
+        said = (
+            f"It is not sure that anything is missing ({percent(doubt.nothing)} that nothing is)."
+        )
     likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
-    if not likely:
-        return ""
-    said = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
-    nothing = sum(s.probability for s in standing if not s.titles)
+    titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
+    return f"{said} What may be: {'; '.join(titles)}." if titles else said
+
+
+def strain_words(strain: Strain) -> str:
+    """A parameter against its sheet, in numbers as a person checks them.
+
+    >>> strain_words(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
+    'V.Kv would be 6.8 m3/h, sheet 33 ± 6: 4.4 u'
+    """
+    unit = "" if strain.unit == "1" else f" {strain.unit}"
+    value, stated, u = (number(n, 3) for n in (strain.value, strain.stated, strain.u))
     return (
-        f"It is not sure that anything is missing ({percent(nothing)} that nothing is). "
-        f"What may be: {'; '.join(said)}."
+        f"{strain.parameter} would be {value}{unit}, sheet {stated} ± {u}: "
+        f"{number(strain.distance, 2)} u"
     )
 
 
@@ -224,7 +282,9 @@ def next_step(
             f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
         )
     if verdict == "none":
-        return EXPERIMENT if _perhaps(standing) else "Nothing to do."
+        return "Nothing to do."
+    if verdict == "unsure":
+        return (EXPERIMENT if len(standing) > 1 else CHECK_SHEET) + f" {NOT_YET}."
     if verdict == "cannot judge":
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)

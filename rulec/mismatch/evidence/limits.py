@@ -100,18 +100,12 @@ Origin: numerical."""
 BATCHES = 40
 """Batches of time by whose means neighbours are found to be alike. Origin: assumed."""
 
-RELEASE = 30.0
-"""Factor on the stated uncertainty of the parameters of a module whose calibration is let go,
-where no data sheet says more. Origin: assumed."""
+FARTHEST = 15.0
+"""Logarithm of the factor by which a positive parameter is moved at most. Origin: numerical."""
 
 DRIFTED = 3.0
 """Factor on the class of a sensor that drifts: it was right at another time, or at another
 temperature than the usual one. Origin: assumed."""
-
-SHEET_HOLDS = 4.0
-"""Standard uncertainties that lie at most between a data sheet that holds and a value; by chance
-more do in one of 3000 modules of five values. Origin: distribution (normal, two-sided, 6e-5 per
-value)."""
 
 MISFIT_FAR = 5.0
 """Robust standard deviations beyond which a point is set aside, as in calibration. Origin:

@@ -44,7 +44,5 @@ def _one(data: dict[str, Any]) -> Standing:
             )
             for p in data["periods"]
         ),
-        released=tuple(str(name) for name in data["released"]),
-        trusted=tuple(str(name) for name in data["trusted"]),
         terms=tuple((str(name), float(length)) for name, length in data["terms"]),
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.result import Rival
@@ -17,7 +18,9 @@ class Accepted:
     """An explanation that the final model has: its own gain, and the odds of others instead.
 
     `unnamed` are the odds of what has no name, and of nothing. `curve` tells what it is over its
-    driver, where it has no name.
+    driver, where it has no name. `same` are those of `others`, by id, that coincide with it: they
+    predict the very same; with the values at which they do, SI by id. `shapeless` are the odds of
+    curves without a name that hold it as a special case, so that it may be one of them.
     """
 
     candidate: Candidate
@@ -25,9 +28,12 @@ class Accepted:
     others: Odds
     rivals: tuple[Rival, ...]
     unnamed: float = 0.0
+    shapeless: float = 0.0
     curve: CurveFound | None = None
+    same: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def probability(self) -> float:
         """Against all others that would do, and against what has no name, or nothing."""
-        return 1.0 / (1.0 + self.unnamed + sum(odds for _, odds in self.others))
+        others = sum(odds for _, odds in self.others)
+        return 1.0 / (1.0 + self.unnamed + self.shapeless + others)

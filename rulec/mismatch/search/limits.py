@@ -208,23 +208,8 @@ STUDENT = 4.0
 """Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
 Taylor 1989, as is usual)."""
 
-FORM_SHARES = (1e-5, 0.001, 0.002, 0.004, 0.008, 0.015, 0.03)
-"""Errors of form that are tried, as share of an output's usual size. Origin: numerical."""
-
-USUAL_FORM = 0.01
-"""Usual error of form of a law, as that share: formulas of pumps and lines hold to about 1 %.
-Origin: assumed."""
-
-FORM_KNOWN = 3.0
-"""Factor to which that is known before. Origin: assumed."""
-
-FORM_LAWS = 2.0
-"""Factor to which it is known before how much more or less than the others one law is off. Origin:
-assumed."""
-
-FORM_MOST = 0.05
-"""Share of an output's usual size by which a law is off at most: one that is off by 2 % seems, from
-few operating states, to be off by up to twice that. Where it is more, something is missing. Origin:
+FORM_KNOWN = 2.0
+"""Factor within which the error of form of a law is as large as its accuracy says. Origin:
 assumed."""
 
 SIZES_STEPS = 6
@@ -249,10 +234,6 @@ USUAL_MOVING = 0.2
 
 MOVING_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
-
-LARGE_FORM = 0.02
-"""An error of form that is large already: what does not show then is not carried along. Origin:
-assumed."""
 
 FORM_NOT_SEEN = 0.3
 """Standard deviations of the noise below which an error of form is not carried along. Origin:
@@ -333,11 +314,12 @@ HARDLY_SHOWN = 0.01
 """Share of the usual weight of a point below which it tells nothing of branches: an error there
 shows ten times less. Origin: assumed."""
 
+MISSING_ODDS = -1.6
+"""Log odds of each explanation, whichever it is, against none: of six plants compared with their
+model one lacks something. Origin: assumed."""
+
 SORT_ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0}
 """Log odds of each sort of explanation before the recording. Origin: assumed."""
-
-LET_GO_ODDS = -2.0
-"""Log odds of a calibration that no longer holds. Origin: assumed."""
 
 ONSETS = 23
 """Times at which a fault may begin that are tried at first. Origin: numerical."""
@@ -395,19 +377,6 @@ Origin: numerical."""
 
 ONSET_POINTS = 9
 """Points at which the onset of a fault is looked for in the end. Origin: numerical."""
-
-RESAMPLES = 60
-"""Draws of weights of a recording's parts, over which probabilities of sets are means. Origin:
-numerical."""
-
-RESAMPLED_STRETCHES = 8
-"""Stretches of time that are weighted. Origin: numerical."""
-
-RESAMPLED_NATS = 40.0
-"""Sets further behind the likeliest one lead in no draw, nats. Origin: numerical."""
-
-RESAMPLED_SETS = 60
-"""Sets that are weighed in each draw. Origin: numerical."""
 
 SETS_STANDING = 6
 """Sets of explanations that an experiment is planned for. Origin: numerical."""

@@ -20,8 +20,6 @@ def made_by_hand() -> Experiment:
         values={},
         fixed={},
         periods=(),
-        released=(),
-        trusted=(),
         terms=(),
     )
     seen = (

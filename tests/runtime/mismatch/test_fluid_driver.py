@@ -103,8 +103,6 @@ def standing(name: str, strength: str, value: float) -> Standing:
         values={f"{name}.{strength}": value},
         fixed=dict(references(system, candidate)),
         periods=(),
-        released=(),
-        trusted=(),
         terms=(),
     )
 

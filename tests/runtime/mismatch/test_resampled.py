@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rulec.mismatch.search.settled.resampled import Names, shares
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.resampled import Names, shares
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at

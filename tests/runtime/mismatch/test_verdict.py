@@ -149,8 +149,6 @@ def possible(probability: float, *titles: str) -> Standing:
         values={},
         fixed={},
         periods=(),
-        released=(),
-        trusted=(),
         terms=(),
     )
 

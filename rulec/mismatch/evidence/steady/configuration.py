@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -136,17 +136,15 @@ class Configuration:
     """What is joined and the values of what is free; numbers in SI.
 
     `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
-    `fixed` references of joined candidates. `released` are modules whose parameters may leave what
-    their calibration states: it was made with a law that left something out. Of these, `trusted`
-    are held by a data sheet that the calibration contradicts.
+    `fixed` references of joined candidates. `shapes` are mean and standard deviation of unknowns
+    that shape a term, as far as they are known before.
     """
 
     joined: tuple[Candidate, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     courses: tuple[Course, ...] = ()
-    released: frozenset[str] = frozenset()
-    trusted: frozenset[str] = frozenset()
+    shapes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -197,27 +195,6 @@ class Configuration:
             fixed={**self.fixed, **fixed},
             courses=self.courses if course is None else (*self.courses, course),
         )
-
-    def letting_go(self, modules: Iterable[str], trusted: Iterable[str] = ()) -> Configuration:
-        """With the calibrations of modules let go, and the data sheets of some of them trusted."""
-        released = self.released.union(modules, trusted)
-        return replace(self, released=released, trusted=self.trusted.union(trusted))
-
-    def wider(
-        self, modules: Iterable[str], contradicted: frozenset[str]
-    ) -> tuple[Configuration, ...]:
-        """The ways to let the calibrations of modules go that are new."""
-        own = frozenset(modules)
-        found = []
-        if not own <= self.released:
-            found.append(self.letting_go(own))
-        if not own & contradicted <= self.trusted:
-            found.append(self.letting_go(own, own & contradicted))
-        return tuple(found)
-
-    def calibrated(self) -> Configuration:
-        """With all calibrations as they are stated."""
-        return replace(self, released=frozenset(), trusted=frozenset())
 
     def leaving(self, candidate: str) -> Configuration:
         """Without one of the candidates."""

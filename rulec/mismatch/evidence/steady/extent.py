@@ -19,13 +19,6 @@ def zero_is_arbitrary(system: System, signal: str) -> bool:
     return has_no_zero(plant.modules[module].type.signals[name], plant.knowledge.units)
 
 
-def usual_size(system: System, signal: str) -> float:
-    """Root mean square of the readings that may be seen, SI, from a zero that means something."""
-    values = system.data.values[signal][system.data.open]
-    middle = np.nanmean(values) if zero_is_arbitrary(system, signal) else 0.0
-    return float(np.sqrt(np.nanmean((values - middle) ** 2)))
-
-
 def span(system: System, signal: str) -> float:
     """What a sensor can show, SI, or where nobody says it, what it showed."""
     low, high = system.ruleset.signal_by_id[signal].ends

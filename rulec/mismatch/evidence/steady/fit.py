@@ -10,13 +10,13 @@ Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.knowledge.belief import Belief, Coordinates, Held, peak_of
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import (
@@ -30,77 +30,93 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Normal prior of the free values: means and precision, shape (values,), (values, values).
+    """What is known of the free values before the recording; arrays have shape (values,).
 
-    `lowest`, `highest` bound them; `size` is the scale on which a value moves.
+    Values are fitted in `coordinates`, the logarithms of positive parameters. The first of them are
+    parameters of the plant, of which `belief` tells; the others have a `mean` and a precision
+    (`known`, 1/u^2; 0: nothing is known), and are Student distributed where `freedom` is finite.
+    `lowest`, `highest` bound them; `size` is the scale on which a value moves. `odds` make up for
+    what bounds cut off.
     """
 
     names: tuple[str, ...]
+    coordinates: Coordinates
+    belief: Belief
     mean: Array
-    precision: Array
+    known: Array
+    freedom: Array
     lowest: Array
     highest: Array
     size: Array
+    odds: float = 0.0
+
+    def of(self, values: Mapping[str, float]) -> Array:
+        """Coordinates of values by their names, SI; where there is none, that of the mean."""
+        means = self.coordinates.values(self.mean)
+        own = np.array([values.get(n, m) for n, m in zip(self.names, means, strict=True)])
+        return self.coordinates.of(own)
+
+    def values(self, at: Array) -> dict[str, float]:
+        """Values at coordinates, SI."""
+        return dict(zip(self.names, self.coordinates.values(at).tolist(), strict=True))
+
+    def near(self, at: Array) -> Held:
+        """What is known near some coordinates."""
+        k = len(self.belief.names)
+        plant = self.belief.near(at[:k])
+        mean, precision = self.mean.copy(), np.diag(self.known + 1e-12 / self.size**2)
+        mean[:k] = plant.mean
+        precision[:k, :k] += plant.precision
+        stated = np.flatnonzero(self.known)
+        known, freedom = self.known[stated], self.freedom[stated]
+        square = known * (at - mean)[stated] ** 2
+        wide = np.isfinite(freedom)
+        tails = np.where(wide, peak_of(np.where(wide, freedom, 1.0)), 0.0) - 0.5 * square
+        free = freedom[wide]
+        tails[wide] += 0.5 * square[wide] - 0.5 * (free + 1.0) * np.log1p(square[wide] / free)
+        at_wide = stated[wide]
+        precision[at_wide, at_wide] *= (free + 1.0) / (free + square[wide])
+        density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(known)))
+        return Held(density, mean, precision)
 
 
-def prior_of(
-    system: System, setting: Configuration, anchors: Mapping[str, tuple[float, float]] | None = None
-) -> Prior:
-    """What is known of the free values before the recording.
-
-    `anchors` are means and standard deviations of unknowns that are held loosely.
-    """
-    parameters = system.builder.parameters
-    u = np.sqrt(np.diag(parameters.covariance)) if len(parameters.ids) else np.zeros(0)
-    modules = set(system.modules)
-    base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
-    names = [parameters.ids[i] for i in base]
-    freed = [n.partition(".")[0] in setting.released for n in names]
-    doubtful = parameters.contradicted - setting.trusted
-    values = parameters.values.copy()
-    for at, name, free in zip(base, names, freed, strict=True):
-        module = name.partition(".")[0]
-        if free and name in parameters.sheet and module not in doubtful:
-            values[at], stated_u = parameters.sheet[name]
-            # A calibration that strained its sheet widened it; one that broke with it says nothing.
-            u[at] = stated_u if module in setting.trusted else max(stated_u, u[at])
-        elif free:
-            u[at] = limits.RELEASE * u[at]
+def prior_of(system: System, setting: Configuration) -> Prior:
+    """What is known of the free values before the recording."""
+    belief = system.belief
     errors = list(system.errors)
     unknowns = setting.free_unknowns()
-    size = len(names) + len(errors) + len(unknowns)
-    mean, scale = np.zeros(size), np.ones(size)
-    precision = np.zeros((size, size))
-    k = len(names)
-    mean[:k], scale[:k] = values[base], u[base]
+    k = len(belief.names)
+    size = k + len(errors) + len(unknowns)
+    mean, known, scale = np.zeros(size), np.zeros(size), np.ones(size)
+    lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     if k:
-        stated = parameters.covariance[np.ix_(base, base)]
-        size_ = np.sqrt(np.diag(stated))
-        # What a calibration says of two parameters together holds as little as what it says of one.
-        correlation = np.where(
-            np.logical_or.outer(freed, freed), np.eye(k), stated / np.outer(size_, size_)
-        )
-        inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
-        precision[:k, :k] = inverse / np.outer(u[base], u[base])
+        mean[:k] = belief.mean
+        scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
+        lowest[:k], highest[:k] = mean[:k] - limits.FARTHEST, mean[:k] + limits.FARTHEST
+        lowest[:k] = np.where(belief.coordinates.positive, lowest[:k], -np.inf)
+        highest[:k] = np.where(belief.coordinates.positive, highest[:k], np.inf)
     adrift = _adrift(setting)
     several = bool(system.data.sources)
     for i, name in enumerate(errors, start=k):
         own = reading_and_recording(name)[1] is not None
         share = common.OWN_ERROR if own else 1.0 - common.OWN_ERROR if several else 1.0
-        precision[i, i] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
-    lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
+        known[i] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
     bounds = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):
         lowest[i], highest[i] = bounds[name]
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
-        if anchors and name in anchors:
-            mean[i], spread_ = anchors[name]
-            precision[i, i] = spread_**-2 if spread_ > 0 else 0.0
+        if name in setting.shapes:
+            mean[i], width = setting.shapes[name]
+            known[i] = width**-2
+    rest = np.zeros(size - k, dtype=bool)
     return Prior(
-        names=(*names, *errors, *unknowns),
+        names=(*belief.names, *errors, *unknowns),
+        coordinates=Coordinates(np.concatenate([belief.coordinates.positive, rest])),
+        belief=belief,
         mean=mean,
-        precision=precision,
+        known=known,
+        freedom=np.full(size, np.inf),
         lowest=lowest,
         highest=highest,
         size=scale,
@@ -145,7 +161,7 @@ class Fitted:
 
     @property
     def jacobian(self) -> Array:
-        """Slopes of the residuals by the values, shape (rows, values)."""
+        """Slopes of the residuals by the coordinates of the values, shape (rows, values)."""
         return self._slopes[1]
 
     @cached_property
@@ -162,15 +178,24 @@ class Fitted:
             row[:] = columns[stem]
             if number:
                 row *= courses[stem].share(int(number))[rows.point]
-        return maps, table.T
+        return maps, table.T * self.prior.coordinates.slopes(self.at)
+
+    @cached_property
+    def at(self) -> Array:
+        """The coordinates of the values, shape (values,)."""
+        return self.prior.of(self.setting.values)
+
+    @cached_property
+    def known(self) -> Held:
+        """What was known before, as it counts here."""
+        return self.prior.near(self.at)
 
     @cached_property
     def normal(self) -> Array:
-        """The normal matrix of the values with their prior, shape (values, values)."""
+        """The normal matrix of the coordinates with their prior, shape (values, values)."""
         weights = self.weights
         half = self.jacobian * np.sqrt(weights)[:, None]
-        normal: Array = half.T @ half + self.prior.precision
-        normal[np.diag_indices(len(normal))] += 1e-12 / self.prior.size**2
+        normal: Array = half.T @ half + self.known.precision
         return normal
 
     @cached_property
@@ -183,51 +208,25 @@ class Fitted:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the values, shape (values, values)."""
+        """Covariance of the values, SI, shape (values, values)."""
         size = np.sqrt(np.diag(self.normal))
         inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
+        size /= self.prior.coordinates.slopes(self.at)
         covariance: Array = inverse / np.outer(size, size)
         return covariance
 
-    @cached_property
-    def negative_log_prior(self) -> float:
-        """How much what was known before is strained, in log likelihood.
-
-        Parameters are stated wrongly now and then: their tails are those of a Student distribution,
-        so that one far off counts no more than a few. The class of a sensor is a promise, which one
-        that is known to err has broken: how far it is off at the usual temperature, say, is open.
-        """
-        prior = self.prior
-        at = np.array([self.setting.values[name] for name in prior.names])
-        size = np.sqrt(np.maximum(np.diag(prior.precision), 0.0))
-        off = size * (at - prior.mean)
-        of_sensors = np.array([name.startswith(ERROR) for name in prior.names], dtype=bool)
-        stated = np.flatnonzero((size > 0) & ~of_sensors)
-        between = prior.precision[np.ix_(stated, stated)] / np.outer(size[stated], size[stated])
-        parts, ways = np.linalg.eigh(between)
-        far = np.sqrt(np.maximum(parts, 0.0)) * (ways.T @ off[stated])
-        tails = 0.5 * (limits.FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / limits.FREEDOM)))
-        broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
-        keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
-        return tails + 0.5 * float(np.sum(off[keeps] ** 2)) + self.contradiction
-
-    @cached_property
-    def contradiction(self) -> float:
-        """Negative log prior of data sheets that calibrations contradict, if not trusted."""
-        parameters = self.rows.system.builder.parameters
-        far = self._off_sheet(parameters.contradicted - self.setting.trusted)
-        return 0.5 * (limits.FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / limits.FREEDOM)))
-
     @property
-    def keeps_trust(self) -> bool:
-        """Do the data sheets hold that are trusted? Only that excuses what a calibration says."""
-        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= limits.SHEET_HOLDS))
+    def negative_log_prior(self) -> float:
+        """How much what was known before is strained, in log likelihood, less than by its best.
 
-    def _off_sheet(self, modules: AbstractSet[str]) -> Array:
-        """How far values are off the data sheets of modules, in uncertainties of these."""
-        sheet = self.rows.system.builder.parameters.sheet
-        known = [n for n in self.prior.names if n.partition(".")[0] in modules and n in sheet]
-        return np.array([(self.setting.values[n] - sheet[n][0]) / sheet[n][1] for n in known])
+        The class of a sensor is a promise, which one that is known to err has broken: how far it is
+        off at the usual temperature, say, is open.
+        """
+        prior, at = self.prior, self.at.copy()
+        broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
+        excused = [i for i, name in enumerate(prior.names) if name in broken]
+        at[excused] = prior.mean[excused]
+        return prior.near(prior.mean).density - prior.near(at).density
 
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
@@ -242,7 +241,6 @@ def fit(
     steps: int = limits.FIT_STEPS,
     held: Mapping[str, float] | None = None,
     variance_inflation: float = 1.0,
-    anchors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fitted:
     """Find the most probable values given some points.
 
@@ -252,15 +250,12 @@ def fit(
     used : shape (n,), points to fit to.
     held : values that must stay where they are put.
     variance_inflation : divides the log likelihood against the priors.
-    anchors : means and standard deviations of unknowns that are held loosely.
     """
     system = rows.system
-    prior = prior_of(system, setting, anchors)
+    prior = prior_of(system, setting)
     held = held or {}
     free = np.array([name not in held for name in prior.names], dtype=bool)
-    at = np.array([setting.values.get(n, m) for n, m in zip(prior.names, prior.mean, strict=True)])
-    for i, name in enumerate(prior.names):
-        at[i] = held.get(name, at[i])
+    at = prior.of({**setting.values, **held})
     use = used[rows.point]
     current = _evaluated(rows, setting, prior, at, used, variance_inflation, None)
     damping, harder = 1e-3, 2.0
@@ -275,7 +270,7 @@ def fit(
                 break
             continue
         # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
-        foreseen = gain / max(_promised(current, prior, at, trial_at - at), 1e-300)
+        foreseen = gain / max(_promised(current, at, trial_at - at), 1e-300)
         easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / limits.EASIER)
         damping, harder = max(damping * easier, limits.SOFTEST), 2.0
         at, current = trial_at, trial
@@ -284,19 +279,19 @@ def fit(
     return current
 
 
-def _promised(now: Fitted, prior: Prior, at: Array, step: Array) -> float:
+def _promised(now: Fitted, at: Array, step: Array) -> float:
     """By how much the objective would fall if slopes stayed as they are."""
-    slope = _gradient(now, prior, at)
+    slope = _gradient(now, at)
     return -float(slope @ step + 0.5 * step @ now.normal @ step)
 
 
-def _gradient(now: Fitted, prior: Prior, at: Array) -> Array:
+def _gradient(now: Fitted, at: Array) -> Array:
     slope: Array = now.jacobian.T @ (now.weights * now.residual)
-    return slope + prior.precision @ (at - prior.mean)
+    return slope + now.known.precision @ (at - now.known.mean)
 
 
 def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float) -> Array:
-    gradient = _gradient(now, prior, at)
+    gradient = _gradient(now, at)
     # A value at its bound does not move further out.
     stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
     moving = np.flatnonzero(free & ~stopped)
@@ -318,20 +313,15 @@ def _evaluated(
     variance_inflation: float,
     scale: float | None,
 ) -> Fitted:
-    """Residuals, scale and objective at some values."""
-    placed = replace(
-        setting, values={**setting.values, **dict(zip(prior.names, at.tolist(), strict=True))}
-    )
+    """Residuals, scale and objective at some coordinates."""
+    placed = replace(setting, values={**setting.values, **prior.values(at)})
     errors, predicted = rows.errors(rows.system.flows(placed))
     residual = _sound(errors)
     use = used[rows.point]
     scale = _scale(rows, residual, use, scale)
     likelihood = _likelihood(rows, residual, scale)
-    off = at - prior.mean
-    objective = float(
-        0.5 * off @ prior.precision @ off
-        - likelihood[used[rows.group_point]].sum() / variance_inflation
-    )
+    said = float(likelihood[used[rows.group_point]].sum()) / variance_inflation
+    objective = -prior.near(at).density - said
     if not np.isfinite(errors[use]).any():
         objective = np.inf  # where a law has no value anywhere, nothing is wrong any more
     return Fitted(

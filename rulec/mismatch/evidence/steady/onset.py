@@ -36,11 +36,11 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
     table = np.column_stack([fitted.jacobian, slope])
     half = table * np.sqrt(fitted.weights)[:, None]
     normal = half.T @ half
-    normal[:-1, :-1] += fitted.prior.precision
-    normal[np.diag_indices(len(normal))] += 1e-12 / np.append(fitted.prior.size, length) ** 2
-    values = np.array([fitted.setting.values[n] for n in fitted.prior.names])
+    known = fitted.known
+    normal[:-1, :-1] += known.precision
+    normal[-1, -1] += 1e-12 / length**2
     gradient = table.T @ (fitted.weights * fitted.residual)
-    gradient[:-1] += fitted.prior.precision @ (values - fitted.prior.mean)
+    gradient[:-1] += known.precision @ (fitted.at - known.mean)
     size = np.sqrt(np.diag(normal))
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size)
     both = inverse[np.ix_([at, -1], [at, -1])]

@@ -19,7 +19,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import MEDIAN, TIME, Candidate, Unknown
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import Course
-from rulec.mismatch.evidence.steady.fit import Fitted, Prior, prior_of, student_weights
+from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.system import System
 
 
@@ -27,8 +27,7 @@ from rulec.mismatch.evidence.steady.system import System
 class InitialCandidate:
     """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
 
-    `along` are others that must be joined with it; `held` is the gain under a calibration that
-    holds.
+    `along` are others that must be joined with it.
     """
 
     candidate: Candidate
@@ -37,7 +36,6 @@ class InitialCandidate:
     gain: float
     course: Course | None = None
     along: tuple[InitialCandidate, ...] = ()
-    held: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,38 +98,36 @@ class ScoreTest:
         return amplitudes, -0.5 * self.count * np.log1p(-share)
 
 
-def score_tests_at(fitted: Fitted, prior: Prior | None = None) -> tuple[ScoreTest, ScoreTest]:
+def score_tests_at(fitted: Fitted) -> tuple[ScoreTest, ScoreTest]:
     """Two looks: by the weights of the robust fit, and with far points counting more.
 
-    The first sees what is small and everywhere, the second what is large and rare. `prior` stands
-    for that of the fit, such as one that lets a calibration go.
+    The first sees what is small and everywhere, the second what is large and rare.
     """
     rows, scale = fitted.rows, fitted.scale
     use = fitted.used[rows.point]
     size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
     huber = np.minimum(1.0, limits.HUBER * scale / np.maximum(size, 1e-300))
     robust = student_weights(rows, fitted.residual, scale)
-    known = prior or fitted.prior
-    return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
+    return _look(fitted, robust * use), _look(fitted, huber * use)
 
 
-def _look(fitted: Fitted, weights: Array, prior: Prior) -> ScoreTest:
-    jacobian, scale = fitted.jacobian, fitted.scale
+def _look(fitted: Fitted, weights: Array) -> ScoreTest:
+    jacobian, scale, known = fitted.jacobian, fitted.scale, fitted.known
     normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.variance_inflation)
-    normal = normal + prior.precision
+    normal = normal + known.precision
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))
     size = np.where(size > 0.0, size, 1.0)  # a value that nothing speaks of has no scale
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
     inverse = inverse / np.outer(size, size) / (scale**2 * fitted.variance_inflation)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.
-    at = np.array([fitted.setting.values[name] for name in fitted.prior.names])
+    at = fitted.at
     unit = scale**2 * fitted.variance_inflation
-    pull = unit * prior.precision @ (at - prior.mean)
+    pull = unit * known.precision @ (at - known.mean)
     part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
-    pull = pull - unit * prior.precision @ part
+    pull = pull - unit * known.precision @ part
     # What can fall is also the negative log prior.
-    strained = float(pull @ (at - part - prior.mean))
+    strained = float(pull @ (at - part - known.mean))
     total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
     count = int(np.sum(weights > 0))
     return ScoreTest(
@@ -146,33 +142,14 @@ def _look(fitted: Fitted, weights: Array, prior: Prior) -> ScoreTest:
 
 
 def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[InitialCandidate]:
-    """The best start of each candidate that could help, best first.
-
-    Physics is also looked at with the calibration of its module let go: one that was made on data
-    that contain the physics has made room for it.
-    """
+    """The best start of each candidate that could help, best first."""
     looks = score_tests_at(fitted)
-    eased: dict[tuple[str, ...], tuple[ScoreTest, ...]] = {}
-    trials = []
-    for candidate in candidates:
-        own: tuple[ScoreTest, ...] = ()
-        if candidate.sort in ("physics", "ageing"):
-            if candidate.modules not in eased:
-                eased[candidate.modules] = _eased(fitted, candidate.modules)
-            own = eased[candidate.modules]
-        trials += _best_of(fitted, looks, own, candidate)
+    trials = [trial for candidate in candidates for trial in _best_of(fitted, looks, candidate)]
     return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
 
 
-def _eased(fitted: Fitted, modules: Sequence[str]) -> tuple[ScoreTest, ...]:
-    """Looks with the calibrations of modules let go."""
-    system = fitted.rows.system
-    ways = fitted.setting.wider(modules, system.contradicted)
-    return tuple(look for way in ways for look in score_tests_at(fitted, prior_of(system, way)))
-
-
 def _best_of(
-    fitted: Fitted, looks: Sequence[ScoreTest], eased: Sequence[ScoreTest], candidate: Candidate
+    fitted: Fitted, looks: Sequence[ScoreTest], candidate: Candidate
 ) -> list[InitialCandidate]:
     system = fitted.rows.system
     if not has_drivers(system, candidate):
@@ -180,7 +157,6 @@ def _best_of(
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
     best: InitialCandidate | None = None
-    held = 0.0
     null = {u.id: u.null for u in amplitudes if u.null is not None}
     for shape, at in itertools.product(starts(system, candidate), _bends(amplitudes, null)):
         columns = columns_of(fitted, candidate, {**at, **shape}, fixed)
@@ -188,9 +164,8 @@ def _best_of(
             continue
         low = np.array([u.lowest - null[u.id] for u in amplitudes])
         high = np.array([u.highest - null[u.id] for u in amplitudes])
-        for look in (*looks, *eased):
+        for look in looks:
             found, gain = look.best(columns, low, high)
-            held = held if any(look is e for e in eased) else max(held, gain)
             if best is None or gain > best.gain:
                 values = {
                     u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
@@ -198,7 +173,7 @@ def _best_of(
                 best = InitialCandidate(
                     candidate=candidate, values={**values, **shape}, fixed=fixed, gain=gain
                 )
-    return [replace(best, held=held)] if best is not None and best.gain > 0 else []
+    return [best] if best is not None and best.gain > 0 else []
 
 
 def _bends(

@@ -155,4 +155,4 @@ def plain_of(setting: Configuration) -> Configuration:
     for candidate in setting.joined:
         if not setting.in_periods & {u.id for u in candidate.unknowns}:
             setting = setting.leaving(candidate.id)
-    return setting.calibrated()
+    return setting

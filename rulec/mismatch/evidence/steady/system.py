@@ -12,8 +12,9 @@ from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.effects.candidate import TIME, Candidate
+from rulec.effects.candidate import TIME, Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
+from rulec.knowledge.belief import Belief, belief_in
 from rulec.mismatch.evidence.steady.configuration import (
     CHANGE,
     ERROR,
@@ -85,10 +86,20 @@ class System:
             if np.isfinite(self.data.values.get(f"{m.name}.{s.name}", np.nan)).any()
         )
 
-    @property
-    def contradicted(self) -> frozenset[str]:
-        """Modules whose calibration and data sheet differ beyond chance."""
-        return self.builder.parameters.contradicted
+    @cached_property
+    def belief(self) -> Belief:
+        """What is known of the parameters of these modules that recalibration may move."""
+        known = self.builder.parameters
+        u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
+        inside = [name.partition(".")[0] in self.modules for name in known.ids]
+        at = np.flatnonzero((u > 0) & np.array(inside, dtype=bool))
+        return belief_in(
+            [known.ids[i] for i in at],
+            known.positive[at],
+            known.values[at],
+            known.covariance[np.ix_(at, at)],
+            known.sheet,
+        )
 
     @cached_property
     def number(self) -> Mapping[str, int]:
@@ -202,6 +213,14 @@ class System:
         """Places with an error that plans must have an input for; a parameter is one anyway."""
         places = {s.id for s in self.builder.spots} if setting.spots else set()
         return tuple(s for s in setting.spots if s in places)
+
+    def value_of(self, spot: Spot) -> Array:
+        """What the plain law at a place gives, shape (n,), in SI of the place."""
+        kind = "d:" if spot.kind == "definition" else f"q:{spot.module}."
+        plan = self.builder.plan(spot.module, (), definitions=True).select([kind + spot.place])
+        with np.errstate(all="ignore"):
+            value = plan.run(self.corrected(Configuration()))[kind + spot.place]
+        return np.broadcast_to(np.asarray(value, dtype=float), (len(self.data),))
 
     def reached(self, observers: Sequence[str]) -> tuple[str, ...]:
         """Modules of some observers, in order."""

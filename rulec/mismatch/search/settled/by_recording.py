@@ -23,9 +23,8 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.scan import id_of, name_of
-from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
+from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.told import titled_with_module
 
 NOTHING = "nothing"

@@ -14,7 +14,6 @@ from scipy.special import gammaln
 from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.extent import usual_size
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -133,12 +132,12 @@ def term_of(
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large random columns are: errors of form as share of an output's usual size, errors of
-    sensors as share of their class, terms without a name in units of the noise of a point.
+    """How large random columns are: errors of sensors that move as share of their class, terms
+    without a name in units of the noise of a point.
 
-    `laws` says how many times the usual error of form each law has, by the id of its place."""
+    `laws` says how many times the error that its accuracy allows each law has, by the id of its
+    place: it is known within a factor of two."""
 
-    form: float
     moving: float
     terms: tuple[float, ...]
     laws: Mapping[str, float] = field(default_factory=dict)
@@ -146,22 +145,16 @@ class Sizes:
     @property
     def odds(self) -> float:
         """Log density of all but terms, before the recording."""
-        known = (
-            (max(self.form, limits.FORM_SHARES[1]), limits.USUAL_FORM, limits.FORM_KNOWN),
-            (self.moving, limits.USUAL_MOVING, limits.MOVING_KNOWN),
-        )
-        far = [np.log(size / usual) / np.log(factor) for size, usual, factor in known]
-        far += [np.log(times) / np.log(limits.FORM_LAWS) for times in self.laws.values()]
+        far = [np.log(self.moving / limits.USUAL_MOVING) / np.log(limits.MOVING_KNOWN)]
+        far += [np.log(times) / np.log(limits.FORM_KNOWN) for times in self.laws.values()]
         return -0.5 * float(np.sum(np.square(far)))
 
     def of(self, laws: Sequence[str]) -> Array:
-        """Size of the error of form of each law, as share of what it predicts. What is off by more
-        than a formula may be has something missing."""
-        times = np.array([self.laws.get(name, 1.0) for name in laws])
-        return np.minimum(self.form * times, limits.FORM_MOST)
+        """Size of the error of form of each law, in those that its accuracy allows."""
+        return np.array([self.laws.get(name, 1.0) for name in laws])
 
 
-USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
+USUAL = Sizes(limits.USUAL_MOVING, ())
 """Sizes before the recording."""
 
 
@@ -232,16 +225,16 @@ class Geometry:
         return self._sizes[unknown.id]
 
     def _forms(self, plain: Fitted) -> tuple[Array, tuple[str, ...]]:
-        """Rows of errors of form of unit size, shape (rows, errors), and the law of each.
+        """Rows of errors of form, shape (rows, errors), and the law of each.
 
-        Each law has its own. Two meters in one line share no law: where they differ, no error of
-        form explains it.
+        Each law has its own, as large as its accuracy says. Two meters in one line share no law:
+        where they differ, no error of form explains it.
         """
         system = self.rows.system
         flows = system.flows(Configuration())
         columns, law = [np.zeros((int(self.seen.sum()), 0))], []
         ways: dict[str, Array] = {}
-        for spot in (s for s in system.builder.spots if s.kind != "signal"):
+        for spot in (s for s in system.builder.spots if s.accuracy):
             column = spot_column(plain, spot)
             if column is None:
                 continue
@@ -249,23 +242,14 @@ class Geometry:
                 ways[spot.module] = _smooth_over(
                     likeness(system, flows, spot.module), limits.FORM_RANK
                 )
-            whole = column / self._share_shown(column)
+            u = common.FORM_U * spot.accuracy * np.nan_to_num(system.value_of(spot))
+            whole = column * u[self.rows.point]
             own = (whole[:, None] * ways[spot.module][self.rows.point])[self.seen]
             left, size, _ = np.linalg.svd(own, full_matrices=False)
-            kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
+            kept = size * limits.FORM_KNOWN > limits.FORM_NOT_SEEN
             columns.append(left[:, kept] * size[kept])
             law += [spot.id] * int(kept.sum())
         return np.concatenate(columns, axis=1), tuple(law)
-
-    def _share_shown(self, column: Array) -> float:
-        """By which share the reading that shows it most is off, per unit of an error of a law."""
-        shares = [0.0]
-        for cell in self.rows.cells:
-            off = np.linalg.solve(cell.whitener, cell.table(column).T[:, :, None])[:, :, 0]
-            for name, errors in zip(cell.outputs, off.T, strict=True):
-                size = float(np.sqrt(np.mean(errors**2)))
-                shares.append(size / usual_size(self.rows.system, name))
-        return max(shares) or 1.0
 
     def _held(self, plain: Fitted) -> Array:
         """Rows of the errors of inputs that are held for several points, shape (rows, errors)."""
@@ -299,6 +283,21 @@ class Geometry:
         kept = size * limits.MOVING_SHARES[-1] > limits.FORM_NOT_SEEN
         moving: Array = left[:, kept] * size[kept]
         return moving
+
+    def shown(self, columns: Array) -> dict[str, float]:
+        """By how much some errors, one a column, shape (seen rows, errors), move each output: root
+        of their summed mean squares, SI."""
+        squares: dict[str, float] = {}
+        for column in columns.T:
+            whole = np.zeros(len(self.rows))
+            whole[self.seen] = column
+            for cell in self.rows.cells:
+                off = np.linalg.solve(cell.whitener, cell.table(whole).T[:, :, None])[:, :, 0]
+                off = off[self.rows.system.data.open[cell.points]]
+                for name, errors in zip(cell.outputs, off.T, strict=True):
+                    square = float(np.mean(errors**2)) if len(errors) else 0.0
+                    squares[name] = squares.get(name, 0.0) + square
+        return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
     def _distance(self, residual: Array, scale: float) -> Array:
         distance: Array = np.bincount(self.group, residual**2) / scale**2

@@ -28,7 +28,7 @@ def holds(terms: Iterable[Term], slopes: Array) -> bool:
 
 def beside(model: Model, every: Sequence[Term]) -> list[Term]:
     """The terms that hold no law and no term of a model, and are held by none."""
-    laws = [slopes for candidate in model.setting.joined for slopes in _slopes(model, candidate)]
+    laws = [slopes for candidate in model.setting.joined for slopes in slopes_of(model, candidate)]
     return [
         term
         for term in every
@@ -37,16 +37,39 @@ def beside(model: Model, every: Sequence[Term]) -> list[Term]:
     ]
 
 
+def coincide(model: Model, candidate: Candidate, other: Model, rival: Candidate) -> bool:
+    """Does an explanation of a model show as one of another model does, beside all else?
+
+    Their laws may have errors of form: what differs less than that is the same.
+    """
+    own = [i for u in candidate.unknowns for i in places_of(model, u.id)]
+    rest = np.delete(np.arange(model.table.shape[1]), own)
+    table, weights = model.table[:, rest], model.weights[:, None]
+    normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
+    shown = np.stack([*slopes_of(model, candidate), *slopes_of(other, rival)], axis=1)
+    with np.errstate(all="ignore"):
+        shown = shown - table @ np.linalg.solve(normal, table.T @ (shown * weights))
+    shown = shown * np.sqrt(weights)
+    count = len(slopes_of(model, candidate))
+    first, second = shown[:, :count], shown[:, count:]
+    left = second - first @ np.linalg.lstsq(first, second, rcond=None)[0]
+    size = np.sum(second**2, axis=0)
+    return bool(np.all(np.sum(left**2, axis=0) < limits.EFFECT_FORM**2 * size))
+
+
+def places_of(model: Model, unknown: str) -> list[int]:
+    """Columns of an unknown in the table of a model, of all its levels."""
+    names = enumerate(model.prior.names)
+    return [i for i, name in names if name.partition("#")[0] == unknown]
+
+
 def _whole(term: Term, other: Term) -> bool:
     """Does one term hold another whole, as at two places that show alike?"""
     return all(holds([term], column) for column in other.columns.T)
 
 
-def _slopes(model: Model, candidate: Candidate) -> list[Array]:
+def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
     """Slopes of the residuals by the strengths of a law, where it has been fitted."""
-    strengths = {u.id for u in candidate.unknowns if u.null is not None}
-    return [
-        model.table[:, i]
-        for i, name in enumerate(model.prior.names)
-        if name in strengths and np.any(model.table[:, i])
-    ]
+    strengths = [u.id for u in candidate.unknowns if u.null is not None]
+    columns = (model.table[:, i] for name in strengths for i in places_of(model, name))
+    return [column for column in columns if np.any(column)]

@@ -1,70 +1,52 @@
-"""What is known of all values before the recording, with the tails that it has."""
+"""What is known of all values before the recording, of amplitudes and shapes of effects too."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import TIME, Unknown
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import prior_of
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Prior, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.sizes import log_inside
 
 
-class Prior:
+def prior_with_sizes(geometry: Geometry, setting: Configuration) -> Prior:
     """What is known of the values: those of the plant, amplitudes of effects, their shapes."""
-
-    def __init__(self, geometry: Geometry, setting: Configuration) -> None:
-        rows = geometry.rows
-        own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
-        plain = prior_of(rows.system, setting)
-        mean, precision = plain.mean.copy(), plain.precision.copy()
-        stems = [name.partition("#")[0] for name in plain.names]
-        self.effect = np.array([stem in own for stem in stems])
-        self.amplitude = np.zeros(len(stems), dtype=bool)
-        self.freedom = np.ones(len(stems))
-        self.peak = 0.0
-        for i in np.flatnonzero(self.effect):
-            candidate, unknown = own[stems[i]]
-            if unknown.null is not None:
-                size = geometry.size(candidate, unknown)
-                mean[i], precision[i, i] = unknown.null, size.scale**-2
-                self.amplitude[i], self.freedom[i] = True, size.freedom
-                self.peak += size.peak
+    rows = geometry.rows
+    own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
+    plain = prior_of(rows.system, setting)
+    mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
+    odds = 0.0
+    for i, name in enumerate(plain.names):
+        stem = name.partition("#")[0]
+        if stem not in own:
+            continue
+        candidate, unknown = own[stem]
+        if unknown.null is not None:
+            size = geometry.size(candidate, unknown)
+            off = setting.values[name] - unknown.null
+            freedom[i] = size.freedom
+            if np.isfinite(size.width):
+                mean[i] = unknown.null + np.copysign(size.usual, off)
+                known[i] = size.width**-2
+                odds -= log_inside(size, unknown)
             else:
-                mean[i], width = _range_of(rows, unknown, setting.values[plain.names[i]])
-                precision[i, i] = 12.0 / width**2
-        self.prior = replace(plain, mean=mean, precision=precision)
-        ridge = np.diag(1e-12 / plain.size**2)
-        self.stated = precision + ridge
-        self._sensor = np.array([name.startswith(ERROR) for name in plain.names])
-        self._plant = ~self.effect & ~self._sensor & (np.diag(precision) > 0)
-        at = np.flatnonzero(self._plant)
-        self._size = np.sqrt(np.diag(precision))[at]
-        between = precision[np.ix_(at, at)] / np.outer(self._size, self._size)
-        self._parts, self._ways = np.linalg.eigh(between)
+                mean[i], known[i] = unknown.null, size.scale**-2
+        else:
+            mean[i], width = _range_of(rows, unknown, setting.values[name])
+            known[i] = 12.0 / width**2
+    return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
 
-    def density(self, at: Array) -> tuple[float, Array]:
-        """Log density, less that of the normal one at its mean, and the precision it has there."""
-        off = at - self.prior.mean
-        precision = self.stated.copy()
-        plant = np.flatnonzero(self._plant)
-        far = np.sqrt(np.maximum(self._parts, 0.0)) * (self._ways.T @ (self._size * off[plant]))
-        tails = -0.5 * (limits.STUDENT + 1.0) * float(np.sum(np.log1p(far**2 / limits.STUDENT)))
-        weight = self._parts * (limits.STUDENT + 1.0) / (limits.STUDENT + far**2)
-        outer = np.outer(self._size, self._size)
-        precision[np.ix_(plant, plant)] = (self._ways * weight) @ self._ways.T * outer
-        size = off**2 * np.diag(self.stated)
-        wide = np.flatnonzero(self.amplitude)
-        free = self.freedom[wide]
-        tails -= 0.5 * float(np.sum((free + 1.0) * np.log1p(size[wide] / free)))
-        precision[wide, wide] *= (free + 1.0) / (free + size[wide])
-        rest = ~self._plant & ~self.amplitude
-        return tails - 0.5 * float(np.sum(size[rest])), precision
+
+def shapes_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation of unknowns that only shape a term."""
+    shapes = {u.id for c in setting.joined for u in c.unknowns if u.null is None}
+    each = zip(prior.names, prior.mean, prior.known, strict=True)
+    return {name: (float(mean), float(k**-0.5)) for name, mean, k in each if name in shapes and k}
 
 
 def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, lasting
-from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import (
     InitialCandidate,
@@ -235,12 +235,12 @@ def scan(
     """The best sets of one column or two beside a model, under three views of the recording.
 
     As it is weighed in the model; with all rows alike, in which what is large and rare shows; and
-    with all calibrations let go, which may have been made with the effect in it. `of` are ids of
+    as if no calibration held, since each may have been made with the effect in it. `of` are ids of
     the only candidates that count.
     """
     every = [c for c in every if of is None or c.candidate.id in of]
     level = replace(model, weights=np.full(len(model.left), model.scale**-2))
-    views = [(model, most), (level, most // 2), (_let_go(geometry, model), most // 2)]
+    views = [(model, most), (level, most // 2), (_by_sheet(model), most // 2)]
     # Far from the model a slope says little of what a large effect would gain: at first each one
     # that may gain is tried.
     found = [f for view, count in views for f in _scanned(geometry, view, every, count)]
@@ -264,25 +264,18 @@ def _stiff(geometry: Geometry, model: Model) -> Model:
     table, n = model.table.copy(), len(model.at)
     table[:, n : n + geometry.forms.shape[1]] *= limits.STIFF
     precision = model.precision.copy()
-    precision[:n, :n] = model.prior.precision + np.diag(1e-12 / model.prior.size**2)
+    precision[:n, :n] = model.prior.near(model.mean).precision
     return replace(model, table=table, precision=precision)
 
 
-def _let_go(geometry: Geometry, model: Model) -> Model:
-    system = geometry.rows.system
-    free = prior_of(system, model.setting.letting_go(system.modules))
-    n = len(model.at)
-    plain = np.array([not _is_of_effect(name) for name in free.names], dtype=bool)
-    precision, mean = model.precision.copy(), np.where(plain, free.mean, model.prior.mean)
-    at = np.flatnonzero(plain)
-    ridge = np.diag(1e-12 / free.size[at] ** 2)
-    precision[np.ix_(at, at)] = free.precision[np.ix_(at, at)] + ridge
-    left = model.left + model.table[:, :n] @ (mean - model.prior.mean)
+def _by_sheet(model: Model) -> Model:
+    """A model in which no calibration counts, but the data sheets."""
+    known, n = model.prior.belief.by_sheet, len(model.at)
+    k = len(known.mean)
+    precision, mean = model.precision.copy(), model.mean.copy()
+    precision[:k, :k], mean[:k] = known.precision, known.mean
+    left = model.left + model.table[:, :n] @ (mean - model.mean)
     return replace(model, precision=precision, left=left)
-
-
-def _is_of_effect(name: str) -> bool:
-    return "@" in name or "#" in name
 
 
 def _scanned(

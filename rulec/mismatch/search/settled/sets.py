@@ -20,7 +20,6 @@ from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import nameless, smooth, terms
 from rulec.mismatch.search.settled.nested import beside, holds
 from rulec.mismatch.search.settled.refit import Model, refitted
-from rulec.mismatch.search.settled.resampled import Names, shares
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
@@ -33,6 +32,9 @@ from rulec.mismatch.search.settled.scan import (
     scan,
 )
 from rulec.mismatch.search.settled.switching import with_set_points
+
+Names = frozenset[str]
+"""Ids of candidates, those that begin or come and go marked, and names of terms."""
 
 Progress = Callable[[str], None]
 
@@ -95,13 +97,15 @@ class Search:
         """Evidence and what was expected before the recording, nats."""
         setting = model.setting
         number = max(len({c.id for c in self.geometry.rows.system.candidates}), 1)
-        expected = sum(limits.SORT_ODDS[c.sort] - np.log(number) for c in setting.joined)
+        expected = sum(
+            limits.MISSING_ODDS + limits.SORT_ODDS[c.sort] - np.log(number) for c in setting.joined
+        )
         expected -= limits.COMMON * sum(bool(c.members) for c in setting.joined)
-        expected += limits.LET_GO_ODDS * len(setting.released)
         ends = sum(2 * len(c.periods) - 1 for c in setting.courses)
         expected -= ends * float(np.log(limits.ONSETS))
         places = max(self.geometry.terms, 1)
-        expected += len(model.terms) * (limits.TERM_ODDS - float(np.log(places)))
+        odds = limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(places))
+        expected += len(model.terms) * odds
         expected -= sum(term.basis.price for term in model.terms)
         return model.evidence + float(expected)
 
@@ -119,7 +123,9 @@ def posterior(
     geometry: Geometry, models: Mapping[Names, Model], odds: Mapping[Names, float]
 ) -> Posterior:
     """What some refitted sets say together."""
-    return Posterior(geometry, dict(models), dict(odds), shares(geometry, models, odds))
+    weight = np.exp(np.array(list(odds.values())) - max(odds.values()))
+    sets = dict(zip(odds, (weight / weight.sum()).tolist(), strict=True))
+    return Posterior(geometry, dict(models), dict(odds), sets)
 
 
 def _coming(search: Search, model: Model) -> list[Found]:
@@ -140,16 +146,6 @@ def _plain(every: Rows, cuts: np.ndarray) -> Search:
     search = Search(Geometry(states if len(states) else every), every)
     search.keep(frozenset(), search.refit(Configuration(), None))
     return search
-
-
-def _recalibrate(search: Search) -> None:
-    """The plain model sought far from where the calibration states it, as well.
-
-    Only at last: what contradicts the calibration is found from where that states the plant.
-    """
-    plain = Configuration()
-    there = search.refit(plain.letting_go(search.every.system.modules), None)
-    search.keep(frozenset(), search.refit(replace(plain, values=there.setting.values), there))
 
 
 def _ends(found: Sequence[Found]) -> np.ndarray:
@@ -211,7 +207,6 @@ def explain(every: Rows, progress: Progress, stood: Sequence[Posterior] = ()) ->
             _prune(search, names)
             _otherwise(search, names)
     _sharpen_rivals(search)
-    _recalibrate(search)
     _switch(search)
     _challenge(search)
     return search.posterior()
@@ -303,12 +298,11 @@ def _join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
 
 
 def _join(search: Search, names: Names, found: Found) -> None:
-    """Calibrations held, and those under new physics let go: the better one is kept."""
+    """As it stands, and with laws that hold at other conditions: the better one is kept."""
     model = search.models[names]
     setting = joined(search.geometry.rows.system, model.setting, found.starts)
     new = [column.candidate for column, _ in found.starts]
-    modules = frozenset(m for c in new if c.sort in ("physics", "ageing") for m in c.modules)
-    ways = [setting] if modules <= setting.released else [setting, setting.letting_go(modules)]
+    ways = [setting]
     elsewhere = _with_open_references(search.geometry.rows.system, setting, new)
     ways += [elsewhere] if elsewhere is not None else []
     for way in ways:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, stdtrit
+from scipy.special import stdtr, stdtrit
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration
@@ -16,21 +16,27 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True)
 class Size:
-    """Prior of an amplitude: Student about its null with this scale and degrees of freedom.
+    """Prior of the size of an amplitude, its distance from its null: Student about the `usual` one
+    with a `width`, which is infinite where nobody knows, and degrees of freedom.
 
-    Half of all amplitudes are below the usual one, and the tail falls as that of the log-normal
-    distribution does at two of its standard deviations.
+    `scale` is that of a Student distribution about the null of which half are below the usual one;
+    the tail falls as that of the log-normal distribution does at two of its standard deviations.
     """
 
     scale: float
     freedom: float
+    usual: float = 0.0
+    width: float = float("inf")
 
-    @property
-    def peak(self) -> float:
-        """Log density at the null, less that of the normal distribution of the same scale."""
-        n = self.freedom
-        gain = float(gammaln((n + 1) / 2) - gammaln(n / 2))
-        return gain - 0.5 * float(np.log(n * np.pi)) + 0.5 * float(np.log(2 * np.pi))
+
+def log_inside(size: Size, unknown: Unknown) -> float:
+    """Logarithm of the share of all amplitudes that the range of an unknown leaves, of either sign:
+    as many are thought of below the null as above it."""
+    null = unknown.null or 0.0
+    ends = np.array([unknown.lowest - null, unknown.highest - null])
+    signs = (np.array([1.0]), np.array([-1.0]))
+    shares = [np.diff(stdtr(size.freedom, (ends - s * size.usual) / size.width))[0] for s in signs]
+    return float(np.log(max(sum(shares), 1e-12)))
 
 
 def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
@@ -41,7 +47,12 @@ def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
         return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
     freedom = 2.0 / float(np.log(usual.factor))
     median = usual.size / _share(system, candidate, unknown) if usual.of_place else usual.size
-    return Size(median / float(stdtrit(freedom, 0.75)), freedom)
+    return Size(
+        median / float(stdtrit(freedom, 0.75)),
+        freedom,
+        median,
+        median * float(np.log(usual.factor)),
+    )
 
 
 def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:

@@ -15,8 +15,7 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import smooth, terms
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.resampled import Names
-from rulec.mismatch.search.settled.sets import Posterior, begun
+from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 from rulec.mismatch.search.settled.told import candidates_of, titled_with_module
 from rulec.mismatch.standing import Presence, Standing
 
@@ -47,8 +46,6 @@ def _standing(posterior: Posterior, names: Names, probability: float) -> Standin
             Presence(c.unknown, tuple((s.since, s.until, s.level) for s in c.periods), c.grows)
             for c in setting.courses
         ),
-        released=tuple(sorted(setting.released)),
-        trusted=tuple(sorted(setting.trusted)),
         terms=tuple((term.name, term.basis.length) for term in model.terms),
     )
 
@@ -100,8 +97,6 @@ def _setting(geometry: Geometry, one: Standing) -> Configuration:
         values=one.values,
         fixed=one.fixed,
         courses=tuple(_course(period, system.data.time) for period in one.periods),
-        released=frozenset(one.released),
-        trusted=frozenset(one.trusted),
     )
 
 

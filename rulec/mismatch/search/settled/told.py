@@ -22,11 +22,12 @@ from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.settled.branches import branches_of
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.lost import lost_to
+from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
+from rulec.mismatch.search.settled.prior import shapes_of
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
-from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
+from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.sharpened import sharpened
 from rulec.mismatch.search.time_varying import wandering
 
@@ -99,6 +100,7 @@ def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[
     for candidate in was.joined:
         if name_of(was, candidate) not in told:
             was = was.leaving(candidate.id)
+    was = replace(was, shapes=shapes_of(model.prior, was))
     fitted = _with_strength(_fitted(rows, at_points(was, rows.system.data.time)))
     setting = fitted.setting
     names = {name_of(setting, c): c for c in setting.joined}
@@ -211,17 +213,53 @@ def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted
     own = sum(p for names, p in sets.items() if names & alike)
     known = candidates_of(posterior)
     others: dict[str, float] = {}
+    shapeless, curves = 0.0, _curves_like(posterior, name)
     for names, probability in sets.items():
         if names & alike:
+            continue
+        if names & curves:
+            shapeless += probability
             continue
         for other in names - best:
             if other in known:
                 others[other] = others.get(other, 0.0) + probability
-    odds = tuple((known[n], p / own) for n, p in sorted(others.items(), key=lambda o: -o[1]))
+    ranked = [(n, p) for n, p in sorted(others.items(), key=lambda o: -o[1])]
+    odds = tuple((known[n], p / own) for n, p in ranked)
     told = sum(p for _, p in odds)
-    unnamed = max(1.0 / own - 1.0 - told, 0.0)
-    gain = _gain(posterior, best, name)
-    return Accepted(candidate, gain, odds, tuple(_rivals(posterior, name)), unnamed)
+    same = [n for n, p in ranked if p >= common.REPORTED and _coincides(posterior, name, n)]
+    return Accepted(
+        candidate,
+        _gain(posterior, best, name),
+        odds,
+        tuple(_rivals(posterior, name)),
+        unnamed=max((1.0 - shapeless) / own - 1.0 - told, 0.0),
+        shapeless=shapeless / own,
+        same={known[n].id: {} for n in same},
+    )
+
+
+def _curves_like(posterior: Posterior, name: str) -> frozenset[str]:
+    """Terms without a name that hold an explanation of the best set as a special case."""
+    best = posterior.told
+    model = posterior.models[best]
+    own = [c for c in model.setting.joined if name_of(model.setting, c) == name]
+    slopes = [column for candidate in own for column in slopes_of(model, candidate)]
+    every = {t.name: t for m in posterior.models.values() for t in m.terms}
+    if not slopes:
+        return frozenset()
+    return frozenset(n for n, t in every.items() if all(holds([t], s) for s in slopes)) - best
+
+
+def _coincides(posterior: Posterior, name: str, other: str) -> bool:
+    """Does another explanation, in the place of one of the best set, show as that one does?"""
+    best = posterior.told
+    rest = (best - {name}) | {other}
+    if rest not in posterior.models:
+        return False
+    model, there = posterior.models[best], posterior.models[rest]
+    own = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
+    rival = next(c for c in there.setting.joined if name_of(there.setting, c) == other)
+    return own is not None and coincide(model, own, there, rival)
 
 
 def candidates_of(posterior: Posterior) -> dict[str, Candidate]:
