@@ -97,8 +97,8 @@ class Spot:
     """A disturbance location: a place that `unknown` shifts, in its own unit.
 
     `kind` is ``definition``, ``observer``, ``signal``, ``balance`` or ``reading``. `unit` is how
-    values of the place are shown, SI = shown * factor. `accuracy` is the share of its value within
-    which the law there keeps; 0 where none is.
+    values of the place are shown, SI = shown * factor. Of a law, `accuracy` is the share of
+    its value within which it keeps.
     """
 
     id: str

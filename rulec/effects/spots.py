@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -43,9 +44,6 @@ def _at(
 ) -> Spot:
     kind, name = place
     id_ = f"{kind}:{module.name}.{name}"
-    law = (f"{kind}s", name)
-    stated = module.type.laws().get(law)
-    assumed = ASSUMED_ACCURACY if law in module.type.laws() else 0.0
     return Spot(
         id=id_,
         kind=kind,
@@ -56,8 +54,15 @@ def _at(
         factor=factor,
         observers=observers,
         unknown=f"{id_}.error",
-        accuracy=stated.share if stated else assumed,
     )
+
+
+def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+    """Laws of a module, each with its accuracy; one may stand within a place of `spots_of`."""
+    known = {(f"{site.kind}s", site.name): site for site in sites}
+    for path, stated in module.type.laws().items():
+        share = stated.share if stated else ASSUMED_ACCURACY
+        yield replace(_spot(around, module, known[path[0], path[1]]), accuracy=share)
 
 
 def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:

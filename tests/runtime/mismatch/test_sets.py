@@ -10,7 +10,6 @@ from rulec.language import expression
 from rulec.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain
 from rulec.mismatch.search.settled.told import with_term
@@ -34,9 +33,7 @@ def test_what_was_left_out_is_named(left_out: Posterior) -> None:
 
 
 def test_a_set_far_behind_stays_there(left_out: Posterior) -> None:
-    """What all sets gain or lose by other weights of the recording is no doubt of the best one."""
-    nothing = left_out.odds[frozenset()]
-    assert left_out.odds[left_out.best] - nothing > limits.RESAMPLED_NATS
+    """That nothing is missing has no chance there."""
     assert left_out.nothing < 1e-6
 
 

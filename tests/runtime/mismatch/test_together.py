@@ -119,7 +119,7 @@ def test_an_error_that_a_recording_has_as_its_own_shows_there_alone(rows: Rows) 
 def test_the_class_of_a_sensor_holds_in_each_recording(rows: Rows) -> None:
     """The variance of what all share and of what a recording has as its own sum to it."""
     prior = prior_of(rows.system, Configuration())
-    variance = {n: 1.0 / prior.precision[i, i] for i, n in enumerate(prior.names) if ERROR in n}
+    variance = {n: 1.0 / prior.known[i] for i, n in enumerate(prior.names) if ERROR in n}
     for signal in rows.system.shared:
         whole = variance[ERROR + signal] + variance[own_error(signal, 1)]
         assert abs(whole - 1.0) < 1e-12

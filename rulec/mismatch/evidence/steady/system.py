@@ -190,7 +190,7 @@ class System:
         raw: Slopes = {}
         # Without any, nothing need be matched to places: that takes longer than all the rest.
         asked = bool(spots or setting.spots)
-        own_spots = {s.id: s for s in self.builder.spots} if asked else {}
+        own_spots = self.builder.places if asked else {}
         built = self.built_in(setting)
         spots = (*(s for s in spots if s in own_spots and s not in built), *built)
         by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))

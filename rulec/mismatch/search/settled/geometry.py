@@ -234,7 +234,7 @@ class Geometry:
         flows = system.flows(Configuration())
         columns, law = [np.zeros((int(self.seen.sum()), 0))], []
         ways: dict[str, Array] = {}
-        for spot in (s for s in system.builder.spots if s.accuracy):
+        for spot in system.builder.laws:
             column = spot_column(plain, spot)
             if column is None:
                 continue
