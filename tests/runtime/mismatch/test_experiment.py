@@ -151,7 +151,7 @@ def test_what_is_not_listed_is_never_sure() -> None:
 def ambiguous(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive that takes back its speed at high power, which three laws of the catalogue do."""
     folder = tmp_path_factory.mktemp("ambiguous")
-    case = Planned("a case", "single", "dosing", "steps", ("folded-back",), aim=300.0, small=True)
+    case = Planned("a case", "single", "dosing", "steps", ("folded-back",), aim=1000.0, small=True)
     case.make().write(folder)
     plant, recording = str(folder / "plant"), str(folder / "recording.csv")
     assert main(["mismatch", plant, recording, "--json", str(folder / "m.json")]) == 0
