@@ -28,7 +28,8 @@ from ..streams import stream
 from ..units import ZERO_CELSIUS, Array
 
 MODULE = "unit"
-CASES, SAMPLES, PACE = 40, 400, 10.0
+CASES, QUICK = 40, 10
+SAMPLES, PACE = 400, 10.0
 PART = 0.5, 0.9
 """Part of the range of each setting that is used."""
 
@@ -196,12 +197,12 @@ class Planned:
     @property
     def group(self) -> str:
         """What kind of case it is."""
-        return "contact" if self.other else "contact-sound"
+        return "contact"
 
     @property
     def name(self) -> str:
         """Unique in a run."""
-        return f"{self.group}-{self.seed}-{self.kind}"
+        return f"contact-{self.seed:02d}-{self.kind}{'' if self.other else '-sound'}"
 
     def make(self) -> Contact:
         """Draw sheet, truth and operation."""
@@ -253,7 +254,7 @@ class Contact:
         ]
         plant = folder / "plant" / "plant.yaml"
         plant.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        columns = {"time [s]": PACE * np.arange(SAMPLES)}
+        columns: dict[str, Array] = {"time [s]": PACE * np.arange(SAMPLES)}
         for name, sensor in self.kind.sensors.items():
             place = f"{MODULE}.{name}"
             shown = read(sensor, place, self.true[name], SENSING, self.answer.seed)
@@ -266,7 +267,7 @@ class Contact:
 
 
 def planned(first: int, count: int = CASES) -> Iterator[Planned]:
-    """Cases of the seeds from `first` on: each kind in turn, once sound and once of another form."""
+    """Cases of the seeds from `first` on: each kind in turn, once sound, once of another form."""
     kinds = list(KINDS)
     for seed in range(first, first + count):
         turn = seed - 1
@@ -306,7 +307,9 @@ def _allowed(kind: Kind, true: Numbers, given: Arrays, accuracy: Numbers) -> dic
     plain = kind.law(true, given, one, {})
     moved = [kind.law(true, given, {**one, law: one[law] + a}, {}) for law, a in accuracy.items()]
     for name in given:
-        moved.append(kind.law(true, {**given, name: given[name] + _class(kind, name, given)}, one, {}))
+        moved.append(
+            kind.law(true, {**given, name: given[name] + _class(kind, name, given)}, one, {})
+        )
     squares = {
         out: sum(((m[out] - value) ** 2 for m in moved), _class(kind, out, plain) ** 2)
         for out, value in plain.items()
