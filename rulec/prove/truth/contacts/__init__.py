@@ -254,7 +254,7 @@ class Contact:
         ]
         plant = folder / "plant" / "plant.yaml"
         plant.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        columns: dict[str, Array] = {"time [s]": PACE * np.arange(SAMPLES)}
+        columns: dict[str, Array] = {"time [s]": PACE * np.arange(SAMPLES, dtype=np.float64)}
         for name, sensor in self.kind.sensors.items():
             place = f"{MODULE}.{name}"
             shown = read(sensor, place, self.true[name], SENSING, self.answer.seed)
