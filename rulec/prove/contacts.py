@@ -20,14 +20,12 @@ from rulec_runtime.report.text import number
 
 from rulec.engines.call import Engine
 from rulec.prove.campaign import OnProgress, folder_of, opened, spread
-from rulec.prove.judge import is_named, place_right
 from rulec.prove.limits import BELIEVED, CERTAIN, GOAL_FOUND, GOAL_SOUND, GOAL_WRONG
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.scores import Goal, Row, at_least, of_hits
 from rulec.prove.tables import interval_of, value_of
 from rulec.prove.terminal import MARK
 from rulec.prove.truth.contacts import Contact, ContactAnswer
-from rulec.prove.truth.sealed import Planted
 
 TICK = "none"
 VALUES_TELL_NOTHING = ("unsure", "unnamed", "failed")
@@ -42,7 +40,7 @@ class Judged:
 
     Attributes
     ----------
-    planted : which law is of another form; empty on a sound plant
+    other : which law is of another form; empty on a sound plant
     said : findings with the probability of their class
     far : largest distance of a parameter that is told from the truth, in u of the sheet
     beyond : largest error of what has a tick, noise taken off, over what class and accuracy
@@ -52,7 +50,7 @@ class Judged:
     """
 
     case: str
-    planted: str
+    other: str
     verdict: str
     said: tuple[tuple[str, float], ...]
     far: float
@@ -67,16 +65,14 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
     """Score the answer of the tool, its JSON; what failed says nothing."""
     verdict, effects = str(form.get("verdict", "failed")), list(form.get("effects", ()))
     sure = [e for e in effects if _probability(e) >= CERTAIN and e.get("sort") != "free"]
-    right = [any(_in_class(p, e) for p in answer.effects) for e in sure]
-    if not answer.effects:
-        found = verdict == TICK
-    elif all(p.names for p in answer.effects):
-        found = any(right)
-    else:
-        found = verdict == "unnamed" and place_right(answer.effects, form) > 0.0
+    right = [_in_class(answer.names, e) for e in sure]
+    found = verdict == TICK if not answer.other else any(right)
+    if answer.other and not answer.names:
+        at = {f"{e['module']}.{e['place']}" for e in (*form.get("locations", ()), *effects)}
+        found = verdict == "unnamed" and bool(at & set(answer.places))
     return Judged(
         answer.case,
-        answer.effects[0].effect if answer.effects else "",
+        answer.other,
         verdict,
         tuple((str(e["id"]), _probability(e)) for e in effects),
         0.0 if verdict in VALUES_TELL_NOTHING else _far(answer, form),
@@ -89,13 +85,14 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
 
 
 def _probability(effect: Form) -> float:
+    """Of a finding's class."""
     return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
-def _in_class(planted: Planted, effect: Form) -> bool:
-    """Is the finding, or one that coincides with it, right?"""
-    same = [{**effect, **a} for a in effect["alternatives"] if a.get("same")]
-    return any(is_named(planted, one) for one in (effect, *same))
+def _in_class(names: Sequence[str], effect: Form) -> bool:
+    """Is the finding, or one that coincides with it, right? There is one module."""
+    same = {str(a["effect"]) for a in effect["alternatives"] if a.get("same")}
+    return bool({str(effect["effect"]), *same} & set(names))
 
 
 def _far(answer: ContactAnswer, form: Form) -> float:
@@ -133,9 +130,7 @@ def _opened(case: Planned, folder: Path, seal: str) -> Judged:
 def figures(found: Sequence[Judged]) -> list[Row]:
     """The five figures with their goals."""
     ticks = [j.beyond for j in found if j.beyond is not None]
-    sound, others = (
-        [j.found for j in found if bool(j.planted) == other] for other in (False, True)
-    )
+    sound, others = ([j.found for j in found if bool(j.other) == other] for other in (False, True))
     near, wrong = sum(j.far <= BELIEVED for j in found), sum(bool(j.wrong) for j in found)
     goal = Goal(0.0, GOAL_WRONG, f"{100 * GOAL_WRONG:.0f} %")
     return [
@@ -158,7 +153,7 @@ def why(judged: Judged) -> str:
     if judged.beyond is not None and judged.beyond > 1.0:
         told.append(f"tick at {judged.beyond:.1f} times the accuracy")
     told += [f"wrong at {CERTAIN:g}: {', '.join(judged.wrong)}"] if judged.wrong else []
-    told += [f"not {'named' if judged.planted else 'called sound'}"] if not judged.found else []
+    told += [f"not {'named' if judged.other else 'called sound'}"] if not judged.found else []
     return "; ".join([*told, judged.error] if judged.error else told)
 
 

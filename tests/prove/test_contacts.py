@@ -11,8 +11,9 @@ import pytest
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.contacts import Judged, figures, judge, why
-from rulec.prove.truth.contacts import KINDS, MODULE, ContactAnswer, Planned, module_type, planned
+from rulec.prove.truth.contacts import CLASSES, KINDS, MODULE, ContactAnswer, Planned, planned
 from rulec.simulation.simulate import simulate
+from tests.conftest import ROOT, plain_yaml
 from tests.test_truth_same_bytes import digest_of
 
 SOUND, OTHER = (Planned(1, "valve-characteristic", other).make().answer for other in (False, True))
@@ -38,6 +39,13 @@ def test_truth_lies_within_the_sheet() -> None:
             assert abs(case.answer.values[f"{MODULE}.{name}"] - value) <= 2.0 * u
 
 
+def test_sensors_err_as_their_classes_say() -> None:
+    for name, (bound, of) in CLASSES.items():
+        stated = plain_yaml(ROOT / "kb" / "sensors" / f"{name}.yaml")["systematic"]
+        share = 0.01 if stated["unit"] == "%" else 1.0
+        assert (bound, of) == (pytest.approx(stated["bound"] * share), stated["of"])
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_module_types_say_the_ordinary_laws(kind: str, tmp_path: Path) -> None:
     """The tool reads from the folder what the truth holds where nothing is off."""
@@ -48,7 +56,7 @@ def test_module_types_say_the_ordinary_laws(kind: str, tmp_path: Path) -> None:
     given = {f"{MODULE}.{name}": case.true[name][:5] for name in made.ranges}
     si = {id_: values * shown[id_][0] + shown[id_][1] for id_, values in given.items()}
     found = simulate(rules, si, {}).values
-    typical = {n: p["value"] for n, p in module_type(made.type)["parameters"].items()}
+    typical = {n: p["value"] for n, p in made.stated["parameters"].items()}
     values = typical | {name: value for name, (value, _) in case.sheet.items()}
     at = {name: case.true[name][:5] for name in case.true}
     laws = made.law(values, at, dict.fromkeys(made.arguments, np.ones(5)), {})

@@ -1,9 +1,9 @@
 """First contacts: a plant with a data sheet, and one recording of ordinary operation.
 
 Half of the plants have one law of another standard form than their module type says. True values
-lie within the uncertainty of the sheet, laws keep to their accuracy, sensors to their class. Shares
-no code with the packages it tests. A folder holds `plant/` with the module type in it (of the YAML
-files here), and `recording.csv`. Numbers are in the units of the module types.
+lie within the uncertainty of the sheet, laws keep to their accuracy, sensors to their class.
+Shares no code with the packages it tests; module types are the YAML files here, and numbers are in
+their units.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import yaml
 
 from ..drawn import factor
 from ..recording import write_csv
-from ..sealed import Answer, Planted, Reference, Request, verdict_of
+from ..sealed import Answer, Reference, Request
 from ..sensors import Sensing, Sensor, read
 from ..settled import drive
 from ..smooth import form_error
@@ -36,7 +36,6 @@ PART = 0.5, 0.9
 FLOW, WARM = 10.0, 30.0
 """m3/h and degC at which laws of another form agree with the ordinary ones."""
 
-SENSING = Sensing(law="truncated")
 PROFILES = drive.steps, drive.ramps, drive.long_constant
 
 Numbers = Mapping[str, float]
@@ -49,9 +48,8 @@ def _pump(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]
     """Affinity laws. Source: Guelich, Centrifugal Pumps."""
     nu = x["n"] / p["n0"]
     fall = p["h2"] * (nu * FLOW) ** 2 * (x["Q"] / (nu * FLOW)) ** form.get("m", 2.0)
-    head = (nu**2 * p["h0"] - fall) * off["dp_law"]
-    power = nu**3 * p["p0"] + nu**2 * p["p1"] * x["Q"]
-    return {"dp": head, "P_el": power * off["P_law"] + form.get("c", 0.0)}
+    power = (nu**3 * p["p0"] + nu**2 * p["p1"] * x["Q"]) * off["P_law"] + form.get("c", 0.0)
+    return {"dp": (nu**2 * p["h0"] - fall) * off["dp_law"], "P_el": power}
 
 
 def _valve(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
@@ -71,18 +69,21 @@ def _pipe(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]
 def _set(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
     """Laminar slip; viscosity falls exponentially with temperature. Source: Reynolds 1886."""
     slip = p["C1"] * x["dp"] * np.exp(form.get("b", 0.0) * (x["T"] - WARM))
-    return {
-        "Q": (p["Q0"] - slip) * off["Q_law"],
-        "P_el": (p["P0"] + p["P1"] * x["dp"]) * off["P_law"],
-    }
+    power = (p["P0"] + p["P1"] * x["dp"]) * off["P_law"]
+    return {"Q": (p["Q0"] - slip) * off["Q_law"], "P_el": power}
 
 
-def _share(unit: str, percent: float) -> Sensor:
-    return Sensor(unit, 1.0, percent / 100.0, 0.0, relative=True)
-
-
-def _bound(unit: str, bound: float) -> Sensor:
-    return Sensor(unit, 1.0, bound, 0.0)
+CLASSES = {
+    "converter-speed": (8.0, "value"),
+    "magnetic-inductive": (0.004, "reading"),
+    "turbine-flow": (0.005, "reading"),
+    "power-meter": (0.002, "reading"),
+    "positioner": (0.005, "full scale"),
+    "process-pressure": (0.005, "full scale"),
+    "industrial-pressure": (0.001, "full scale"),
+    "industrial-thermometer": (0.3, "value"),
+}
+"""Bound of the error, in the unit shown or as a share, of what."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,6 @@ class Kind:
     Attributes
     ----------
     type, law : the module type, and how a plant of it truly is
-    sensors : by signal, as their classes have them
     ranges : of each setting
     arguments : of each law, by its name in the module type
     form : smallest and largest size of the other form, by parameter
@@ -101,23 +101,43 @@ class Kind:
 
     type: str
     law: Law
-    sensors: Mapping[str, Sensor]
     ranges: Mapping[str, tuple[float, float]]
     arguments: Mapping[str, tuple[str, ...]]
     form: Mapping[str, tuple[float, float]]
     names: tuple[str, ...]
     places: tuple[str, ...]
 
+    @functools.cached_property
+    def stated(self) -> Mapping[str, Any]:
+        """The module type."""
+        found: Mapping[str, Any] = yaml.safe_load(self.file.read_text(encoding="utf-8"))
+        return found
+
+    @property
+    def file(self) -> Path:
+        """Of the module type."""
+        return Path(__file__).with_name(f"{self.type}.yaml")
+
+    @functools.cached_property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """By signal."""
+        found = {}
+        for name, signal in self.stated["signals"].items():
+            bound, of = CLASSES[signal["sensor"]]
+            bound *= signal["range"][1] if of == "full scale" else 1.0
+            found[name] = Sensor(signal["unit"], 1.0, bound, 0.0, relative=of == "reading")
+        return found
+
+    @functools.cached_property
+    def accuracy(self) -> Numbers:
+        """Of each law, a share."""
+        laws = {law: self.stated["definitions"][law]["accuracy"] for law in self.arguments}
+        return {law: float(text.partition("%")[0]) / 100.0 for law, text in laws.items()}
+
 
 _PUMP: dict[str, Any] = {
     "type": "contact-pump",
     "law": _pump,
-    "sensors": {
-        "n": _bound("rpm", 8.0),
-        "Q": _share("m3/h", 0.4),
-        "dp": _bound("bar", 0.03),
-        "P_el": _share("W", 0.2),
-    },
     "ranges": {"n": (1600.0, 2900.0), "Q": (3.0, 12.0)},
     "arguments": {"dp_law": ("n", "Q"), "P_law": ("n", "Q")},
 }
@@ -125,12 +145,11 @@ KINDS: Mapping[str, Kind] = {
     "valve-characteristic": Kind(
         "contact-valve",
         _valve,
-        {"x": _bound("%", 0.5), "dp": _bound("bar", 0.03), "Q": _share("m3/h", 0.4)},
         {"x": (20.0, 100.0), "dp": (0.6, 4.0)},
         {"opening": ("x",), "resistance": ("dp",)},
         {"R": (20.0, 50.0)},
         ("equal-percentage",),
-        ("x", "opening", "resistance", "valve"),
+        ("x", "opening"),
     ),
     # No entry of the catalogue has the flow with another exponent in a head.
     "pump-curve-exponent": Kind(
@@ -139,22 +158,15 @@ KINDS: Mapping[str, Kind] = {
     "pipe-exponent": Kind(
         "contact-pipe",
         _pipe,
-        {"dp": _bound("bar", 0.01), "Q": _share("m3/h", 0.4)},
         {"dp": (0.1, 1.8)},
         {"Q_law": ("dp",)},
         {"m": (1.6, 1.8)},
         ("line-exponent", "pump-exponent"),  # a power of the loss is one of the flow
-        ("loss", "Q_law", "dp", "pipe"),
+        ("loss", "Q_law"),
     ),
     "slip-by-temperature": Kind(
         "contact-set",
         _set,
-        {
-            "dp": _bound("bar", 0.25),
-            "P_el": _share("W", 0.2),
-            "T": _bound("degC", 0.3),
-            "Q": _share("l/min", 0.5),
-        },
         {"dp": (60.0, 180.0)},
         {"Q_law": ("dp",), "P_law": ("dp",)},
         {"b": (0.03, 0.05)},
@@ -177,13 +189,19 @@ class ContactAnswer(Answer):
 
     Attributes
     ----------
-    values : true parameters, by `module.parameter`
+    other : which law is of another form; empty on a sound plant
+    names, places : entries and `module.place` that are right for it
+    form, values : true sizes of the other form, and parameters by `module.parameter`
     allowed : error of each output that laws within their accuracy and sensors within their class
         explain, root mean square over the recording
     """
 
-    values: Mapping[str, float]
-    allowed: Mapping[str, float]
+    other: str
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+    form: Numbers
+    values: Numbers
+    allowed: Numbers
 
 
 @dataclass(frozen=True)
@@ -193,11 +211,7 @@ class Planned:
     seed: int
     kind: str
     other: bool
-
-    @property
-    def group(self) -> str:
-        """What kind of case it is."""
-        return "contact"
+    group = "contact"
 
     @property
     def name(self) -> str:
@@ -207,27 +221,39 @@ class Planned:
     def make(self) -> Contact:
         """Draw sheet, truth and operation."""
         kind, random = KINDS[self.kind], stream(self.seed, "contact")
-        type_ = module_type(kind.type)
         sheet, true = {}, {}
-        for name, stated in type_["parameters"].items():
+        for name, stated in kind.stated["parameters"].items():
             value = stated["value"]
             if stated["u"]:
                 scaled = value * float(random.uniform(0.8, 1.25))
                 sheet[name] = float(f"{scaled:.4g}"), float(f"{stated['u'] * scaled / value:.3g}")
                 value = sheet[name][0] * factor(sheet[name][1] / sheet[name][0], random)
             true[name] = value
-        accuracy = {law: _accuracy(type_, law) for law in kind.arguments}
         forms = {
-            law: form_error(random, 0.5 * accuracy[law], tuple(kind.ranges[a] for a in arguments))
-            for law, arguments in kind.arguments.items()
+            law: form_error(random, 0.5 * kind.accuracy[law], tuple(kind.ranges[a] for a in by))
+            for law, by in kind.arguments.items()
         }
         form = {name: float(random.uniform(*ends)) for name, ends in kind.form.items()}
         given = _operated(kind, random)
         off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
-        truly = kind.law(true, given, off, form if self.other else {})
-        allowed = _allowed(kind, true, given, accuracy)
-        answer = _answer(self, form, {f"{MODULE}.{n}": true[n] for n in sheet}, allowed)
-        return Contact(kind, sheet, answer, {**given, **truly})
+        form = form if self.other else {}
+        answer = ContactAnswer(
+            case=self.name,
+            half="stationary",
+            plant=kind.type,
+            profile="ordinary",
+            seed=self.seed,
+            samples=SAMPLES,
+            verdict=("named" if kind.names else "unnamed") if self.other else "none",
+            concealed=("open",) if self.other else ("clean",),
+            other=self.kind if self.other else "",
+            names=kind.names if self.other else (),
+            places=tuple(f"{MODULE}.{place}" for place in kind.places) if self.other else (),
+            form=form,
+            values={f"{MODULE}.{name}": true[name] for name in sheet},
+            allowed=_allowed(kind, true, given),
+        )
+        return Contact(kind, sheet, answer, {**given, **kind.law(true, given, off, form)})
 
 
 @dataclass(frozen=True)
@@ -243,50 +269,32 @@ class Contact:
         """Write `plant/`, with the module type in its own knowledge, and `recording.csv`."""
         modules = folder / "plant" / "kb" / "modules"
         modules.mkdir(parents=True, exist_ok=True)
-        shutil.copy(_file(self.kind.type), modules)
-        units = module_type(self.kind.type)["parameters"]
+        shutil.copy(self.kind.file, modules)
         lines = ["plant: contact", "title: A plant from its data sheet", "modules:"]
         lines += [f"  {MODULE}:", f"    type: {self.kind.type}", "    parameters:"]
-        lines += [
-            f"      {name}: {{value: {value!r}, unit: {units[name]['unit']}, u: {u!r}, "
-            "source: data sheet}"
-            for name, (value, u) in self.sheet.items()
-        ]
+        for name, (value, u) in self.sheet.items():
+            unit = self.kind.stated["parameters"][name]["unit"]
+            stated = f"value: {value!r}, unit: {unit}, u: {u!r}, source: data sheet"
+            lines.append(f"      {name}: {{{stated}}}")
         plant = folder / "plant" / "plant.yaml"
         plant.write_text("\n".join(lines) + "\n", encoding="utf-8")
         columns: dict[str, Array] = {"time [s]": PACE * np.arange(SAMPLES, dtype=np.float64)}
+        sensing = Sensing(law="truncated")
         for name, sensor in self.kind.sensors.items():
             place = f"{MODULE}.{name}"
-            shown = read(sensor, place, self.true[name], SENSING, self.answer.seed)
+            shown = read(sensor, place, self.true[name], sensing, self.answer.seed)
             columns[f"{place} [{sensor.unit}]"] = shown
         write_csv(folder / "recording.csv", columns)
 
     def reference(self, request: Request) -> Reference:
-        """None: first contacts are judged by what laws may be off, not against the true model."""
+        """Nothing: first contacts are judged by what laws may be off."""
         return Reference({})
 
 
 def planned(first: int, count: int = CASES) -> Iterator[Planned]:
     """Cases of the seeds from `first` on: each kind in turn, once sound, once of another form."""
-    kinds = list(KINDS)
     for seed in range(first, first + count):
-        turn = seed - 1
-        yield Planned(seed, kinds[turn // 2 % len(kinds)], bool(turn % 2))
-
-
-@functools.cache
-def module_type(name: str) -> Mapping[str, Any]:
-    """A module type of this folder."""
-    found: Mapping[str, Any] = yaml.safe_load(_file(name).read_text(encoding="utf-8"))
-    return found
-
-
-def _file(name: str) -> Path:
-    return Path(__file__).with_name(f"{name}.yaml")
-
-
-def _accuracy(type_: Mapping[str, Any], law: str) -> float:
-    return float(type_["definitions"][law]["accuracy"].partition("%")[0]) / 100.0
+        yield Planned(seed, list(KINDS)[(seed - 1) // 2 % len(KINDS)], seed % 2 == 0)
 
 
 def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
@@ -301,53 +309,20 @@ def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
     return given
 
 
-def _allowed(kind: Kind, true: Numbers, given: Arrays, accuracy: Numbers) -> dict[str, float]:
+def _allowed(kind: Kind, true: Numbers, given: Arrays) -> dict[str, float]:
     """By one step for each law and sensor. Source: GUM, 5.1.2."""
-    one: dict[str, Array] = {law: np.ones(SAMPLES) for law in accuracy}
+    one = {law: np.ones(SAMPLES) for law in kind.accuracy}
     plain = kind.law(true, given, one, {})
-    moved = [kind.law(true, given, {**one, law: one[law] + a}, {}) for law, a in accuracy.items()]
-    for name in given:
-        moved.append(
-            kind.law(true, {**given, name: given[name] + _class(kind, name, given)}, one, {})
-        )
+
+    def step(name: str, values: Array) -> Array:
+        sensor = kind.sensors[name]
+        return sensor.bound * (np.abs(values) if sensor.relative else np.ones(SAMPLES))
+
+    moved = [kind.law(true, given, {**one, n: one[n] + a}, {}) for n, a in kind.accuracy.items()]
+    for name, values in given.items():
+        moved.append(kind.law(true, {**given, name: values + step(name, values)}, one, {}))
     squares = {
-        out: sum(((m[out] - value) ** 2 for m in moved), _class(kind, out, plain) ** 2)
+        out: sum(((m[out] - value) ** 2 for m in moved), step(out, value) ** 2)
         for out, value in plain.items()
     }
     return {f"{MODULE}.{out}": float(np.sqrt(np.mean(s))) for out, s in squares.items()}
-
-
-def _class(kind: Kind, name: str, values: Arrays) -> Array:
-    sensor = kind.sensors[name]
-    return sensor.bound * (np.abs(values[name]) if sensor.relative else np.ones(SAMPLES))
-
-
-def _answer(plan: Planned, form: Numbers, values: Numbers, allowed: Numbers) -> ContactAnswer:
-    kind = KINDS[plan.kind]
-    planted = Planted(
-        effect=plan.kind,
-        title=plan.kind.replace("-", " "),
-        sort="physics" if kind.names else "unnamed",
-        module=MODULE,
-        place=kind.places[0],
-        names=kind.names,
-        places=tuple(f"{MODULE}.{place}" for place in kind.places),
-        parameters={plan.kind: form},
-        gain=float("nan"),
-        margin=float("nan"),
-        rival="",
-    )
-    effects = (planted,) if plan.other else ()
-    return ContactAnswer(
-        case=plan.name,
-        half="stationary",
-        plant=kind.type,
-        profile="ordinary",
-        seed=plan.seed,
-        samples=SAMPLES,
-        verdict=verdict_of([p.sort for p in effects]),
-        concealed=("open",) if effects else ("clean",),
-        effects=effects,
-        values=values,
-        allowed=allowed,
-    )
