@@ -91,7 +91,9 @@ def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Cons
         analysed(work, seals, engine, on_progress)
         found = contacts.judged(partition, work, seals, engine, on_progress)
     contacts.show(out, found)
-    if options.json:
+    if options.json == "-":
+        print(contacts.to_json(found), end="")
+    elif options.json:
         write_text(Path(options.json), contacts.to_json(found))
     return 0
 

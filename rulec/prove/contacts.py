@@ -31,6 +31,9 @@ TICK = "none"
 VALUES_TELL_NOTHING = ("unsure", "unnamed", "failed")
 """Verdicts that say themselves that the values are not to be believed."""
 
+FIGURES = "believed", "ticks", "sound", "others", "wrong"
+"""Names of the five figures in JSON."""
+
 Form = Mapping[str, Any]
 
 
@@ -177,7 +180,10 @@ def show(out: Console, found: Sequence[Judged]) -> None:
 
 
 def to_json(found: Sequence[Judged]) -> str:
-    """Figures by title with count and hits, and all cases."""
-    rows = {r.score: {"count": r.count, "hits": r.hits, "value": r.share} for r in figures(found)}
+    """Figures with value, count and of how many, and all cases."""
+    rows = {
+        name: {"value": r.share if r.count else None, "count": r.hits, "of": r.count}
+        for name, r in zip(FIGURES, figures(found), strict=True)
+    }
     cases = [dataclasses.asdict(j) for j in found]
     return json.dumps({"figures": rows, "cases": cases}, indent=1, ensure_ascii=False) + "\n"
