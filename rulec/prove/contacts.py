@@ -23,7 +23,7 @@ from rulec.prove.campaign import OnProgress, folder_of, opened, spread
 from rulec.prove.limits import BELIEVED, CERTAIN, GOAL_FOUND, GOAL_SOUND, GOAL_WRONG
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.scores import Goal, Row, at_least, of_hits
-from rulec.prove.tables import interval_of, value_of
+from rulec.prove.tables import interval_of
 from rulec.prove.terminal import MARK
 from rulec.prove.truth.contacts import Contact, ContactAnswer
 
@@ -163,11 +163,11 @@ def why(judged: Judged) -> str:
 def show(out: Console, found: Sequence[Judged]) -> None:
     """Write the figures, and the cases that went wrong."""
     shown = Table(box=None, pad_edge=False)
-    for title in ("score", "goal", "cases", "reached", "95 % interval", ""):
+    for title in ("score", "goal", "reached", "95 % interval", ""):
         shown.add_column(title, no_wrap=True)
     for row in figures(found):
-        reached = f"{row.hits:g} ({value_of(row)})" if row.count else "–"
-        cells = (row.score, row.goal.text, str(row.count), reached, interval_of(row))
+        reached = f"{row.hits:g} of {row.count}"
+        cells = (row.score, row.goal.text, reached, interval_of(row))
         shown.add_row(*cells, styled(MARK[row.met], row.verdict))
     out.print(shown)
     bad = Table("case", "verdict", "said", "because", box=None, pad_edge=False)
