@@ -376,6 +376,12 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
         "--rounds 2 experiments may go as far as a file of limits says. All of these are small: "
         "--quick changes nothing",
     )
+    cases.add_argument(
+        "--contacts",
+        action="store_true",
+        help="first contacts: plants with data sheets and one recording of ordinary operation, "
+        "half of them with a law of another standard form",
+    )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
     )

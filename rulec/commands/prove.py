@@ -48,7 +48,7 @@ def _ended_by(number: signal.Signals) -> Iterator[None]:
 
 def words_of(options: argparse.Namespace) -> list[str]:
     """The options as words again."""
-    flags = ("quick", "final", "real", "hard", "production", "quiet")
+    flags = ("quick", "final", "real", "hard", "production", "contacts", "quiet")
     words = [f"--{name}" for name in flags if getattr(options, name)]
     for name in ("seed", "only", "rounds", "engine", "jobs", "scheduler", "keep", "json", "report"):
         value = getattr(options, name)

@@ -24,7 +24,7 @@ from rulec.prove.judge import judge
 from rulec.prove.kept import CASES, SEALS, tool_digest
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Judged
-from rulec.prove.truth.sealed import Request
+from rulec.prove.truth.sealed import Case, Request
 
 OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"
 
@@ -136,11 +136,20 @@ def _analyse(folder: Path) -> None:
     analyse(folder)
 
 
-def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
+def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]]:
+    """A case made again, and what the tool wrote of it.
+
+    Raises Changed where its answer is not what was sealed.
+    """
     made = case.make()
     if made.answer.digest != seal:
         raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
     form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
+    return made, form
+
+
+def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
+    made, form = opened(case, folder, seal)
     result = judge(made, form, folder, partition)
     write_text(folder / OPENED, made.answer.to_json())
     driver = made.reference(Request(())).driver if made.answer.unrecorded else None

@@ -23,6 +23,7 @@ from rulec_runtime.report.made import made_now
 from rulec.cli import prove_options
 from rulec.engines.call import Engine
 from rulec.engines.engine import chosen
+from rulec.prove import contacts
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.kept import unusable
@@ -32,6 +33,9 @@ from rulec.prove.results import Run
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
+
+FIRST_CONTACT = 1
+"""Seed of the first of the first contacts; each has its own."""
 
 RIGS = "tests.prove"
 """Where real recordings are prepared: in the source tree, they are no part of the product."""
@@ -68,6 +72,8 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
         work = Path(options.keep or temporary).absolute()
         if options.real:
             return _real(options, work, out, aside)
+        if options.contacts:
+            return _contacts(options, work, out, aside)
         run = _run(options, work, aside)
     show(out, run)
     if options.json:
@@ -75,6 +81,20 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
     if options.report:
         write_text(Path(options.report), page(run, made_now("rulec")))
         out.print(styled("[dim]report: {}[/]", options.report))
+    return 0
+
+
+def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
+    partition, engine = partition_of(options)[0], engine_of(options)
+    with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
+        seals = sealed(partition, work, engine, on_progress)
+        analysed(work, seals, engine, on_progress)
+        found = contacts.judged(partition, work, seals, engine, on_progress)
+    contacts.show(out, found)
+    if options.json == "-":
+        print(contacts.to_json(found), end="")
+    elif options.json:
+        write_text(Path(options.json), contacts.to_json(found))
     return 0
 
 
@@ -98,14 +118,17 @@ def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console)
 
 def _mistake(options: argparse.Namespace) -> str | None:
     """What is wrong with the options; asked before the long work."""
+    if options.final and options.contacts:
+        return "--final: first contacts are drawn, none is kept apart; leave --final out"
     if options.final and register()["final"]["seed"] is None:
         return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
     try:
         engine_of(options)
     except Misused as misused:
         return str(misused)
-    if options.real and options.report:
-        return "--report: there is no page of real recordings, a table and --json only"
+    if (options.real or options.contacts) and options.report:
+        what = "real recordings" if options.real else "first contacts"
+        return f"--report: there is no page of {what}, a table and --json only"
     if not options.real and not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
     mistake = _mistake_of_rounds(options)
@@ -123,6 +146,8 @@ def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
         return None
     if options.real:
         return "--rounds: a recording that is here cannot be made again; leave --real out"
+    if options.contacts:
+        return "--rounds: first contacts are asked once; leave --contacts out"
     if options.hard:
         return "--rounds: how drifts go on is not known; leave --hard out"
     if not all(isinstance(case, Settled) for case in partition_of(options)[0].cases()):
@@ -149,12 +174,17 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     """Which cases, and how often they were opened."""
     known = register()
     made = functools.partial(
-        Partition, only=options.only, hard=options.hard, produced=options.production
+        Partition,
+        only=options.only,
+        hard=options.hard,
+        produced=options.production,
+        contacts=options.contacts,
     )
     if options.final:
         final = known["final"]
         return made("final", final["seed"], False), final["opened"]
-    seed = known["development"]["seed"] if options.seed is None else options.seed
+    own = FIRST_CONTACT if options.contacts else known["development"]["seed"]
+    seed = own if options.seed is None else options.seed
     return made("development", seed, options.quick), 0
 
 

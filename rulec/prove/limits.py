@@ -40,6 +40,14 @@ GOAL_RATIO = 1.05
 GOAL_COURSE = 0.9
 """Correlation of the course of an unrecorded driver with the truth, at least. Origin: assumed."""
 
+GOAL_SOUND, GOAL_FOUND, GOAL_WRONG = 0.95, 0.70, 0.02
+"""Of first contacts: share of sound ones that are called so, share of laws of another form that are
+named, at least; share of cases with a wrong name that is sure, at most. Origin: assumed."""
+
+BELIEVED = 4.0
+"""Standard uncertainties of the sheet within which a parameter that is told lies from the truth.
+Origin: distribution: both lie within two of them from the sheet."""
+
 # Scores ------------------------------------------------------------------------------------------
 
 NORMAL_QUANTILE = 1.959963984540054

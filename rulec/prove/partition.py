@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 import yaml
 
+from rulec.prove.truth import contacts
 from rulec.prove.truth.sealed import Case
 from rulec.prove.truth.settled import suite as stationary
 from rulec.prove.truth.tanks import suite as dynamic
@@ -55,7 +56,7 @@ SHORT = 256
 class Partition:
     """Cases by seed; `name` is `development` or `final`; `only` those whose name holds a word;
     `hard` cases with difficulties instead of the others; `produced` plants that make few
-    products."""
+    products; `contacts` first contacts."""
 
     name: str
     seed: int
@@ -64,6 +65,7 @@ class Partition:
     # Not in the digest of the other runs; names of cases tell these apart.
     hard: bool = field(default=False, repr=False)
     produced: bool = field(default=False, repr=False)
+    contacts: bool = field(default=False, repr=False)
 
     @property
     def digest(self) -> str:
@@ -78,6 +80,10 @@ class Partition:
         return [found[i] for i in order if self.only in found[i].name]
 
     def _in_order(self) -> Iterator[Planned]:
+        if self.contacts:
+            count = contacts.QUICK if self.quick else contacts.CASES
+            yield from contacts.planned(self.seed, count)
+            return
         if self.produced:
             yield from stationary.planned(self.seed, stationary.PRODUCED, small=True)
             return

@@ -92,16 +92,17 @@ class Row:
 NAN = float("nan")
 
 
-def _at_least(share: float) -> Goal:
+def at_least(share: float) -> Goal:
+    """A share of cases to be reached."""
     return Goal(share, 1.0, f"{100 * share:.0f} %")
 
 
 SHARES: tuple[tuple[str, str, Goal], ...] = (
-    ("place right", "place_right", _at_least(GOAL_PLACES)),
-    ("name right", "name_right", _at_least(GOAL_NAMES)),
-    ("clean called clean", "clean_right", _at_least(GOAL_CLEAN)),
-    ("unnamed called unnamed, with its place", "unnamed_right", _at_least(GOAL_UNNAMED)),
-    ("fault and sensor told from physics", "told_right", _at_least(GOAL_SORTS)),
+    ("place right", "place_right", at_least(GOAL_PLACES)),
+    ("name right", "name_right", at_least(GOAL_NAMES)),
+    ("clean called clean", "clean_right", at_least(GOAL_CLEAN)),
+    ("unnamed called unnamed, with its place", "unnamed_right", at_least(GOAL_UNNAMED)),
+    ("fault and sensor told from physics", "told_right", at_least(GOAL_SORTS)),
 )
 """Scores that are shares of cases: title, attribute, goal."""
 
@@ -244,16 +245,17 @@ def _counted(judged: Sequence[Judged]) -> tuple[Row, Row]:
     inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
     told = [c.right for j in judged for c in j.claims if c.probability >= CERTAIN]
     return (
-        _of_hits(COVERAGE, INSIDE, intervals, inside),
-        _of_hits(FALSE_NAMES, FALSE, len(told), told.count(False)),
+        of_hits(COVERAGE, INSIDE, intervals, inside),
+        of_hits(FALSE_NAMES, FALSE, len(told), told.count(False)),
     )
 
 
 def _share(title: str, goal: Goal, values: Sequence[float]) -> Row:
-    return _of_hits(title, goal, len(values), sum(values))
+    return of_hits(title, goal, len(values), sum(values))
 
 
-def _of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
+def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
+    """A share of cases with its interval."""
     low, high = wilson(hits, count)
     share = hits / count if count else NAN
     return Row(score=title, goal=goal, count=count, hits=hits, share=share, low=low, high=high)

@@ -31,7 +31,7 @@ def drawn(plant: Plant, seed: int) -> Plant:
     random = np.random.default_rng([seed, len(plant.modules), len(plant.mixers)])
     modules = {name: _module(module, random) for name, module in plant.modules.items()}
     mixers = {
-        name: Mixer(mixer.quadratic * _factor(MIXER_FRICTION, random))
+        name: Mixer(mixer.quadratic * factor(MIXER_FRICTION, random))
         for name, mixer in plant.mixers.items()
     }
     return Plant(modules, mixers, plant.downstream)
@@ -39,8 +39,8 @@ def drawn(plant: Plant, seed: int) -> Plant:
 
 def _module(module: DosingModule, random: np.random.Generator) -> DosingModule:
     line = Line(
-        module.line.static * _factor(STATIC_LOSS, random),
-        module.line.quadratic * _factor(LINE_FRICTION, random),
+        module.line.static * factor(STATIC_LOSS, random),
+        module.line.quadratic * factor(LINE_FRICTION, random),
     )
     return replace(module, pump=_pump(module.pump, random), line=line)
 
@@ -49,19 +49,19 @@ def _pump(pump: Pump, random: np.random.Generator) -> Pump:
     match pump:
         case Displacement():
             changed = {
-                name: getattr(pump, name) * _factor(u, random) for name, u in DISPLACEMENT.items()
+                name: getattr(pump, name) * factor(u, random) for name, u in DISPLACEMENT.items()
             }
             return replace(pump, **changed)
         case Centrifugal():
-            h0, h1, h2 = (v * _factor(u, random) for v, u in zip(pump.head, HEAD, strict=True))
+            h0, h1, h2 = (v * factor(u, random) for v, u in zip(pump.head, HEAD, strict=True))
             p0, p1, p2 = (
-                v * _factor(u, random) for v, u in zip(pump.electric, ELECTRIC, strict=True)
+                v * factor(u, random) for v, u in zip(pump.electric, ELECTRIC, strict=True)
             )
             return replace(pump, head=(h0, h1, h2), electric=(p0, p1, p2))
     raise TypeError(f"no spread known for {pump}")
 
 
-def _factor(u: float, random: np.random.Generator) -> float:
+def factor(u: float, random: np.random.Generator) -> float:
     """1 plus a normal draw of standard deviation `u`, never further off than WITHIN.
 
     Source: inverse transform sampling.

@@ -1,0 +1,328 @@
+"""First contacts: a plant with a data sheet, and one recording of ordinary operation.
+
+Half of the plants have one law of another standard form than their module type says. True values
+lie within the uncertainty of the sheet, laws keep to their accuracy, sensors to their class.
+Shares no code with the packages it tests; module types are the YAML files here, and numbers are in
+their units.
+"""
+
+from __future__ import annotations
+
+import functools
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ..drawn import factor
+from ..recording import write_csv
+from ..sealed import Answer, Reference, Request
+from ..sensors import Sensing, Sensor, read
+from ..settled import drive
+from ..smooth import form_error
+from ..streams import stream
+from ..units import ZERO_CELSIUS, Array
+
+MODULE = "unit"
+CASES, QUICK = 40, 10
+SAMPLES, PACE = 400, 10.0
+PART = 0.5, 0.9
+"""Part of the range of each setting that is used."""
+
+FLOW, WARM = 10.0, 30.0
+"""m3/h and degC at which laws of another form agree with the ordinary ones."""
+
+PROFILES = drive.steps, drive.ramps, drive.long_constant
+
+Numbers = Mapping[str, float]
+Arrays = Mapping[str, Array]
+Law = Callable[[Numbers, Arrays, Arrays, Numbers], dict[str, Array]]
+"""(parameters, true inputs, law errors as factors, sizes of another form) -> true outputs."""
+
+
+def _pump(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
+    """Affinity laws. Source: Guelich, Centrifugal Pumps."""
+    nu = x["n"] / p["n0"]
+    fall = p["h2"] * (nu * FLOW) ** 2 * (x["Q"] / (nu * FLOW)) ** form.get("m", 2.0)
+    power = (nu**3 * p["p0"] + nu**2 * p["p1"] * x["Q"]) * off["P_law"] + form.get("c", 0.0)
+    return {"dp": (nu**2 * p["h0"] - fall) * off["dp_law"], "P_el": power}
+
+
+def _valve(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
+    """Linear, or of equal percentage with rangeability R. Source: IEC 60534-2-4."""
+    travel = x["x"] / 100.0
+    share = form["R"] ** (travel - 1.0) if form else travel
+    loss = p["k"] + 1.0 / (p["Kv"] * share * off["opening"]) ** 2
+    return {"Q": np.sqrt(x["dp"] / (loss * off["resistance"]))}
+
+
+def _pipe(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
+    """Loss with a power of the flow. Source: Blasius 1913."""
+    share = x["dp"] / (p["k"] * FLOW**2)
+    return {"Q": FLOW * share ** (1.0 / form.get("m", 2.0)) * off["Q_law"]}
+
+
+def _set(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
+    """Laminar slip; viscosity falls exponentially with temperature. Source: Reynolds 1886."""
+    slip = p["C1"] * x["dp"] * np.exp(form.get("b", 0.0) * (x["T"] - WARM))
+    power = (p["P0"] + p["P1"] * x["dp"]) * off["P_law"]
+    return {"Q": (p["Q0"] - slip) * off["Q_law"], "P_el": power}
+
+
+CLASSES = {
+    "converter-speed": (8.0, "value"),
+    "magnetic-inductive": (0.004, "reading"),
+    "turbine-flow": (0.005, "reading"),
+    "power-meter": (0.002, "reading"),
+    "positioner": (0.005, "full scale"),
+    "process-pressure": (0.005, "full scale"),
+    "industrial-pressure": (0.001, "full scale"),
+    "industrial-thermometer": (0.3, "value"),
+}
+"""Bound of the error, in the unit shown or as a share, of what."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A law that may be of another form.
+
+    Attributes
+    ----------
+    type, law : the module type, and how a plant of it truly is
+    ranges : of each setting
+    arguments : of each law, by its name in the module type
+    form : smallest and largest size of the other form, by parameter
+    names, places : entries of the catalogue and places of the module type that are right for it
+    """
+
+    type: str
+    law: Law
+    ranges: Mapping[str, tuple[float, float]]
+    arguments: Mapping[str, tuple[str, ...]]
+    form: Mapping[str, tuple[float, float]]
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+
+    @functools.cached_property
+    def stated(self) -> Mapping[str, Any]:
+        """The module type."""
+        found: Mapping[str, Any] = yaml.safe_load(self.file.read_text(encoding="utf-8"))
+        return found
+
+    @property
+    def file(self) -> Path:
+        """Of the module type."""
+        return Path(__file__).with_name(f"{self.type}.yaml")
+
+    @functools.cached_property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """By signal."""
+        found = {}
+        for name, signal in self.stated["signals"].items():
+            bound, of = CLASSES[signal["sensor"]]
+            bound *= signal["range"][1] if of == "full scale" else 1.0
+            found[name] = Sensor(signal["unit"], 1.0, bound, 0.0, relative=of == "reading")
+        return found
+
+    @functools.cached_property
+    def accuracy(self) -> Numbers:
+        """Of each law, a share."""
+        laws = {law: self.stated["definitions"][law]["accuracy"] for law in self.arguments}
+        return {law: float(text.partition("%")[0]) / 100.0 for law, text in laws.items()}
+
+
+_PUMP: dict[str, Any] = {
+    "type": "contact-pump",
+    "law": _pump,
+    "ranges": {"n": (1600.0, 2900.0), "Q": (3.0, 12.0)},
+    "arguments": {"dp_law": ("n", "Q"), "P_law": ("n", "Q")},
+}
+KINDS: Mapping[str, Kind] = {
+    "valve-characteristic": Kind(
+        "contact-valve",
+        _valve,
+        {"x": (20.0, 100.0), "dp": (0.6, 4.0)},
+        {"opening": ("x",), "resistance": ("dp",)},
+        {"R": (20.0, 50.0)},
+        ("equal-percentage",),
+        ("x", "opening"),
+    ),
+    # No entry of the catalogue has the flow with another exponent in a head.
+    "pump-curve-exponent": Kind(
+        **_PUMP, form={"m": (1.0, 1.3)}, names=(), places=("dp_law", "head", "dp", "Q_imp")
+    ),
+    "pipe-exponent": Kind(
+        "contact-pipe",
+        _pipe,
+        {"dp": (0.1, 1.8)},
+        {"Q_law": ("dp",)},
+        {"m": (1.6, 1.8)},
+        ("line-exponent", "pump-exponent"),  # a power of the loss is one of the flow
+        ("loss", "Q_law"),
+    ),
+    "slip-by-temperature": Kind(
+        "contact-set",
+        _set,
+        {"dp": (60.0, 180.0)},
+        {"Q_law": ("dp",), "P_law": ("dp",)},
+        {"b": (0.03, 0.05)},
+        ("slip-temperature",),
+        ("Q_law", "pump"),
+    ),
+    "power-offset": Kind(
+        **_PUMP,
+        form={"c": (100.0, 250.0)},
+        names=("standby-power", "offset-power"),
+        places=("P_law", "power", "P_el"),
+    ),
+}
+"""In the order of the issue that asked for them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactAnswer(Answer):
+    """What is true of a first contact.
+
+    Attributes
+    ----------
+    other : which law is of another form; empty on a sound plant
+    names, places : entries and `module.place` that are right for it
+    form, values : true sizes of the other form, and parameters by `module.parameter`
+    allowed : error of each output that laws within their accuracy and sensors within their class
+        explain, root mean square over the recording
+    """
+
+    other: str
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+    form: Numbers
+    values: Numbers
+    allowed: Numbers
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A first contact to be made; the same seed gives the same bytes."""
+
+    seed: int
+    kind: str
+    other: bool
+    group = "contact"
+
+    @property
+    def name(self) -> str:
+        """Unique in a run."""
+        return f"contact-{self.seed:02d}-{self.kind}{'' if self.other else '-sound'}"
+
+    def make(self) -> Contact:
+        """Draw sheet, truth and operation."""
+        kind, random = KINDS[self.kind], stream(self.seed, "contact")
+        sheet, true = {}, {}
+        for name, stated in kind.stated["parameters"].items():
+            value = stated["value"]
+            if stated["u"]:
+                scaled = value * float(random.uniform(0.8, 1.25))
+                sheet[name] = float(f"{scaled:.4g}"), float(f"{stated['u'] * scaled / value:.3g}")
+                value = sheet[name][0] * factor(sheet[name][1] / sheet[name][0], random)
+            true[name] = value
+        forms = {
+            law: form_error(random, 0.5 * kind.accuracy[law], tuple(kind.ranges[a] for a in by))
+            for law, by in kind.arguments.items()
+        }
+        form = {name: float(random.uniform(*ends)) for name, ends in kind.form.items()}
+        given = _operated(kind, random)
+        off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
+        form = form if self.other else {}
+        answer = ContactAnswer(
+            case=self.name,
+            half="stationary",
+            plant=kind.type,
+            profile="ordinary",
+            seed=self.seed,
+            samples=SAMPLES,
+            verdict=("named" if kind.names else "unnamed") if self.other else "none",
+            concealed=("open",) if self.other else ("clean",),
+            other=self.kind if self.other else "",
+            names=kind.names if self.other else (),
+            places=tuple(f"{MODULE}.{place}" for place in kind.places) if self.other else (),
+            form=form,
+            values={f"{MODULE}.{name}": true[name] for name in sheet},
+            allowed=_allowed(kind, true, given),
+        )
+        return Contact(kind, sheet, answer, {**given, **kind.law(true, given, off, form)})
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A first contact; `sheet` has value and u of each parameter, `true` all signals."""
+
+    kind: Kind
+    sheet: Mapping[str, tuple[float, float]]
+    answer: ContactAnswer
+    true: Arrays = field(repr=False)
+
+    def write(self, folder: Path) -> None:
+        """Write `plant/`, with the module type in its own knowledge, and `recording.csv`."""
+        modules = folder / "plant" / "kb" / "modules"
+        modules.mkdir(parents=True, exist_ok=True)
+        shutil.copy(self.kind.file, modules)
+        lines = ["plant: contact", "title: A plant from its data sheet", "modules:"]
+        lines += [f"  {MODULE}:", f"    type: {self.kind.type}", "    parameters:"]
+        for name, (value, u) in self.sheet.items():
+            unit = self.kind.stated["parameters"][name]["unit"]
+            stated = f"value: {value!r}, unit: {unit}, u: {u!r}, source: data sheet"
+            lines.append(f"      {name}: {{{stated}}}")
+        plant = folder / "plant" / "plant.yaml"
+        plant.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        columns: dict[str, Array] = {"time [s]": PACE * np.arange(SAMPLES, dtype=np.float64)}
+        sensing = Sensing(law="truncated")
+        for name, sensor in self.kind.sensors.items():
+            place = f"{MODULE}.{name}"
+            shown = read(sensor, place, self.true[name], sensing, self.answer.seed)
+            columns[f"{place} [{sensor.unit}]"] = shown
+        write_csv(folder / "recording.csv", columns)
+
+    def reference(self, request: Request) -> Reference:
+        """Nothing: first contacts are judged by what laws may be off."""
+        return Reference({})
+
+
+def planned(first: int, count: int = CASES) -> Iterator[Planned]:
+    """Cases of the seeds from `first` on: each kind in turn, once sound, once of another form."""
+    for seed in range(first, first + count):
+        yield Planned(seed, list(KINDS)[(seed - 1) // 2 % len(KINDS)], seed % 2 == 0)
+
+
+def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
+    """Ordinary operation: each setting in a part of its range; slow temperatures."""
+    given = {}
+    for name, (low, high) in kind.ranges.items():
+        part = float(random.uniform(*PART))
+        share = part * PROFILES[int(random.integers(len(PROFILES)))](random, SAMPLES)
+        given[name] = low + (high - low) * (share + float(random.uniform(0.0, 1.0 - part)))
+    if "T" in kind.sensors:
+        given["T"] = drive.temperature(random, SAMPLES) - ZERO_CELSIUS
+    return given
+
+
+def _allowed(kind: Kind, true: Numbers, given: Arrays) -> dict[str, float]:
+    """By one step for each law and sensor. Source: GUM, 5.1.2."""
+    one = {law: np.ones(SAMPLES) for law in kind.accuracy}
+    plain = kind.law(true, given, one, {})
+
+    def step(name: str, values: Array) -> Array:
+        sensor = kind.sensors[name]
+        return sensor.bound * (np.abs(values) if sensor.relative else np.ones(SAMPLES))
+
+    moved = [kind.law(true, given, {**one, n: one[n] + a}, {}) for n, a in kind.accuracy.items()]
+    for name, values in given.items():
+        moved.append(kind.law(true, {**given, name: values + step(name, values)}, one, {}))
+    squares = {
+        out: sum(((m[out] - value) ** 2 for m in moved), step(out, value) ** 2)
+        for out, value in plain.items()
+    }
+    return {f"{MODULE}.{out}": float(np.sqrt(np.mean(s))) for out, s in squares.items()}
