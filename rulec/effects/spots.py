@@ -62,7 +62,7 @@ def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[S
     known = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
         share = stated.share if stated else ASSUMED_ACCURACY
-        yield replace(_spot(around, module, known[path[0], path[1]]), accuracy=share)
+        yield replace(_spot(around, module, known[path]), accuracy=share)
 
 
 def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:

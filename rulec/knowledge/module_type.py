@@ -265,17 +265,17 @@ class ModuleType:
                     seen.add(name)
                     stack.append(self.definitions[name].expression)
 
-    def laws(self) -> dict[Path_, Accuracy | None]:
+    def laws(self) -> dict[tuple[str, str], Accuracy | None]:
         """Places where the author chose a form, such as ``("definitions", "Q_law")``.
 
         A place is a law if it states an accuracy, or if an uncertain parameter stands in it. What a
         law stands on is a part of it, unless it states an accuracy; an observer that stands on such
         a part is none. A bare name, a meter, a sum of readings and a balance are no laws.
         """
-        found: dict[Path_, Accuracy | None] = {}
+        found: dict[tuple[str, str], Accuracy | None] = {}
         uncertain = {p.name for p in self.parameters.values() if not p.is_constant}
 
-        def visit(path: Path_, part: Definition | Observer, inside: bool = False) -> None:
+        def visit(path: tuple[str, str], part: Definition | Observer, inside: bool = False) -> None:
             names = {name for name, _ in part.expression.names()}
             below = self.names_through(part.expression) & self.definitions.keys()
             stated = [a for name in below if (a := self.definitions[name].accuracy)]
