@@ -19,7 +19,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
-from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED
+from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVABLE
 
 
 def peak_of(freedom: Array) -> Array:
@@ -220,6 +220,11 @@ class Strain:
     def distance(self) -> float:
         """How far it is off, in standard uncertainties of the sheet."""
         return abs(self.value - self.stated) / self.u
+
+    @property
+    def is_believable(self) -> bool:
+        """Would anybody believe it?"""
+        return self.distance <= UNBELIEVABLE
 
 
 def strain_of(

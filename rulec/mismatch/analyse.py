@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.belief import strain_of
+from rulec.knowledge.belief import Strain, strain_of
 from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Blind, Explained
 from rulec.mismatch.answer.public import checks_of, refusal
@@ -90,7 +90,10 @@ def analyse(
     verdict = verdict_of(findings, bool(found.places), doubt)
     spans = heldout_spans(samples.time, ~samples.open)
     checks = checks_of(plants, recording, spans) if plants else ()
-    refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
+    unwritten = plants.refused if plants else ""
+    recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
+    instead = all(strain.is_believable for strain in recalibrated)
+    refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
@@ -142,9 +145,7 @@ def analyse(
 
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
     """What speaks against a tick."""
-    known = found.model.builder.parameters
-    units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
-    strain = strain_of(found.believed, known.sheet, units)
+    strain = _strain(found, found.believed)
     signals, beyond = found.model.ruleset.signal_by_id, []
     for fit in fits:
         error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor
@@ -153,6 +154,13 @@ def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
             size = float(np.sqrt(np.nanmean(found.recording.values[fit.signal] ** 2)))
             beyond.append((fit, error / size))
     return Doubt(found.nothing, tuple(beyond), strain)
+
+
+def _strain(found: Explained[Any], values: Mapping[str, float]) -> tuple[Strain, ...]:
+    """Values, SI, that lie far from the data sheets."""
+    known = found.model.builder.parameters
+    units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
+    return strain_of(values, known.sheet, units)
 
 
 def _evidence(

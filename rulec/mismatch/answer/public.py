@@ -87,8 +87,13 @@ def refusal(
     joined: Sequence[str],
     unwritten: str,
     checks: Sequence[Check] = (),
+    instead: bool = True,
 ) -> str:
     """Why the repaired plant is not to be written; empty if it may.
+
+    `instead` tells whether recalibration alone would do: its values may be nobody's to believe.
+    Then the repair must be better than the plant as shipped, and no worse beyond chance than what
+    those values give.
 
     Held-out blocks decide nothing but this. The first reading must be met better beyond chance
     where errors are told, and not worse over all held-out rows, those in periods of faults too: a
@@ -102,16 +107,17 @@ def refusal(
         held, which = fit.heldout, "held-out"
         if not held.points:
             held, which = fit.estimation, "fitted"
-        worse = held.repaired > held.recalibrated * (1.0 + limits.SAME_ERROR)
+        plain = held.recalibrated if instead or i else held.shipped
+        worse = held.repaired > plain * (1.0 + limits.SAME_ERROR)
         if (i == 0 and worse) or is_spoiled(fit):
             return _worse(fit, held.repaired, held.recalibrated, f"on {which} samples")
-        if i == 0 and fit.gain_interval[0] <= 0.0:
+        if i == 0 and fit.gain_interval[0] <= 0.0 and instead:
             low, high = (number(100.0 * share) for share in fit.gain_interval)
             return (
                 f"simulated with it, the error of {fit.signal} on held-out samples falls by {low} "
                 f"to {high} % (95 %) beside recalibrated values alone, which may be chance"
             )
-    for check in checks if joined else ():
+    for check in checks if joined and instead else ():
         if check.signal == fits[0].signal and check.error > check.plain * (1.0 + limits.SAME_ERROR):
             return _worse(fits[0], check.error, check.plain, "over all held-out rows")
     return ""

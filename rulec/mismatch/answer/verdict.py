@@ -9,7 +9,6 @@ from rulec_runtime.report.text import number, percent
 
 from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.belief import Strain
-from rulec.limits import UNBELIEVABLE
 from rulec.mismatch import limits as common
 from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.wording import onset, region_words
@@ -77,7 +76,7 @@ class Doubt:
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
         """Parameters whose values nobody would believe."""
-        return tuple(s for s in self.strain if s.distance > UNBELIEVABLE)
+        return tuple(s for s in self.strain if not s.is_believable)
 
     @property
     def missing(self) -> bool:

@@ -25,7 +25,6 @@ from rulec.mismatch.search.settled.lost import lost_to
 from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
 from rulec.mismatch.search.settled.prior import shapes_of
-from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.sharpened import sharpened
@@ -55,7 +54,7 @@ def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> S
     posterior = explain(rows, progress, stood)
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.told]
-    fitted, candidates = _on_all_points(rows, model, _told(posterior))
+    fitted, candidates = _on_all_points(rows, posterior)
     geometry = posterior.geometry
     curves = {}
     for term in (t for t in model.terms if t.name in candidates):
@@ -94,14 +93,18 @@ def _told(posterior: Posterior) -> Names:
     return frozenset(kept)
 
 
-def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[str, Candidate]]:
+def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
+    model, told = posterior.models[posterior.told], _told(posterior)
     was = model.setting
     for candidate in was.joined:
         if name_of(was, candidate) not in told:
             was = was.leaving(candidate.id)
     was = replace(was, shapes=shapes_of(model.prior, was))
-    fitted = _with_strength(_fitted(rows, at_points(was, rows.system.data.time)))
+    fitted = _fitted(rows, at_points(was, rows.system.data.time))
+    weak = _without_strength(fitted, posterior)
+    for candidate in weak:
+        fitted = _fitted(rows, fitted.setting.leaving(candidate.id))
     setting = fitted.setting
     names = {name_of(setting, c): c for c in setting.joined}
     for course in setting.courses:
@@ -121,18 +124,19 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
     return fit(rows, first.setting, used, variance_inflation=variance_inflation_of(first))
 
 
-def _with_strength(fitted: Fitted) -> Fitted:
-    """Fitted without what all points together show to have no strength.
+def _without_strength(fitted: Fitted, posterior: Posterior) -> list[Candidate]:
+    """What all points together show to have no strength, and the evidence hardly asks for.
 
     Where the strength of a law depends on a shape that is hardly known, as that of a relief valve
-    on the pressure at which it opens, its uncertainty tells nothing: the fit without it decides.
+    on the pressure at which it opens, its uncertainty tells nothing: the evidence decides.
     """
-    for candidate in fitted.setting.joined:
-        if not _is_strong(fitted, candidate):
-            without = _fitted(fitted.rows, fitted.setting.leaving(candidate.id))
-            if without.objective - fitted.objective < 0.5 * limits.STRONG**2:
-                return _with_strength(without)
-    return fitted
+    setting, best = fitted.setting, posterior.told
+    return [
+        c
+        for c in setting.joined
+        if not _is_strong(fitted, c)
+        and _gain(posterior, best, name_of(setting, c)) < 0.5 * limits.STRONG**2
+    ]
 
 
 def _is_strong(fitted: Fitted, candidate: Candidate) -> bool:
