@@ -22,7 +22,7 @@ from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.free_form import BENDS, bent_line, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
-from rulec.effects.spots import shift_of, spots_of, stores_of
+from rulec.effects.spots import laws_of, shift_of, spots_of, stores_of
 from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.module_type import ENDS, Parameter
 from rulec.knowledge.plant import Module
@@ -132,6 +132,13 @@ class ModelBuilder:
         stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
         return tuple({s.id: s for s in (*settled, *stored)}.values())
 
+    @cached_property
+    def laws(self) -> tuple[Spot, ...]:
+        """The laws of the whole plant, each with its accuracy; not all of them are `spots`."""
+        around = survey(self.network, self._readings)
+        modules = self.network.plant.modules.values()
+        return tuple(law for m in modules for law in laws_of(around, m, self.matches.sites[m.name]))
+
     def plan(
         self,
         module: str,
@@ -144,10 +151,10 @@ class ModelBuilder:
         Those that reach no observer of the module do not matter.
         """
         joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
-        spots = tuple(s for s in spots if self._reaches(self._spot_by_id[s], module))
+        spots = tuple(s for s in spots if self._reaches(self.spot_by_id[s], module))
         key = module, joined, spots, definitions
         if key not in self._plans:
-            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            shifts = {k: v for s in spots for k, v in shift_of(self.spot_by_id[s]).items()}
             owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
             amended = {owner: self.amended(owner, joined) for owner in owners}
             what = Lowering(self.network, amended, shifts)
@@ -170,13 +177,13 @@ class ModelBuilder:
         """
         key = "", joined, spots
         if key not in self._balances:
-            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            shifts = {k: v for s in spots for k, v in shift_of(self.spot_by_id[s]).items()}
             amended = {m: self.amended(m, joined) for m in self.network.plant.modules}
             plan = lower_states(Lowering(self.network, amended, shifts, self.network.ends))
             states = tuple(
                 f"{module}.{state}" for module, own in amended.items() for state in own.type.states
             )
-            given = (*self.given, *(self._spot_by_id[s].unknown for s in spots))
+            given = (*self.given, *(self.spot_by_id[s].unknown for s in spots))
             used = tuple(name for name in given if name in plan.used_inputs)
             outputs = tuple(n for n in plan.outputs if n.partition(":")[0] in (SHOWN, *ENDS))
             self._balances[key] = Balances(plan, states, used, outputs)
@@ -208,7 +215,7 @@ class ModelBuilder:
         """
         id_ = f"{spot}[{', '.join(features)}]"
         if id_ not in self._free:
-            self._free[id_] = free_form(self._spot_by_id[spot], id_, features)
+            self._free[id_] = free_form(self.spot_by_id[spot], id_, features)
         return self._free[id_].candidate
 
     def bent_line(self, spot: str, driver: str, knots: int) -> tuple[Candidate, ...]:
@@ -221,7 +228,7 @@ class ModelBuilder:
             bends = range(first, min(first + BENDS, knots))
             id_ = f"{spot}[{driver}, bends {bends[0]} to {bends[-1]} of {knots}]"
             if id_ not in self._free:
-                self._free[id_] = bent_line(self._spot_by_id[spot], id_, driver, bends, knots)
+                self._free[id_] = bent_line(self.spot_by_id[spot], id_, driver, bends, knots)
             found.append(self._free[id_].candidate)
         return tuple(found)
 
@@ -233,8 +240,9 @@ class ModelBuilder:
         return {m.candidate.id: m for m in self.matches.candidates}
 
     @cached_property
-    def _spot_by_id(self) -> dict[str, Spot]:
-        return {s.id: s for s in self.spots}
+    def spot_by_id(self) -> dict[str, Spot]:
+        """Places where an error can be asked for: laws and disturbance locations."""
+        return {s.id: s for s in (*self.laws, *self.spots)}
 
     @staticmethod
     def _reaches(what: Candidate | Spot, module: str) -> bool:

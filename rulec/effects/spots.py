@@ -28,6 +28,14 @@ def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[
         yield _spot(around, module, site)
 
 
+def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+    """The laws of a module that reach an observer; also those whose errors look like another's."""
+    laws = {(str(group).removesuffix("s"), name) for group, name in module.type.laws()}
+    for site in sites:
+        if site.key in laws and site.observers:
+            yield _spot(around, module, site)
+
+
 def _spot(around: Survey, module: Module, site: Site) -> Spot:
     unit = unit_of(around.network.plant, module, site)
     return _at(module, site.key, site.title, unit.text, unit.factor, site.observers)
