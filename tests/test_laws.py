@@ -40,7 +40,8 @@ def test_what_the_sheet_says_outlives_a_calibration() -> None:
     assert set(known.ids) == set(known.sheet)
     assert known.sheet["main.Q0"] == pytest.approx((9 / 60e3, 1 / 60e3))
     assert known.values[place] == pytest.approx(8.742 / 60e3, rel=1e-3)
-    assert known.positive[place] and known.lowest[place] == 0.0
+    assert known.positive[place]
+    assert known.lowest[place] == 0.0
     assert not known.positive[known.ids.index("main.P3")]
 
 
@@ -60,4 +61,5 @@ def test_an_amended_type_says_what_its_new_parts_may_be(
     text = write_module(document, kind, brought, [])
     (tmp_path / "kind.yaml").write_text(text, encoding="utf-8")
     assert told == [d.code for d in collect([tmp_path])]
-    assert "x_true" in kind.definitions and '"0 %' in text and "range: [3, 300]" in text
+    assert "range: [3, 300]" in text
+    assert 'accuracy: "0 %, the class of the sensor says it"' in text
