@@ -80,7 +80,8 @@ def _data(
         "residuals": old.get("residuals"),
         "faults": old.get("faults"),
     }
-    for (group, name), accuracy in kind.laws().items():
+    for path, accuracy in kind.laws().items():
+        group, name = map(str, path)
         entry = data[group][name]
         if "accuracy" not in entry and entry != old.get(group, {}).get(name):
             accuracy = accuracy or Accuracy(ASSUMED_ACCURACY, "[assumed]")

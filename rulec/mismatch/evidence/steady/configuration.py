@@ -136,15 +136,15 @@ class Configuration:
     """What is joined and the values of what is free; numbers in SI.
 
     `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
-    `fixed` references of joined candidates. `shapes` are mean and standard deviation of unknowns
-    that shape a term, as far as they are known before.
+    `fixed` references of joined candidates. `known` are mean, scale and degrees of freedom of
+    unknowns, as far as they are known before.
     """
 
     joined: tuple[Candidate, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     courses: tuple[Course, ...] = ()
-    shapes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    known: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     @property
     def ids(self) -> tuple[str, ...]:

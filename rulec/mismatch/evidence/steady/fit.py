@@ -88,6 +88,7 @@ def prior_of(system: System, setting: Configuration) -> Prior:
     k = len(belief.names)
     size = k + len(errors) + len(unknowns)
     mean, known, scale = np.zeros(size), np.zeros(size), np.ones(size)
+    freedom = np.full(size, np.inf)
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     if k:
         mean[:k] = belief.mean
@@ -106,8 +107,8 @@ def prior_of(system: System, setting: Configuration) -> Prior:
         lowest[i], highest[i] = bounds[name]
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
-        if name in setting.shapes:
-            mean[i], width = setting.shapes[name]
+        if name in setting.known:
+            mean[i], width, freedom[i] = setting.known[name]
             known[i] = width**-2
     rest = np.zeros(size - k, dtype=bool)
     return Prior(
@@ -116,7 +117,7 @@ def prior_of(system: System, setting: Configuration) -> Prior:
         belief=belief,
         mean=mean,
         known=known,
-        freedom=np.full(size, np.inf),
+        freedom=freedom,
         lowest=lowest,
         highest=highest,
         size=scale,

@@ -42,11 +42,11 @@ def prior_with_sizes(geometry: Geometry, setting: Configuration) -> Prior:
     return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
 
 
-def shapes_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation of unknowns that only shape a term."""
-    shapes = {u.id for c in setting.joined for u in c.unknowns if u.null is None}
-    each = zip(prior.names, prior.mean, prior.known, strict=True)
-    return {name: (float(mean), float(k**-0.5)) for name, mean, k in each if name in shapes and k}
+def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:
+    """Mean, scale and degrees of freedom of unknowns, as far as they are known before."""
+    unknowns = set(setting.free_unknowns())
+    each = zip(prior.names, prior.mean, prior.known, prior.freedom, strict=True)
+    return {n: (float(m), float(k**-0.5), float(f)) for n, m, k, f in each if n in unknowns and k}
 
 
 def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.lost import lost_to
 from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
-from rulec.mismatch.search.settled.prior import shapes_of
+from rulec.mismatch.search.settled.prior import known_of
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.sharpened import sharpened
@@ -100,7 +100,7 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
     for candidate in was.joined:
         if name_of(was, candidate) not in told:
             was = was.leaving(candidate.id)
-    was = replace(was, shapes=shapes_of(model.prior, was))
+    was = replace(was, known=known_of(model.prior, was))
     fitted = _fitted(rows, at_points(was, rows.system.data.time))
     weak = _without_strength(fitted, posterior)
     for candidate in weak:
