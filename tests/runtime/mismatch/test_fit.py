@@ -19,7 +19,6 @@ from rulec.mismatch.inference.interval import profile
 from tests.runtime.mismatch.made import (
     USUAL,
     Built,
-    Sure,
     alone,
     opened,
     recorded,
@@ -176,35 +175,6 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
     begun = plain.setting.joining(candidate, {f"{name}.c": 0.01 * true}, {})
     found = fit(rows, begun, rows.system.data.open)
     assert found.setting.values[f"{name}.c"] == pytest.approx(true, rel=0.05)
-
-
-def test_a_contradicted_data_sheet_counts_only_where_it_is_trusted() -> None:
-    """Let go, a calibration leaves values wide; trusted, the sheet holds them and nothing strains.
-
-    Else how far the values are from the sheet counts, however they are held.
-    """
-    rules, builder = alone()
-    known = builder.parameters
-    sheet = {"A.eta": (known.values[known.ids.index("A.eta")] - 0.1, 0.005)}
-    doubted = replace(known, sheet=sheet, contradicted=frozenset({"A"}))
-    there = rules, Sure(builder, doubted)
-    rows = rows_at(there, recorded(alone(), tour(rules, SAMPLES), moved=False))  # type: ignore[arg-type]
-    held = fit(rows, Configuration(), rows.system.data.open)
-    assert held.contradiction > 10.0
-    assert held.negative_log_prior > 10.0
-    ways = Configuration().wider(("A",), doubted.contradicted)
-    wide, trusted = (prior_of(rows.system, way) for way in ways)
-    i = wide.names.index("A.eta")
-    u = float(np.sqrt(known.covariance[known.ids.index("A.eta"), known.ids.index("A.eta")]))
-    assert wide.precision[i, i] == pytest.approx((RELEASE * u) ** -2, rel=1e-3)
-    assert trusted.mean[i] == sheet["A.eta"][0]
-    assert trusted.precision[i, i] == pytest.approx(0.005**-2, rel=1e-3)
-    believing = replace(held, setting=replace(held.setting, trusted=ways[1].trusted))
-    assert believing.contradiction == 0
-    assert held.keeps_trust
-    assert not believing.keeps_trust
-    assert fit(rows, ways[1], rows.system.data.open).keeps_trust  # the other values make room
-    assert ways[1].wider(("A",), doubted.contradicted) == ()
 
 
 def test_where_a_law_has_no_value_it_is_not_right() -> None:
