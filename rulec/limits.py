@@ -335,6 +335,10 @@ MISFIT_SETTLED = 1e-6
 """Relative change of a misfit below which it stands; no result shows that many digits. Origin:
 numerical."""
 
+UNTOLD = 0.9
+"""Share of the uncertainty by its sheet that a parameter keeps at least of which a recording tells
+next to nothing. Origin: assumed."""
+
 FAR_OFF = 5.0
 """Standard uncertainties of value and data sheet together beyond which a value is reported; a wrong
 unit or column is off by far more. Origin: distribution (normal, two-sided 5.7e-7)."""

@@ -51,8 +51,8 @@ class CalibrateResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """The content of the calibration file, and what the recording told.
 
-        `moved` and `untold` are the parameters of which it told more, or less, than the data sheet;
-        `strain` are those far from it, and `notes` remarks.
+        `untold` are the parameters that it left as in the data sheet, `moved` the others, `strain`
+        those far from it. `notes` are remarks.
         """
         return {
             **self._form,

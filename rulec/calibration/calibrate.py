@@ -68,13 +68,13 @@ class Calibrated:
 
     @cached_property
     def moved(self) -> tuple[str, ...]:
-        """Parameters of which the recording told more than the data sheet."""
+        """Parameters that are no longer as in the data sheet."""
         every = (f"{fit.module}.{name}" for fit in self.fits for name in fit.parameters)
         return tuple(name for name in every if name not in self.untold)
 
     @cached_property
     def untold(self) -> tuple[str, ...]:
-        """Parameters that are as in the data sheet, as the recording told less of them."""
+        """Parameters of which the recording told next to nothing beside the data sheet."""
         return tuple(name for fit in self.fits for name in self.untold_of(fit))
 
     def untold_of(self, fit: ModuleFit) -> list[str]:

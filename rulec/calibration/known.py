@@ -88,5 +88,5 @@ class Known:
         return np.where(self.coordinates.positive, self.values(at) * relative, self.size)
 
     def left(self, covariance: Array) -> Array:
-        """Variance of places by covariance, shape (n, n), as a share of what the sheet leaves."""
-        return np.diag(covariance) * np.diag(self.near(self.begin)[1])
+        """Standard uncertainties by a covariance, shape (n, n), as shares of the sheet's."""
+        return np.sqrt(np.diag(covariance) * np.diag(self.near(self.begin)[1]))

@@ -30,7 +30,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> No
     for fit in found.fits:
         if untold := found.untold_of(fit):
             stood = fit.valid and all(reading.stood for reading in fit.valid.values())
-            why = "one operating point" if stood else "the recording tells less of them"
+            why = "one operating point" if stood else "the recording does not tell them"
             out.print(f"{', '.join(untold)} as in the sheet: {why}", soft_wrap=True)
     for strain in found.strain:
         out.print(strain_words(strain), markup=False, soft_wrap=True)
@@ -40,17 +40,15 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> No
     for note in found.notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     what = "operating points" if found.table else "settled stretches"
-    if found.unbelievable:
-        far = ", ".join(strain.parameter for strain in found.unbelievable)
-        if forced:
-            out.print(
-                styled("[red]✗[/] {}: from {} {}, against the sheet", name, found.points, what)
-            )
-        else:
-            out.print(styled("[red]✗[/] {} not written: {} too far from the sheet", name, far))
-            out.print(REMEDY, markup=False, soft_wrap=True)
+    made = f"from {found.points} {what}"
+    if not found.unbelievable:
+        out.print(styled("[green]✓[/] {}: {}", name, made))
+    elif forced:
+        out.print(styled("[red]✗[/] {}: {}, against the sheet", name, made))
     else:
-        out.print(styled("[green]✓[/] {}: from {} {}", name, found.points, what))
+        far = ", ".join(strain.parameter for strain in found.unbelievable)
+        out.print(styled("[red]✗[/] {} not written: {} too far from the sheet", name, far))
+        out.print(REMEDY, markup=False, soft_wrap=True)
 
 
 def _table(found: Calibrated) -> Table:
