@@ -184,7 +184,7 @@ def _fit_observer(
         key=lambda joined: joined[1].cost + float(np.sum(known.far(joined[0]) ** 2)),
     )
     _, precision = known.near(best)
-    covariance = np.linalg.inv(found.precision + precision)
+    covariance = np.asarray(np.linalg.inv(found.precision + precision), dtype=float)
     factor = known.spreads(best, covariance)
     sensitivity = -covariance @ found.weighing.T @ found.inward
     noisy = found.noise * covariance @ found.weighing.T @ found.inward

@@ -40,8 +40,7 @@ class Known:
             lowest = own.of(np.where(positive, np.maximum(low, 0.0), low)) / size
             highest = own.of(np.array([p.highest for p in stated])) / size
         places = np.flatnonzero(u > 0.0)
-        names = tuple(stated[i].name for i in places)
-        sheet = {stated[i].name: (stated[i].value, stated[i].u) for i in places}
+        sheet = {p.name: (p.value, p.u) for p in stated if p.u > 0.0}
         return cls(
             coordinates=own,
             size=size,
@@ -50,7 +49,7 @@ class Known:
             highest=highest,
             places=places,
             belief=belief_in(
-                names, positive[places], values[places], np.diag(u[places] ** 2), sheet
+                tuple(sheet), positive[places], values[places], np.diag(u[places] ** 2), sheet
             ),
         )
 
