@@ -159,9 +159,9 @@ def _fit_observer(
         bounded: Array = np.where(np.isfinite(off), off, far)
         return bounded
 
-    size = float(np.std(readings.true.values[rows])) or float(
-        np.mean(np.abs(readings.true.values[rows]))
-    )
+    usual = float(np.mean(np.abs(readings.true.values[rows])))
+    varied = float(np.std(readings.true.values[rows]))
+    size = varied if varied > LEAST_SCATTER * usual else usual
     best, kept = _robust(error, known, rows, size)
 
     def near(at: Array, noise: float | None = None) -> _Near:
@@ -192,7 +192,7 @@ def _fit_observer(
     summary = ObserverFit(
         observer=observer,
         misfit=_own_misfit(found, best, known, readings, kept),
-        r2=1.0 - float(np.sum(found.off**2)) / total if total else 0.0,
+        r2=1.0 - float(np.sum(found.off**2)) / total if size == varied else 0.0,
         points=len(kept),
         set_aside=len(rows) - len(kept),
     )
