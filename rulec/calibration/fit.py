@@ -151,25 +151,26 @@ def _fit_observer(
     def at_values(at: Array) -> dict[str, float]:
         return dict(zip(free, known.values(at).tolist(), strict=True))
 
-    def error(at: Array, chosen: np.ndarray) -> Array:
+    def error(at: Array, chosen: np.ndarray) -> tuple[Array, float]:
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
-        flows = np.broadcast_to(plan.run({**local, **at_values(at)})["Q"], (len(chosen),))
-        off = flows - readings.true.values[chosen]
+        out = plan.run({**local, **at_values(at)})
+        off = np.broadcast_to(out["Q"], (len(chosen),)) - readings.true.values[chosen]
         far = NO_VALUE * float(np.max(np.abs(readings.true.values[chosen])))
-        bounded: Array = np.where(np.isfinite(off), off, far)
-        return bounded
+        slopes = {n: out[f"d:{n}"] for n in readings_of(model, observer)}
+        return np.where(np.isfinite(off), off, far), _noise(slopes, chosen, readings)
 
     usual = float(np.mean(np.abs(readings.true.values[rows])))
     varied = float(np.std(readings.true.values[rows]))
     size = varied if varied > LEAST_SCATTER * usual else usual
-    best, kept = _robust(error, known, rows, size)
+    best, kept, law = _robust(error, known, rows, size)
 
     def near(at: Array, noise: float | None = None) -> _Near:
         out = plan.run({**inputs, **at_values(at)})
         slopes = {n: out[f"d:{n}"][kept] for n in readings_of(model, observer)}
+        off, usual = error(at, kept)
         return _Near.of(
-            off=error(at, kept),
-            jacobian=_jacobian(lambda p: error(p, kept), at, len(kept)),
+            off=off,
+            jacobian=_jacobian(lambda p: _even(error(p, kept), law, usual), at, len(kept)),
             noise=noise,
             least=LEAST_SCATTER * size,
             slopes=slopes,
@@ -324,7 +325,20 @@ def _noise(slopes: Mapping[str, Array], rows: np.ndarray, readings: Readings) ->
         moved = slopes[name] * own[name][rows] if name in slopes else none
         shown = true[name][rows] if name in true else none
         variance = variance + (moved - shown) ** 2
-    return float(np.mean(variance))
+    known = variance[np.isfinite(variance)]
+    return float(np.mean(known)) if len(known) else 0.0
+
+
+def _even(found: tuple[Array, float], law: float, usual: float) -> Array:
+    """Errors of points with their variance for noise, in size as if that were a `usual` one.
+
+    Values by which a law follows the noise of a reading do not thereby explain anything. `law` is
+    the variance by which the law itself is off, (m3/s)^2.
+
+    Source: Fuller, Measurement Error Models, 1987, 3.1 (errors in variables).
+    """
+    off, variance = found
+    return off * np.sqrt((law + usual) / (law + variance)) if law + variance > 0.0 else off
 
 
 def _spread(off: Array, count: int) -> float:
@@ -349,18 +363,24 @@ def _usable_rows(
 
 
 def _robust(
-    error: Callable[[Array, np.ndarray], Array], known: Known, rows: np.ndarray, size: float
-) -> tuple[Array, np.ndarray]:
-    """Fit the bulk, set far points aside, fit again; what the sheet says weighs as one point."""
-    best, kept = known.begin, rows
+    error: Callable[[Array, np.ndarray], tuple[Array, float]],
+    known: Known,
+    rows: np.ndarray,
+    size: float,
+) -> tuple[Array, np.ndarray, float]:
+    """Fit the bulk, set far points aside, fit again; what the sheet says weighs as one point.
+
+    Also returns the variance by which the law is off beyond the noise of readings, (m3/s)^2.
+    """
+    best, kept, scatter = known.begin, rows, ROBUST_WIDTH * size
     if not len(best):
-        return best, rows
-    loss, width, scatter = "soft_l1", ROBUST_WIDTH, ROBUST_WIDTH
+        return best, rows, 0.0
+    loss, width, law, noise = "soft_l1", ROBUST_WIDTH, scatter**2, error(best, rows)[1]
     for _ in range(ROBUST_ROUNDS):
         solution = least_squares(
             # In units of the flow's own spread: the solver's tolerances expect numbers near one.
-            lambda p, chosen=kept, by=scatter: np.concatenate(
-                [error(p, chosen) / size, by * known.far(p)]
+            lambda p, chosen=kept, by=scatter, law=law, noise=noise: (
+                np.concatenate([_even(error(p, chosen), law, noise), by * known.far(p)]) / size
             ),
             best,
             bounds=(known.lowest, known.highest),
@@ -371,12 +391,12 @@ def _robust(
             ftol=SOLVED,
         )
         best = solution.x
-        off = error(best, rows)
+        off, noise = error(best, rows)
         centre = float(np.median(off))
-        spread = max(spread_about(off, centre), LEAST_SCATTER * size)
-        kept = rows[np.abs(off - centre) <= FAR_POINT * spread]
-        loss, width, scatter = "linear", 1.0, spread / size
-    return best, kept
+        scatter = max(spread_about(off, centre), LEAST_SCATTER * size)
+        kept = rows[np.abs(off - centre) <= FAR_POINT * scatter]
+        loss, width, law = "linear", 1.0, max(scatter**2 - noise, 0.0)
+    return best, kept, law
 
 
 def _jacobian(error: Callable[[Array], Array], at: Array, points: int) -> Array:
