@@ -164,12 +164,11 @@ def _fit_observer(
     size = varied if varied > LEAST_SCATTER * usual else usual
     best, kept, law = _robust(error, known, rows, size)
 
-    def near(at: Array, noise: float | None = None) -> _Near:
+    def near(at: Array, usual: float, noise: float | None = None) -> _Near:
         out = plan.run({**inputs, **at_values(at)})
         slopes = {n: out[f"d:{n}"][kept] for n in readings_of(model, observer)}
-        off, usual = error(at, kept)
         return _Near.of(
-            off=off,
+            off=_even(error(at, kept), law, usual),
             jacobian=_jacobian(lambda p: _even(error(p, kept), law, usual), at, len(kept)),
             noise=noise,
             least=LEAST_SCATTER * size,
@@ -177,13 +176,15 @@ def _fit_observer(
             errors=[_error(slopes, kept, name, readings) for name in _calibrating(readings)],
         )
 
-    begun = near(best)
+    usual = error(best, kept)[1]
+    begun = near(best, usual)
     _must_be_determined(module, observer, free, begun, known.near(best)[1])
-    best, found = min(
+    best, _ = min(
         # A belief with long tails may hold at two places: one may be a bench meter's error.
-        (_joined(lambda at: near(at, begun.noise), start, known) for start in (known.begin, best)),
-        key=lambda joined: joined[1].cost + float(np.sum(known.far(joined[0]) ** 2)),
+        (_joined(lambda at: near(at, usual, begun.noise), p, known) for p in (known.begin, best)),
+        key=lambda joined: joined[1],
     )
+    found = near(best, error(best, kept)[1], begun.noise)
     _, precision = known.near(best)
     covariance = np.asarray(np.linalg.inv(found.precision + precision), dtype=float)
     factor = known.spreads(best, covariance)
@@ -266,8 +267,8 @@ class _Near:
         return self.weighing.T @ self.weighing
 
 
-def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Array, _Near]:
-    """Values by recording and data sheet, and what the recording says near them.
+def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Array, float]:
+    """Values by recording and data sheet, and what they cost.
 
     Slopes are taken anew where the two meet, as an observer may bend between them.
     """
@@ -282,7 +283,7 @@ def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Ar
         at = at + change
         if np.allclose(change, 0.0, rtol=0.0, atol=1e-10):
             break
-    return at, near(at)
+    return at, near(at).cost + float(np.sum(known.far(at) ** 2))
 
 
 def _own_misfit(
