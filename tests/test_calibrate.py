@@ -158,7 +158,7 @@ def test_one_operating_point_leaves_the_rest_to_the_sheet(
     given = {"time [s]": np.arange(len(speed)), "A.n [rpm]": speed, "A.T [degC]": 20.0 + 0 * speed}
     given |= {"A.Q [l/h]": np.where(speed > 0, 700.0, 0.0), "A.p_s [bar]": 0 * speed}
     made = rulec.simulate(_pump(tmp_path / "true", 1.141), given, noise=seed).prediction.values
-    noise = np.random.default_rng(seed).standard_normal((2, len(speed))) * (speed > 0)
+    noise = np.random.default_rng(100 + seed).standard_normal((2, len(speed))) * (speed > 0)
     given["A.n [rpm]"] = speed + 2.0 * noise[0]
     given["A.Q [l/h]"] = given["A.Q [l/h]"] + 7.0 * noise[1]
     given |= {"A.dp [bar]": made["A.dp"] / 1e5, "A.P_el [W]": made["A.P_el"]}
