@@ -171,7 +171,7 @@ def _fit_observer(
             off=_even(error(at, kept), law, usual),
             jacobian=_jacobian(lambda p: _even(error(p, kept), law, usual), at, len(kept)),
             noise=noise,
-            least=max(LEAST_SCATTER * size, float(np.sqrt(usual))),
+            least=max(LEAST_SCATTER * size, float(np.sqrt(law + usual))),
             slopes=slopes,
             errors=[_error(slopes, kept, name, readings) for name in _calibrating(readings)],
         )
