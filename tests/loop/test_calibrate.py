@@ -49,16 +49,16 @@ def test_what_the_meter_may_be_off_is_in_the_uncertainty(tmp_path: Path) -> None
 def test_a_value_of_another_size_than_the_data_sheet_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A sheet without an uncertainty says 0.4 l/h per bar where the pump loses 5.5."""
-    stated = "{C: {value: 0.4, unit: l/h/bar, u: 0, source: other pump}}"
+    """A sheet without an uncertainty says 6e-7 bar/(l/h)**2 where the line has 7.3e-6."""
+    stated = "{k2: {value: 6e-7, unit: bar/(l/h)**2, u: 0, source: other pump}}"
     folder = rig.plant(tmp_path)
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     text = text.replace("{type: warm-loop}", f"{{type: warm-loop, parameters: {stated}}}")
     (folder / "plant.yaml").write_text(text, encoding="utf-8")
     notes = _calibrate(folder, rig.run_in(folder))["notes"]
-    told = [note for note in notes if note.startswith("A.C: the recording says")]
+    told = [note for note in notes if note.startswith("A.k2: the recording says")]
     assert 1 == len(told)
-    assert "the data sheet 0.4 l/h/bar; check the units" in told[0]
+    assert "the data sheet 6e-07 bar/(l/h)**2; check the units" in told[0]
     assert told[0] in capsys.readouterr().out
 
 
