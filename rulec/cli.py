@@ -118,6 +118,9 @@ def _parser() -> argparse.ArgumentParser:
     made["calibrate"].add_argument("plant", metavar="PLANT")
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
+    made["calibrate"].add_argument(
+        "--force", action="store_true", help="write values too far from the sheet as well"
+    )
     json_option(made["calibrate"])
     diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
     _limits(made["diagnose"])

@@ -133,10 +133,6 @@ UNBELIEVABLE = 3.0
 """Standard uncertainties off its sheet beyond which a value is not believed. Origin: distribution
 (normal, two-sided, 0.3 %)."""
 
-CONTRADICTION = 1e-4
-"""Probability below which a difference between recording and data sheet is no chance. Origin:
-distribution (upper tail of chi-square, 1e-4)."""
-
 EFFECT_TRIES = 20
 """Draws of readings and parameters on which the laws of an effect are tried. Origin: assumed."""
 
@@ -339,12 +335,16 @@ MISFIT_SETTLED = 1e-6
 """Relative change of a misfit below which it stands; no result shows that many digits. Origin:
 numerical."""
 
+UNTOLD = 0.9
+"""Share of the uncertainty by its sheet that a parameter keeps at least of which a recording tells
+next to nothing. Origin: assumed."""
+
 FAR_OFF = 5.0
 """Standard uncertainties of value and data sheet together beyond which a value is reported; a wrong
 unit or column is off by far more. Origin: distribution (normal, two-sided 5.7e-7)."""
 
 OTHER_SIZE = 10.0
-"""Factor beyond which a value is of another size than the data sheet's, also where that states no
+"""Factor beyond which a value is of another size than that of a data sheet that states no
 uncertainty: a slipped decimal point. Origin: assumed."""
 
 # Study

@@ -49,18 +49,44 @@ class CalibrateResult(Result):
         return HEADER + yaml.safe_dump(self._form, sort_keys=False, width=100)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of the calibration file, and remarks under `notes`."""
-        return {**self._form, "notes": list(self.found.notes)}
+        """The content of the calibration file, and what the recording told.
 
-    def write(self, file: str | Path) -> None:
-        """Write the calibration file; the plant file names it under `calibration`."""
+        `untold` are the parameters that it left as in the data sheet, `moved` the others, `strain`
+        those far from it. `notes` are remarks.
+        """
+        return {
+            **self._form,
+            "moved": list(self.found.moved),
+            "untold": list(self.found.untold),
+            "strain": [{**vars(s), "distance": s.distance} for s in self.found.strain],
+            "notes": list(self.found.notes),
+        }
+
+    @property
+    def unbelievable(self) -> tuple[str, ...]:
+        """Parameters too far from their data sheets to be believed."""
+        return tuple(strain.parameter for strain in self.found.unbelievable)
+
+    def write(self, file: str | Path, *, force: bool = False) -> None:
+        """Write the calibration file; the plant file names it under `calibration`.
+
+        Raises `CalibrationRefused` where a value is not believed, unless `force` is set.
+        """
+        from rulec.calibration.fit import CalibrationRefused
+
+        if self.unbelievable and not force:
+            far = ", ".join(self.unbelievable)
+            raise CalibrationRefused(f"{file} not written: {far} too far from the sheet")
         write_text(Path(file), self.text)
 
-    def tell(self, out: Console, name: str | None = None) -> None:
-        """Print how good the calibration is; `name` is what it is called, such as its file."""
+    def tell(self, out: Console, name: str | None = None, *, forced: bool = False) -> None:
+        """Print how good the calibration is; `name` is what it is called, such as its file.
+
+        `forced`: it is written though a value is not believed.
+        """
         from rulec.calibration.story import tell
 
-        tell(out, self.found, name or self.found.models.plant.name)
+        tell(out, self.found, name or self.found.models.plant.name, forced)
 
     @property
     def _tables(self) -> Mapping[str, Callable[[], Columns]]:

@@ -19,7 +19,9 @@ from rulec_runtime.report.wording import KEPT, LEFT_OUT
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.calibration.notes import notes_of
 from rulec.calibration.true_flow import Local, true_flows
+from rulec.knowledge.belief import Strain, strain_of
 from rulec.knowledge.plant import Module
+from rulec.limits import UNBELIEVABLE
 from rulec.passes.differentiate import GATHERED
 from rulec.passes.types import Compilation
 
@@ -42,10 +44,43 @@ class Calibrated:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Contradictions to data sheets, and readings that were not varied."""
+        """Values of another size than stated, and readings that were not varied."""
         modules = self.models.plant.modules
         notes = [note for fit in self.fits for note in notes_of(modules[fit.module], fit)]
         return (*notes, *([NOTE] if self.table else []))
+
+    @cached_property
+    def strain(self) -> tuple[Strain, ...]:
+        """Parameters that lie far from their data sheets, the farthest first."""
+        values, sheet, units = {}, {}, {}
+        for fit in self.fits:
+            for name, value in zip(fit.parameters, fit.values.tolist(), strict=True):
+                stated = self.models.plant.modules[fit.module].stated[name]
+                own = f"{fit.module}.{name}"
+                values[own], sheet[own] = value, (stated.value, stated.u)
+                units[own] = stated.unit.text, stated.unit.factor
+        return strain_of(values, sheet, units)
+
+    @property
+    def unbelievable(self) -> tuple[Strain, ...]:
+        """Those that lie so far off that they are not believed."""
+        return tuple(s for s in self.strain if s.distance > UNBELIEVABLE)
+
+    @cached_property
+    def moved(self) -> tuple[str, ...]:
+        """Parameters that are no longer as in the data sheet."""
+        every = (f"{fit.module}.{name}" for fit in self.fits for name in fit.parameters)
+        return tuple(name for name in every if name not in self.untold)
+
+    @cached_property
+    def untold(self) -> tuple[str, ...]:
+        """Parameters of which the recording told next to nothing beside the data sheet."""
+        return tuple(name for fit in self.fits for name in self.untold_of(fit))
+
+    def untold_of(self, fit: ModuleFit) -> list[str]:
+        """Those of a module."""
+        far = {s.parameter for s in self.strain}
+        return [name for n in fit.untold if (name := f"{fit.module}.{n}") not in far]
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -2,8 +2,8 @@
 
 Each observer is fitted in turn for the parameters that no earlier one has. Outliers (a relief valve
 opens, a valve was shut) must not distort the law: a robust fit finds the bulk, points far from it
-are set aside and counted, the rest is fitted by least squares. The result is combined with the data
-sheet's values.
+are set aside and counted, the rest is fitted by least squares. What the data sheet says always
+counts beside it: what the points do not tell stays as stated.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.robust import spread_about
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from rulec.calibration.calibrated_range import CalibratedRange, range_of
+from rulec.calibration.known import Known
 from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
-from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.plant import Module
 from rulec.limits import (
     FAR_POINT,
@@ -33,6 +33,7 @@ from rulec.limits import (
     ROBUST_WIDTH,
     SLOPE_STEP,
     SOLVED,
+    UNTOLD,
 )
 from rulec.passes.differentiate import TypeModel
 
@@ -54,27 +55,27 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverFit:
-    """What was found for one observer; misfit in m3/s.
-
-    `contradicts`: recording and data sheet contradict each other.
-    """
+    """What was found for one observer; misfit in m3/s."""
 
     observer: str
     misfit: float
     r2: float
     points: int
     set_aside: int
-    contradicts: bool
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModuleFit:
-    """Fitted parameters of a module (SI) with joint covariance, and the range of the readings."""
+    """Fitted parameters of a module (SI) with joint covariance, and the range of the readings.
+
+    Of the `untold` ones the recording told next to nothing beside the data sheet.
+    """
 
     module: str
     parameters: tuple[str, ...]
     values: Array
     covariance: Array
+    untold: tuple[str, ...]
     observers: tuple[ObserverFit, ...]
     valid: Mapping[str, CalibratedRange]
 
@@ -109,6 +110,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         parameters=tuple(names),
         values=values,
         covariance=_joint_covariance(parts, readings),
+        untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, kept_all),
     )
@@ -129,6 +131,7 @@ class _Part:
     statistical: Array
     sensitivity: Array
     slopes: Mapping[str, Array]
+    untold: tuple[str, ...]
     summary: ObserverFit
 
 
@@ -143,113 +146,148 @@ def _fit_observer(
     plan = observer_plan(model, observer, readings_of(model, observer))
     inputs: dict[str, Array | float] = {**current, **readings.own.values}
     rows = _usable_rows(module, model, observer, len(free), readings)
-    scale = np.array([_scale(module, n) for n in free])
-    begin = np.array([current[n] for n in free]) / scale
+    known = Known.of([module.stated[name] for name in free])
 
-    def error(scaled: Array, chosen: np.ndarray) -> Array:
-        fixed = dict(zip(free, (scaled * scale).tolist(), strict=True))
+    def at_values(at: Array) -> dict[str, float]:
+        return dict(zip(free, known.values(at).tolist(), strict=True))
+
+    def error(at: Array, chosen: np.ndarray) -> tuple[Array, float]:
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
-        flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
-        off = flows - readings.true.values[chosen]
+        out = plan.run({**local, **at_values(at)})
+        off = np.broadcast_to(out["Q"], (len(chosen),)) - readings.true.values[chosen]
         far = NO_VALUE * float(np.max(np.abs(readings.true.values[chosen])))
-        bounded: Array = np.where(np.isfinite(off), off, far)
-        return bounded
+        slopes = {n: out[f"d:{n}"] for n in readings_of(model, observer)}
+        return np.where(np.isfinite(off), off, far), _noise(slopes, chosen, readings)
 
-    size = float(np.std(readings.true.values[rows])) or float(
-        np.mean(np.abs(readings.true.values[rows]))
-    )
-    best, kept = _robust(error, begin, rows, size)
+    usual = float(np.mean(np.abs(readings.true.values[rows])))
+    varied = float(np.std(readings.true.values[rows]))
+    size = varied if varied > LEAST_SCATTER * usual else usual
+    best, kept, law = _robust(error, known, rows, size)
 
-    def near(at: Array) -> _Near:
-        """The fit by the recording alone, as slopes at these values say it."""
-        off = error(at, kept)
-        jacobian = (
-            _jacobian(lambda p: error(p, kept), at, size) if free else np.zeros((len(off), 0))
-        )
-        inverse = _inverse(module, observer, free, jacobian)
-        local = {**inputs, **dict(zip(free, at * scale, strict=True))}
-        slopes = _input_slopes(plan, model, observer, local)
-        return _Near(
-            off=off,
-            jacobian=jacobian,
-            best=at - inverse @ jacobian.T @ off,
-            inverse=inverse,
-            sensitivity=-(inverse @ jacobian.T),
-            slopes={name: slope[kept] for name, slope in slopes.items()},
+    def near(at: Array, usual: float, noise: float | None = None) -> _Near:
+        out = plan.run({**inputs, **at_values(at)})
+        slopes = {n: out[f"d:{n}"][kept] for n in readings_of(model, observer)}
+        return _Near.of(
+            off=_even(error(at, kept), law, usual),
+            jacobian=_jacobian(lambda p: _even(error(p, kept), law, usual), at, len(kept)),
+            noise=noise,
+            least=max(LEAST_SCATTER * size, float(np.sqrt(law + usual))),
+            slopes=slopes,
+            errors=[_error(slopes, kept, name, readings) for name in _calibrating(readings)],
         )
 
-    alone = near(best)
-    noise = _spread(alone.off, len(free))
-    stated = Sheet.of([module.stated[name] for name in free]).scaled(scale)
-    sheet = stated.beside(best, alone.covariance(noise, kept, readings))
-    best, joined, weight = _joined(
-        near, best, sheet, lambda found: found.covariance(noise, kept, readings)
+    usual = error(best, kept)[1]
+    begun = near(best, usual)
+    _must_be_determined(module, observer, free, begun, known.near(best)[1])
+    best, _ = min(
+        # A belief with long tails may hold at two places: one may be a bench meter's error.
+        (_joined(lambda at: near(at, usual, begun.noise), p, known) for p in (known.begin, best)),
+        key=lambda joined: joined[1],
     )
-    statistical = noise**2 * weight @ joined.inverse @ weight.T + sheet.share(weight)
+    found = near(best, error(best, kept)[1], begun.noise)
+    _, precision = known.near(best)
+    covariance = np.asarray(np.linalg.inv(found.precision + precision), dtype=float)
+    factor = known.spreads(best, covariance)
+    sensitivity = -covariance @ found.weighing.T @ found.inward
+    noisy = found.noise * covariance @ found.weighing.T @ found.inward
     total = float(np.sum((readings.true.values[kept] - readings.true.values[kept].mean()) ** 2))
     summary = ObserverFit(
         observer=observer,
-        misfit=_own_misfit(joined, best, sheet, readings, kept),
-        r2=1.0 - float(np.sum(joined.off**2)) / total if total else 0.0,
+        misfit=_own_misfit(found, best, known, readings, kept),
+        r2=1.0 - float(np.sum(found.off**2)) / total if size == varied else 0.0,
         points=len(kept),
         set_aside=len(rows) - len(kept),
-        contradicts=sheet.is_empty and not stated.is_empty,
     )
     return _Part(
-        values=best * scale,
+        values=known.values(best),
         rows=kept,
-        statistical=statistical * np.outer(scale, scale),
-        sensitivity=(weight @ joined.sensitivity) * scale[:, None],
-        slopes=joined.slopes,
+        statistical=(noisy @ noisy.T + covariance @ precision @ covariance)
+        * np.outer(factor, factor),
+        sensitivity=sensitivity * factor[:, None],
+        slopes=found.slopes,
+        untold=tuple(n for n, u in zip(free, known.left(covariance), strict=True) if u > UNTOLD),
         summary=summary,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Near:
-    """Least squares near some values, scaled: where they lead, and how they came about.
+    """What a recording says near some values: least squares by slopes there.
 
-    `off` shape (points,), with slopes `jacobian` (points, n); `best` shape (n,); `sensitivity` is
-    d(best)/d(flow error), (n, points).
+    `off` shape (points,), with slopes `jacobian` (points, n), which go `across` the points. A
+    change of the values, shape (n,), is off by ``weighing @ change + inward @ off``, in standard
+    uncertainties.
     """
 
     off: Array
     jacobian: Array
-    best: Array
-    inverse: Array
-    sensitivity: Array
+    noise: float
+    across: Array
+    weighing: Array
+    inward: Array
     slopes: Mapping[str, Array]
 
-    def covariance(self, noise: float, rows: np.ndarray, readings: Readings) -> Array:
-        """Scatter, and what the errors of the calibrating sensors do."""
-        covariance = noise**2 * self.inverse
-        for name in _calibrating(readings):
-            shift = _shift(self.sensitivity, self.slopes, rows, name, readings)
-            covariance = covariance + np.outer(shift, shift)
-        return covariance
+    @classmethod
+    def of(
+        cls,
+        off: Array,
+        jacobian: Array,
+        noise: float | None,
+        least: float,
+        slopes: Mapping[str, Array],
+        errors: Sequence[Array],
+    ) -> _Near:
+        """Each direction that values move the points in is known as exactly as the scatter and the
+        errors of the calibrating sensors leave it."""
+        across, sizes, along = np.linalg.svd(jacobian, full_matrices=False)
+        if noise is None:
+            noise = max(_spread(off - across @ (across.T @ off), jacobian.shape[1]), least)
+        moved = across.T @ np.column_stack([np.zeros(len(off)), *errors])
+        scatter = np.linalg.cholesky(noise**2 * np.eye(len(sizes)) + moved @ moved.T)
+        return cls(
+            off=off,
+            jacobian=jacobian,
+            noise=noise,
+            across=across,
+            weighing=np.linalg.solve(scatter, sizes[:, None] * along),
+            inward=np.linalg.solve(scatter, across.T),
+            slopes=slopes,
+        )
+
+    @property
+    def cost(self) -> float:
+        """Sum of the squared errors of all points, in standard uncertainties."""
+        within = self.off @ self.across @ self.across.T
+        beyond = (self.off - within) / self.noise
+        return float(np.sum(beyond**2) + np.sum((self.inward @ self.off) ** 2))
+
+    @property
+    def precision(self) -> Array:
+        """Of the values by the recording alone, shape (n, n)."""
+        return self.weighing.T @ self.weighing
 
 
-def _joined(
-    near: Callable[[Array], _Near],
-    at: Array,
-    sheet: Sheet,
-    covariance: Callable[[_Near], Array],
-) -> tuple[Array, _Near, Array]:
-    """Values by recording and data sheet, the fit near them, and the weight of the recording.
+def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Array, float]:
+    """Values by recording and data sheet, and what they cost.
 
     Slopes are taken anew where the two meet, as an observer may bend between them.
     """
     for _ in range(JOINING_STEPS if len(at) else 0):
-        alone = near(at)
-        before, at = at, sheet.joined(alone.best, sheet.weight(covariance(alone)))
-        if np.allclose(before, at, rtol=1e-10, atol=1e-12):
+        found, (mean, precision) = near(at), known.near(at)
+        root = np.sqrt(np.diag(precision))
+        change = lsq_linear(
+            np.vstack([found.weighing, np.diag(root)]),
+            np.concatenate([-(found.inward @ found.off), root * (mean - at)]),
+            (known.lowest - at, known.highest - at),
+        ).x
+        at = at + change
+        if np.allclose(change, 0.0, rtol=0.0, atol=1e-10):
             break
-    found = near(at)
-    return at, found, sheet.weight(covariance(found)) if len(at) else np.zeros((0, 0))
+    return at, near(at).cost + float(np.sum(known.far(at) ** 2))
 
 
 def _own_misfit(
-    near: _Near, at: Array, sheet: Sheet, readings: Readings, rows: np.ndarray
+    near: _Near, at: Array, known: Known, readings: Readings, rows: np.ndarray
 ) -> float:
     """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain, nor
     the noise of the readings, which a diagnosis knows of its own recording.
@@ -264,8 +302,9 @@ def _own_misfit(
     """
     errors = [_error(near.slopes, rows, name, readings) for name in _calibrating(readings)]
     slopes = np.column_stack([near.jacobian, *errors])
-    precision = np.concatenate([sheet.precision, np.ones(len(errors))])
-    centre = np.concatenate([sheet.values - at, np.zeros(len(errors))])
+    mean, precise = known.near(at)
+    precision = np.concatenate([np.diag(precise), np.ones(len(errors))])
+    centre = np.concatenate([mean - at, np.zeros(len(errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
     for _ in range(JOINING_STEPS if misfit else 0):
         before, variance = misfit, misfit**2
@@ -287,7 +326,20 @@ def _noise(slopes: Mapping[str, Array], rows: np.ndarray, readings: Readings) ->
         moved = slopes[name] * own[name][rows] if name in slopes else none
         shown = true[name][rows] if name in true else none
         variance = variance + (moved - shown) ** 2
-    return float(np.mean(variance))
+    known = variance[np.isfinite(variance)]
+    return float(np.mean(known)) if len(known) else 0.0
+
+
+def _even(found: tuple[Array, float], law: float, usual: float) -> Array:
+    """Errors of points with their variance for noise, in size as if that were a `usual` one.
+
+    Values by which a law follows the noise of a reading do not thereby explain anything. `law` is
+    the variance by which the law itself is off, (m3/s)^2.
+
+    Source: Fuller, Measurement Error Models, 1987, 3.1 (errors in variables).
+    """
+    off, variance = found
+    return off * np.sqrt((law + usual) / (law + variance)) if law + variance > 0.0 else off
 
 
 def _spread(off: Array, count: int) -> float:
@@ -311,32 +363,28 @@ def _usable_rows(
     return rows
 
 
-def _input_slopes(
-    plan: Plan, model: TypeModel, observer: str, inputs: Mapping[str, Array | float]
-) -> dict[str, Array]:
-    out = plan.run(inputs)
-    return {n: out[f"d:{n}"] for n in readings_of(model, observer)}
-
-
-def _scale(module: Module, name: str) -> float:
-    """Size of a parameter, so that the fit works on numbers near one."""
-    parameter = module.parameters[name]
-    return max(abs(parameter.value), parameter.u) or parameter.unit.factor
-
-
 def _robust(
-    error: Callable[[Array, np.ndarray], Array], begin: Array, rows: np.ndarray, size: float
-) -> tuple[Array, np.ndarray]:
-    """Fit the bulk, set far points aside, fit again."""
-    if not len(begin):
-        return begin, rows
-    kept, best = rows, begin
-    loss, width = "soft_l1", ROBUST_WIDTH
+    error: Callable[[Array, np.ndarray], tuple[Array, float]],
+    known: Known,
+    rows: np.ndarray,
+    size: float,
+) -> tuple[Array, np.ndarray, float]:
+    """Fit the bulk, set far points aside, fit again; what the sheet says weighs as one point.
+
+    Also returns the variance by which the law is off beyond the noise of readings, (m3/s)^2.
+    """
+    best, kept, scatter = known.begin, rows, ROBUST_WIDTH * size
+    if not len(best):
+        return best, rows, 0.0
+    loss, width, law, noise = "soft_l1", ROBUST_WIDTH, scatter**2, error(best, rows)[1]
     for _ in range(ROBUST_ROUNDS):
         solution = least_squares(
             # In units of the flow's own spread: the solver's tolerances expect numbers near one.
-            lambda p, chosen=kept: error(p, chosen) / size,
+            lambda p, chosen=kept, by=scatter, law=law, noise=noise: (
+                np.concatenate([_even(error(p, chosen), law, noise), by * known.far(p)]) / size
+            ),
             best,
+            bounds=(known.lowest, known.highest),
             loss=loss,
             f_scale=width,
             x_scale="jac",
@@ -344,39 +392,37 @@ def _robust(
             ftol=SOLVED,
         )
         best = solution.x
-        off = error(best, rows)
+        off, noise = error(best, rows)
         centre = float(np.median(off))
-        spread = spread_about(off, centre)
-        kept = rows[np.abs(off - centre) <= FAR_POINT * max(spread, LEAST_SCATTER * size)]
-        loss, width = "linear", 1.0
-    return best, kept
+        scatter = max(spread_about(off, centre), LEAST_SCATTER * size)
+        kept = rows[np.abs(off - centre) <= FAR_POINT * scatter]
+        loss, width, law = "linear", 1.0, max(scatter**2 - noise, 0.0)
+    return best, kept, law
 
 
-def _jacobian(error: Callable[[Array], Array], at: Array, size: float) -> Array:
-    """Central differences in scaled parameters."""
-    columns = []
-    for i in range(len(at)):
-        step = np.zeros_like(at)
-        step[i] = SLOPE_STEP * max(abs(at[i]), 1e-3)
-        columns.append((error(at + step) - error(at - step)) / (2.0 * step[i]))
-    return np.stack(columns, axis=1)
+def _jacobian(error: Callable[[Array], Array], at: Array, points: int) -> Array:
+    """Central differences, shape (points, n)."""
+    columns = np.zeros((points, len(at)))
+    for i, step in enumerate(SLOPE_STEP * np.eye(len(at))):
+        columns[:, i] = (error(at + step) - error(at - step)) / (2.0 * SLOPE_STEP)
+    return columns
 
 
-def _inverse(module: Module, observer: str, free: Sequence[str], jacobian: Array) -> Array:
-    """Inverse of the normal matrix; refuses parameters that the points do not determine."""
-    if not len(free):
-        return np.zeros((0, 0))
-    normal = jacobian.T @ jacobian
+def _must_be_determined(
+    module: Module, observer: str, free: Sequence[str], found: _Near, precision: Array
+) -> None:
+    """Refuses parameters without an uncertainty by the sheet that the points do not determine."""
+    normal = found.precision + precision
     size = np.sqrt(np.diag(normal))
     weak = [n for n, s in zip(free, size, strict=True) if s == 0]
-    condition = np.linalg.cond(normal / np.outer(size, size)) if not weak else np.inf
-    if not np.isfinite(condition) or condition > MAX_CONDITION:
+    condition = np.linalg.cond(normal / np.outer(size, size)) if len(free) and not weak else 1.0
+    if weak or condition > MAX_CONDITION:
+        unknown = [n for n in free if not module.stated[n].u]
         raise CalibrationRefused(
             f"{module.name}.{observer}: the recording does not determine "
-            f"{', '.join(weak or free)} apart; vary the operating point more, or set 'fit: false'"
+            f"{', '.join(weak or unknown or free)}; vary the operating point more, state how "
+            "exact the sheet is ('u'), or set 'fit: false'"
         )
-    inverse: Array = np.linalg.inv(normal / np.outer(size, size)) / np.outer(size, size)
-    return inverse
 
 
 def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:

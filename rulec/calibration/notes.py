@@ -1,12 +1,13 @@
-"""Notes on a calibration for the user: contradictions and readings that did not vary."""
+"""Notes on a calibration for the user: values far from the data sheet, readings that stood."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from rulec.calibration.fit import ModuleFit
-from rulec.knowledge.module_type import Parameter
+from rulec.knowledge.belief import Strain
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_OFF, OTHER_SIZE
 
@@ -14,15 +15,8 @@ STOOD = "the reading stood in the calibration; these are the 95 % bounds of its 
 
 
 def notes_of(module: Module, fit: ModuleFit) -> Iterator[str]:
-    """Notes on contradictions to the data sheet, and on readings that were not varied."""
+    """Notes on values of another size than stated, and on readings that were not varied."""
     yield from _implausible(module, fit)
-    for observer in fit.observers:
-        if observer.contradicts:
-            yield (
-                f"{fit.module}.{observer.observer}: the recording contradicts the data sheet, "
-                "which was left out here; if the data sheet is right, something is missing in the "
-                "model or a sensor is wrong"
-            )
     for name, found in fit.valid.items():
         if found.stood:
             unit = module.type.signals[name].unit
@@ -35,26 +29,27 @@ def notes_of(module: Module, fit: ModuleFit) -> Iterator[str]:
 
 
 def _implausible(module: Module, fit: ModuleFit) -> Iterator[str]:
-    """Values far from what the data sheet says."""
-    for i, (name, value) in enumerate(zip(fit.parameters, fit.values.tolist(), strict=True)):
-        stated, u = module.stated[name], math.sqrt(fit.covariance[i, i])
-        if _is_far(stated, value, u):
-            unit = stated.unit
-            said = f"{unit.from_si(stated.value):.4g}"
-            if stated.u:
-                said += f" ± {stated.u / unit.factor:.2g}"
+    """Values of another size than a data sheet says that states no uncertainty."""
+    u = np.sqrt(np.diag(fit.covariance)).tolist()
+    for name, value, error in zip(fit.parameters, fit.values.tolist(), u, strict=True):
+        stated = module.stated[name]
+        unit = stated.unit
+        old, new = abs(stated.value - unit.offset), abs(value - unit.offset)
+        alike = not old or old / OTHER_SIZE <= new <= old * OTHER_SIZE
+        if not stated.u and not alike and abs(value - stated.value) > FAR_OFF * error:
             yield (
                 f"{fit.module}.{name}: the recording says {unit.from_si(value):.4g} {unit.text}, "
-                f"the data sheet {said} {unit.text}; check the units of the columns and the "
-                "equation of the flow meter before this file is used"
+                f"the data sheet {unit.from_si(stated.value):.4g} {unit.text}; check the units of "
+                "the columns and the equation of the flow meter before this file is used"
             )
 
 
-def _is_far(stated: Parameter, value: float, u: float) -> bool:
-    off = abs(value - stated.value)
-    if stated.u and off > FAR_OFF * math.hypot(stated.u, u):
-        return True
-    zero = stated.unit.offset
-    old, new = abs(stated.value - zero), abs(value - zero)
-    other = old > 0 and not old / OTHER_SIZE <= new <= old * OTHER_SIZE
-    return other and off > FAR_OFF * u
+def strain_words(strain: Strain) -> str:
+    """A value far from its sheet, in words.
+
+    >>> strain_words(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
+    'V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u'
+    """
+    unit = "" if strain.unit == "1" else f" {strain.unit}"
+    value, stated, u = (f"{n:.3g}" for n in (strain.value, strain.stated, strain.u))
+    return f"{strain.parameter} {value}{unit}, sheet {stated} ± {u}: {strain.distance:.1f} u"

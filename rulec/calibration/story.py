@@ -2,50 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import styled
 
 from rulec.calibration.calibrate import Calibrated
-from rulec.calibration.fit import ModuleFit
+from rulec.calibration.notes import strain_words
 from rulec.effects.recalibrate import FLOW_FACTOR
 from rulec.knowledge.plant import Module
-from rulec.passes.types import Compilation
+
+REMEDY = (
+    "Ask rulec mismatch what is missing in the model, or correct the sheet or the columns. "
+    "--force writes it."
+)
 
 
-def tell(out: Console, found: Calibrated, name: str) -> None:
-    """What each observer came to, what was left, and remarks; `name` is what came of it."""
+def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> None:
+    """What each observer came to, what was left, and remarks; `name` is what came of it.
+
+    `forced`: it is written though a value is not believed.
+    """
     for text in found.sensors:
         out.print(f"note: {text}")
-    out.print(_table(found.models, found.fits))
+    out.print(_table(found))
+    for fit in found.fits:
+        if untold := found.untold_of(fit):
+            stood = fit.valid and all(reading.stood for reading in fit.valid.values())
+            why = "one operating point" if stood else "the recording does not tell them"
+            out.print(f"{', '.join(untold)} as in the sheet: {why}", soft_wrap=True)
+    for strain in found.strain:
+        out.print(strain_words(strain), markup=False, soft_wrap=True)
     if found.left_out:
         left = ", ".join(found.left_out)
         out.print(f"no true flow in this recording, left as they were: {left}")
     for note in found.notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     what = "operating points" if found.table else "settled stretches"
-    out.print(styled("[green]✓[/] {}: from {} {}", name, found.points, what))
+    made = f"from {found.points} {what}"
+    if not found.unbelievable:
+        out.print(styled("[green]✓[/] {}: {}", name, made))
+    elif forced:
+        out.print(styled("[red]✗[/] {}: {}, against the sheet", name, made))
+    else:
+        far = ", ".join(strain.parameter for strain in found.unbelievable)
+        out.print(styled("[red]✗[/] {} not written: {} too far from the sheet", name, far))
+        out.print(REMEDY, markup=False, soft_wrap=True)
 
 
-def _table(models: Compilation, fits: Sequence[ModuleFit]) -> Table:
-    plant = models.plant
+def _table(found: Calibrated) -> Table:
+    models, fits, plant = found.models, found.fits, found.models.plant
     table = Table(box=None, padding=(0, 2), pad_edge=False)
     for title in ("observer", "misfit (l/h)", "R2", "points", "set aside", "parameters"):
         table.add_column(title, justify="left" if title in ("observer", "parameters") else "right")
     for fit in fits:
-        found = dict(zip(fit.parameters, fit.values, strict=True))
+        values = dict(zip(fit.parameters, fit.values, strict=True))
+        moved = [n for n in fit.parameters if f"{fit.module}.{n}" in found.moved]
         for o in fit.observers:
             expression = models.types[plant.modules[fit.module].type.key].observers[o.observer]
-            used = [n for n in found if n in {s.name for s in expression.free_symbols}]
+            used = [n for n in moved if n in {s.name for s in expression.free_symbols}]
             table.add_row(
                 f"{fit.module}.{o.observer}",
                 f"{o.misfit * FLOW_FACTOR:.3g}",
                 f"{o.r2:.4f}",
                 str(o.points),
                 str(o.set_aside),
-                ", ".join(_named(plant.modules[fit.module], n, found) for n in used),
+                ", ".join(_named(plant.modules[fit.module], n, values) for n in used),
             )
     return table
 

@@ -120,8 +120,7 @@ class BaseParameters:
     `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
     (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
     the data sheet. Values lie between `lowest` and `highest`; those that are above zero by their
-    meaning are `positive`; all three have shape (parameters,). `contradicted` are modules whose
-    calibration and data sheet differ beyond chance.
+    meaning are `positive`; all three have shape (parameters,).
     """
 
     ids: tuple[str, ...]
@@ -134,7 +133,6 @@ class BaseParameters:
     covariance: Array
     constants: Mapping[str, float]
     sheet: Mapping[str, tuple[float, float]]
-    contradicted: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

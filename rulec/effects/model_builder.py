@@ -23,9 +23,7 @@ from rulec.effects.free_form import BENDS, bent_line, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
 from rulec.effects.spots import laws_of, shift_of, spots_of, stores_of
-from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.module_type import ENDS, Parameter
-from rulec.knowledge.plant import Module
 from rulec.knowledge.read import read_plant
 from rulec.knowledge.sources import Sources
 from rulec.passes.amend import Amended, amend
@@ -288,16 +286,4 @@ def _base_parameters(models: Compilation) -> BaseParameters:
         covariance=covariance,
         constants=constants,
         sheet=sheet,
-        contradicted=frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
     )
-
-
-def _contradicts(module: Module) -> bool:
-    """Do data sheet and calibration contradict each other?"""
-    for block in module.blocks:
-        sheet = Sheet.of([module.stated[name] for name in block.parameters])
-        values = np.array([module.parameters[name].value for name in block.parameters])
-        factor = np.array(block.factor)
-        if not sheet.is_empty and sheet.beside(values, factor @ factor.T).is_empty:
-            return True
-    return False

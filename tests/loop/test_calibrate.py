@@ -46,19 +46,19 @@ def test_what_the_meter_may_be_off_is_in_the_uncertainty(tmp_path: Path) -> None
     assert blunt["k2"]["u"] / blunt["k2"]["value"] == pytest.approx(2 * 0.02, rel=0.2)
 
 
-def test_a_value_far_from_the_data_sheet_is_told(
+def test_a_value_of_another_size_than_the_data_sheet_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A sheet says 13 ml/rev to 0.05 where the pump has 10.2: both numbers are shown."""
-    stated = "{V: {value: 13, unit: ml/rev, u: 0.05, source: other pump}}"
+    """A sheet without an uncertainty says 6e-7 bar/(l/h)**2 where the line has 7.3e-6."""
+    stated = "{k2: {value: 6e-7, unit: bar/(l/h)**2, u: 0, source: other pump}}"
     folder = rig.plant(tmp_path)
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     text = text.replace("{type: warm-loop}", f"{{type: warm-loop, parameters: {stated}}}")
     (folder / "plant.yaml").write_text(text, encoding="utf-8")
     notes = _calibrate(folder, rig.run_in(folder))["notes"]
-    told = [note for note in notes if note.startswith("A.V: the recording says")]
+    told = [note for note in notes if note.startswith("A.k2: the recording says")]
     assert 1 == len(told)
-    assert "the data sheet 13 ± 0.05 ml/rev; check the units" in told[0]
+    assert "the data sheet 6e-07 bar/(l/h)**2; check the units" in told[0]
     assert told[0] in capsys.readouterr().out
 
 

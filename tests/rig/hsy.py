@@ -125,7 +125,7 @@ def by_halves(folder: Path) -> dict[str, tuple[dict[str, float], dict[str, float
             _write_half(folder / FILE, half, part)
             plant = ROOT / "plants" / PLANT
             with contextlib.redirect_stdout(io.StringIO()):
-                assert 0 == main(["calibrate", str(plant), str(part), "-o", str(target)])
+                assert 0 == main(["calibrate", str(plant), str(part), "-o", str(target), "--force"])
             modules = yaml.safe_load(target.read_text(encoding="utf-8"))["modules"]
             for name, sides in found.items():
                 for pump, entry in modules.items():

@@ -1,0 +1,91 @@
+"""What the data sheet says of parameters, in the coordinates of a fit: near one, without a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.knowledge.belief import Belief, Coordinates, belief_in
+from rulec.knowledge.module_type import Parameter
+from rulec.limits import BELIEF_FREEDOM
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """The belief in some parameters, all arrays of shape (n,): values are those of `coordinates`
+    at places times `size`. `belief` is in those at `places`, which have an uncertainty."""
+
+    coordinates: Coordinates
+    size: Array
+    begin: Array
+    lowest: Array
+    highest: Array
+    places: np.ndarray
+    belief: Belief
+
+    @classmethod
+    def of(cls, stated: Sequence[Parameter]) -> Known:
+        """By type and plant; what has no uncertainty states nothing."""
+        values, u = np.array([[p.value, p.u] for p in stated]).reshape(-1, 2).T
+        positive = np.array([p.positive for p in stated], dtype=bool)
+        own = Coordinates(positive)
+        plain = np.maximum(np.abs(values), u)
+        plain = np.where(plain > 0.0, plain, [p.unit.factor for p in stated])
+        size = np.where(positive, 1.0, plain)
+        low = np.array([p.lowest for p in stated])
+        with np.errstate(divide="ignore"):
+            lowest = own.of(np.where(positive, np.maximum(low, 0.0), low)) / size
+            highest = own.of(np.array([p.highest for p in stated])) / size
+        places = np.flatnonzero(u > 0.0)
+        sheet = {p.name: (p.value, p.u) for p in stated if p.u > 0.0}
+        return cls(
+            coordinates=own,
+            size=size,
+            begin=own.of(values) / size,
+            lowest=lowest,
+            highest=highest,
+            places=places,
+            belief=belief_in(
+                tuple(sheet), positive[places], values[places], np.diag(u[places] ** 2), sheet
+            ),
+        )
+
+    def values(self, at: Array) -> Array:
+        """Values at a place, SI."""
+        with np.errstate(over="ignore"):
+            return self.coordinates.values(at * self.size)
+
+    def near(self, at: Array) -> tuple[Array, Array]:
+        """Mean, shape (n,), and precision, shape (n, n), of what is believed near a place.
+
+        At its centre a Student distribution is sharper than its standard uncertainty says. Here the
+        latter holds there: what a recording does not tell stays as uncertain as stated.
+        """
+        size, n = self.size[self.places], len(at)
+        held = self.belief.near(at[self.places] * size)
+        mean, precision = at.copy(), np.zeros((n, n))
+        mean[self.places] = held.mean / size
+        precision[np.ix_(self.places, self.places)] = (
+            held.precision * np.outer(size, size) * BELIEF_FREEDOM / (BELIEF_FREEDOM + 1.0)
+        )
+        return mean, precision
+
+    def far(self, at: Array) -> Array:
+        """Errors whose squares are what the belief costs at a place, shape (n,)."""
+        mean, precision = self.near(self.begin)
+        off = np.sqrt(np.diag(precision)) * (at - mean)
+        return np.sign(off) * np.sqrt(BELIEF_FREEDOM * np.log1p(off**2 / BELIEF_FREEDOM))
+
+    def spreads(self, at: Array, covariance: Array) -> Array:
+        """Standard uncertainties of values by those of places, shape (n,): the inverse of
+        `Coordinates.scales`, so that of a logarithm it is the one of a log-normal value."""
+        u = np.sqrt(np.diag(covariance))
+        relative = np.sqrt(np.expm1(u**2)) / u
+        return np.where(self.coordinates.positive, self.values(at) * relative, self.size)
+
+    def left(self, covariance: Array) -> Array:
+        """Standard uncertainties by a covariance, shape (n, n), as shares of the sheet's."""
+        return np.sqrt(np.diag(covariance) * np.diag(self.near(self.begin)[1]))
