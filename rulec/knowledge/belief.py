@@ -109,7 +109,7 @@ class _Stated:
         rows = np.copysign(np.sqrt(squares), far)
         steep = np.full(len(far), np.sqrt((BELIEF_FREEDOM + 1.0) / BELIEF_FREEDOM))
         off = np.abs(far) > 1e-6
-        steep[off] *= np.abs(far / rows)[off] * steep[off] / (1.0 + far[off] ** 2 / BELIEF_FREEDOM)
+        steep[off] *= far[off] / rows[off] * steep[off] / (1.0 + far[off] ** 2 / BELIEF_FREEDOM)
         return rows, steep[:, None] * turned
 
 
@@ -163,7 +163,7 @@ class Belief:
         rows, slopes = np.zeros(self.rows), np.zeros((self.rows, len(self.names)))
         first = 0
         for part in self.parts:
-            stated, last = part.holding(at[part.places])[0], first + len(part.places)
+            stated, last = part.holding(at)[0], first + len(part.places)
             rows[first:last], slopes[first:last, part.places] = stated.strains(at[part.places])
             rows[last] = np.sqrt(2.0 * (max(s.peak for s in part.stated) - stated.peak))
             first = last + 1
