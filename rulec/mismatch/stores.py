@@ -169,10 +169,11 @@ class Explanation(Explained[Fitted]):
         judged = Judged(known, best.noise, no_drift(bench), np.zeros(0))
         first = repaired = _refitted(bench, (), {}, [plain.values, {}], judged)
         if taken:
-            own = {u.id for c in taken for u in c.unknowns}
-            kept = {n: v for n, v in self.model.kept.items() if n in own}
-            beside = {n: v for n, v in best.values.items() if n in own}
-            starts = [best.values, {**first.values, **beside}]
+            alike = {n: v for a in self.accepted for own in a.same.values() for n, v in own.items()}
+            known = {**alike, **best.values}
+            own = {u.id: u.fixed for c in taken for u in c.unknowns}
+            kept = {n: known[n] for n, fixed in own.items() if fixed}
+            starts = [known, {**first.values, **{n: known[n] for n in own}}]
             repaired = _refitted(bench, tuple(taken), kept, starts, judged)
         return Refits(
             plain=first,
@@ -354,8 +355,8 @@ def _floors(bench: SimulationProblem) -> dict[str, float]:
 def nameless_places(
     model: StoresModel, left: Sequence[Suspect], tried: int
 ) -> tuple[Location, ...]:
-    """The place where the final model is still wrong, if it is so beyond doubt, the likeliest
-    first, and all that are not told from it."""
+    """The place where the final model is still wrong, if it is so beyond doubt, with all that are
+    not told from it."""
     if not left or left[0].gain < needed(tried):
         return ()
     bench, noise = model.bench, model.fitted.noise
@@ -373,15 +374,14 @@ def nameless_places(
         for s in left
         if s.gain > first.gain - limits.PLACE_NEARLY or s.share > first.share - limits.PLACE_ALIKE
     ]
-    return tuple(
+    return (
         location_of_spot(
             model,
-            suspect.spot,
-            suspect.share,
-            np.where(bench.record.open, suspect.course**2, np.nan),
-            [other.spot for other in near if other is not suspect],
-        )
-        for suspect in near
+            first.spot,
+            first.share,
+            np.where(bench.record.open, first.course**2, np.nan),
+            [other.spot for other in near if other is not first],
+        ),
     )
 
 

@@ -34,7 +34,7 @@ def proof_table(mismatch: Mismatch, fit: Fit) -> str:
         [*columns("model", ".fitted", ".held out"), Column("", "wide")],
         ((name, number(seen), number(kept), _meter(kept, largest)) for name, seen, kept in rows),
     )
-    words = proof(fit, is_repaired(mismatch))
+    words = proof(mismatch, fit)
     return f'<p class="key">{safe(key)}</p>{shown}<p class="after">{safe(words)}</p>'
 
 
