@@ -56,9 +56,11 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
 
 
 def _ahead(searcher: Searcher, one: Fitted, best: Fitted, told: Set[frozenset[str]]) -> float:
-    """Log odds of another model against the one that is told; even where it was told before."""
-    even = frozenset(one.ids) in told or _as_simple(one, best)
-    return 0.0 if even else searcher.gain(one, best)
+    """Log odds of another model against the one that is told; even at most if told before it."""
+    if _as_simple(one, best):
+        return 0.0
+    odds = searcher.gain(one, best)
+    return min(odds, 0.0) if frozenset(one.ids) in told else odds
 
 
 def _odds(logarithm: float) -> float:
