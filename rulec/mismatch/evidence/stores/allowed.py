@@ -12,7 +12,7 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Spot
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, SimulationProblem
 
 
 def allowed(
@@ -38,19 +38,33 @@ def allowed(
 def _forms(bench: SimulationProblem, fitted: Fitted) -> Iterator[Array]:
     """What errors of form do to readings, stacked, shape (signals * samples,), SI, each of a law
     over a part of its range; none where the plant runs away with it."""
+    zero = np.zeros(len(bench.time))
     for spot in (s for s in bench.builder.spots if s.accuracy):
-        value = bench.trajectory(fitted.ids, fitted.values, f"{spot.module}.{spot.place}", {})
-        u = common.FORM_U * spot.accuracy * value
+        plain = _with_error(bench, fitted, spot, zero)
+        value = _value(bench, fitted, spot, plain)
+        if value is None:
+            continue
         knots = np.linspace(value.min(), value.max(), 1 + round(1.0 / common.FORM_LENGTH))
         for part in np.eye(len(knots)):
-            shape = np.interp(value, knots, part)
+            error = common.FORM_U * spot.accuracy * value * np.interp(value, knots, part)
             try:
-                yield _shown(bench, fitted, spot, u * shape) - _shown(bench, fitted, spot, 0.0 * u)
+                there = _with_error(bench, fitted, spot, error)
             except RanAway:
                 continue
+            yield np.concatenate([there.shown[n] - plain.shown[n] for n in bench.signals])
 
 
-def _shown(bench: SimulationProblem, fitted: Fitted, spot: Spot, error: Array) -> Array:
+def _value(bench: SimulationProblem, fitted: Fitted, spot: Spot, plain: Simulated) -> Array | None:
+    """What a law says, shape (n,), SI: the flow that at first moves as its error does."""
+    step = 1e-3 * spot.factor
+    there = _with_error(bench, fitted, spot, np.full(len(bench.time), step))
+    moved = (there.course.shown[0] - plain.course.shown[0]) / step
+    names = bench.builder.balances(fitted.ids, (spot.id,)).outputs
+    flows = (i for i, n in enumerate(names) if not n.startswith(SHOWN))
+    own = next((i for i in flows if abs(moved[i] - 1.0) < 1e-3), None)
+    return None if own is None else np.ascontiguousarray(plain.course.shown[:, own])
+
+
+def _with_error(bench: SimulationProblem, fitted: Fitted, spot: Spot, error: Array) -> Simulated:
     inputs = {**fitted.inputs, spot.unknown: error}
-    said = bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,))
-    return np.concatenate([said.shown[n] for n in bench.signals])
+    return bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,))
