@@ -39,7 +39,7 @@ signals:
   dp: {{quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 10], input: true, reference: 2}}
   Q:  {{quantity: volume flow, unit: m3/h, sensor: magnetic-inductive, range: [0, 20], reference: 3}}
 tables:
-  Kv: {{over: x, in: "%", unit: m3/h/bar**0.5, points: {POINTS}, between: line, u: 0.05, source: data sheet}}
+  Kv: {{over: x, in: "%", unit: m3/h/bar**0.5, points: {POINTS}, between: line, u: 0.05, accuracy: "10 %, IEC 60534-2-4", source: data sheet}}
 observers:
   valve: {{component: valve, Q: Kv*sqrt(dp), source: IEC 60534-2-1}}
   flow:  {{component: line, Q: Q, source: flow meter}}

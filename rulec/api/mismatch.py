@@ -70,8 +70,8 @@ class MismatchResult(Result):
 
     @property
     def verdict(self) -> str:
-        """``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or ``cannot
-        judge``."""
+        """``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous``, ``unsure`` or
+        ``cannot judge``."""
         return self.found.verdict
 
     @property

@@ -24,9 +24,13 @@ from rulec.api.given import folder_of
 from rulec.api.mismatch import MismatchResult, Periods, mismatch
 from rulec.mismatch.answer.json_form import hidden_csv
 
+UNSURE = 3
+"""Exit code where something is or may be missing, and the recording does not tell what."""
+
 
 def run(options: argparse.Namespace) -> int:
-    """Compare; a mismatch is a result, so the exit code is 0 whatever the verdict."""
+    """Compare; a mismatch is a result, so the exit code is 0, but `UNSURE` where the verdict
+    is `unsure`: a script must not take that for sound."""
     heldout = periods_of(options.heldout)
     folder_of(options.plant)
     check_outputs(options)
@@ -41,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
         write_to(options.series, found.series_csv())
         out.print(styled("[dim]courses of the models: {}[/]", options.series))
     write_json(options, found.form(_write_hidden(out, options, found)))
-    return 0
+    return UNSURE if found.verdict == "unsure" else 0
 
 
 def periods_of(texts: Sequence[str]) -> Periods:

@@ -375,6 +375,8 @@ def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
         fit=not parameter.fixed,
         title=parameter.title,
         origin=origin,
+        lowest=parameter.lowest,
+        highest=parameter.highest,
     )
 
 

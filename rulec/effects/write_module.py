@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge.module_type import Definition, ModuleType, Parameter, State
+from rulec.knowledge.module_type import Accuracy, Definition, ModuleType, Parameter, State
 from rulec.language.document import Document
 from rulec.language.expression import Expression, constant
 from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
+from rulec.limits import ASSUMED_ACCURACY
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
 
@@ -46,7 +48,7 @@ def author_comments(file: Path) -> list[str]:
 def _data(
     old: Mapping[str, Any], kind: ModuleType, brought: Mapping[str, Parameter]
 ) -> dict[str, Any]:
-    data = {
+    data: dict[str, Any] = {
         "module": kind.name,
         "version": kind.version,
         "title": kind.title,
@@ -78,6 +80,11 @@ def _data(
         "residuals": old.get("residuals"),
         "faults": old.get("faults"),
     }
+    for (group, name), accuracy in kind.laws().items():
+        entry = data[group][name]
+        if "accuracy" not in entry and entry != old.get(group, {}).get(name):
+            accuracy = accuracy or Accuracy(ASSUMED_ACCURACY, "[assumed]")
+            data[group][name] = {**entry, "accuracy": accuracy.text}
     return {key: value for key, value in data.items() if value}
 
 
@@ -90,6 +97,11 @@ def parameter_entry(parameter: Parameter) -> dict[str, Any]:
     }
     if not parameter.fit:
         entry["fit"] = False
+    if parameter.highest < math.inf:
+        ends = (parameter.lowest, parameter.highest)
+        entry["range"] = [_number(parameter.unit.from_si(end), 6) for end in ends]
+    elif parameter.lowest < 0.0 and not parameter.is_constant:
+        entry["sign"] = "any"
     return {**entry, "title": parameter.title, "source": parameter.origin.source or "[assumed]"}
 
 

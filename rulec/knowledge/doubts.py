@@ -1,4 +1,5 @@
-"""What a file may say, but hardly means: values of a far wrong size, modules that touch nothing.
+"""What a file may say, but hardly means, or leaves open: values of a far wrong size, modules that
+touch nothing, laws without an accuracy.
 
 Doubts are no mistakes: a plant with some compiles. `rulec check` tells them.
 """
@@ -15,7 +16,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Rejected, constant
-from rulec.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTORS
+from rulec.limits import ALIKE_ESTIMATES, ASSUMED_ACCURACY, FAR_ESTIMATES, MISREAD_FACTORS
 
 Values = Mapping[str, float]
 
@@ -30,6 +31,11 @@ def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iter
         for name, message, hint in _far_estimates(kind, kind.parameters, reference):
             place = document.key("parameters", name) if name else document.key("observers")
             yield Diagnostic(place, "KB140", message, hint, doubt=True)
+        for path in (path for path, accuracy in kind.laws().items() if accuracy is None):
+            assumed = f"{100 * ASSUMED_ACCURACY:g} %"
+            message = f"law '{path[-1]}' states no accuracy; {assumed} is assumed"
+            hint = f'add accuracy: "{assumed}, SOURCE", or what is known of it'
+            yield Diagnostic(document.key(*path), "KB143", message, hint, doubt=True)
 
 
 def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:

@@ -79,6 +79,11 @@ class Accuracy:
     share: float
     source: str
 
+    @property
+    def text(self) -> str:
+        """As it stands in a file."""
+        return f"{100 * self.share:g} %, {self.source}"
+
 
 @dataclass(frozen=True)
 class Definition:
@@ -273,8 +278,10 @@ class ModuleType:
         def visit(path: Path_, part: Definition | Observer, inside: bool = False) -> None:
             names = {name for name, _ in part.expression.names()}
             below = self.names_through(part.expression) & self.definitions.keys()
-            states = any(self.definitions[name].accuracy for name in below)
-            own = bool(names & uncertain) and not (states and isinstance(part, Observer))
+            stated = [a for name in below if (a := self.definitions[name].accuracy)]
+            own = bool(names & uncertain)
+            if isinstance(part, Observer):
+                own &= not part.is_reference and not any(a.share for a in stated)
             if part.accuracy or (own and not inside):
                 found[path] = part.accuracy
             descend(names, inside or path in found)

@@ -29,7 +29,7 @@ from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
+from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Series
 from rulec.mismatch.structure import told as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
@@ -86,7 +86,7 @@ def analyse(
     )
     plain, repair = refits.repairs
     plants, fits, samples = shown.plants, shown.fits, model.samples
-    doubt = _doubt(found, fits, repair)
+    doubt = _doubt(found, fits)
     verdict = verdict_of(findings, bool(found.places), doubt)
     spans = heldout_spans(samples.time, ~samples.open)
     checks = checks_of(plants, recording, spans) if plants else ()
@@ -140,11 +140,11 @@ def analyse(
     )
 
 
-def _doubt(found: Explained[Any], fits: Sequence[Fit], repair: Repair) -> Doubt:
-    """What speaks against a tick, by the plant that would be written."""
+def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
+    """What speaks against a tick."""
     known = found.model.builder.parameters
     units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
-    strain = strain_of({p.id: p.value for p in repair.parameters}, known.sheet, units)
+    strain = strain_of(found.believed, known.sheet, units)
     signals, beyond = found.model.ruleset.signal_by_id, []
     for fit in fits:
         error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor

@@ -109,6 +109,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         recordings=of_recordings(recording, fitted.rows, by) if by else (),
         changed=updates_of(recording.sources, by) if by else (),
         nothing=posterior.nothing,
+        believed=posterior.models[posterior.told].setting.values,
         within=posterior.models[posterior.told].allowed(posterior.geometry),
     )
 

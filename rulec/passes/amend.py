@@ -17,6 +17,7 @@ from typing import Any
 from rulec.knowledge.fluid import property_at
 from rulec.knowledge.module_type import (
     ENDS,
+    Accuracy,
     Definition,
     Fluid,
     ModuleType,
@@ -225,7 +226,8 @@ def _join_signal(
     law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
     what = f"what {place} should read" if place in kind.signals else f"{place}, repaired"
     kind = type_over(kind, {place: name_node(true)}, kept=amended.raw)
-    kind = replace(kind, definitions={true: Definition(true, law, what), **kind.definitions})
+    exact = Accuracy(0.0, "the class of the sensor says it") if place in kind.signals else None
+    kind = replace(kind, definitions={true: Definition(true, law, what, exact), **kind.definitions})
     joined = replace(
         amended,
         type=kind,

@@ -19,7 +19,7 @@ signals:
 parameters:
   Kv: {value: 0.5, unit: m3/h/kPa**0.5, u: 0.01, source: data sheet}
 observers:
-  valve: {component: valve, Q: Kv*sqrt(dp), source: IEC 60534-2-1}
+  valve: {component: valve, Q: Kv*sqrt(dp), accuracy: "10 %, IEC 60534-2-4", source: IEC 60534-2-1}
   flow:  {component: line, Q: Q, reference: true, source: flow meter}
 faults: [slope(Q)]
 """

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -76,7 +76,7 @@ class Explained(ABC, Generic[F]):
     says how large noise is, `untimed` what has no common time, where that is so. `standing` are
     the sets of explanations that are still possible, the likeliest first. Of several recordings
     `recordings` has each, and `changed` what each further one changed. `nothing` is the probability
-    that nothing is left out.
+    that nothing is left out, `believed` are the values of parameters with what was found, SI.
     """
 
     recording: Recording
@@ -92,6 +92,7 @@ class Explained(ABC, Generic[F]):
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
     nothing: float = 1.0
+    believed: Mapping[str, float] = field(default_factory=dict)
 
     def allowed(self, signal: str) -> float:
         """Error of a reading that sensors within their class, and laws within their accuracy,

@@ -68,7 +68,7 @@ CASES = {
     "relief valve": Case(
         "alone",
         {"A.relief-valve@Q_geo": {"K": 150 * LITRE_PER_HOUR_AND_BAR, "p_open": 1.9e5}},
-        "ambiguous",  # its pressure follows its speed; incomplete filling is 1 nat behind
+        "named",  # its pressure follows its speed: one class with incomplete filling
         "A.relief-valve@Q_geo",
         {"K": 150.0, "p_open": 1.9},
     ),

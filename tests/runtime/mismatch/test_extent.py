@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import t
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.extent import span, usual_size
+from rulec.mismatch.evidence.steady.extent import span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search.settled.geometry import Geometry
 from tests.conftest import ROOT
@@ -64,32 +64,10 @@ def rows(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return heated(tmp_path_factory.mktemp("heater"), request.param)
 
 
-def test_a_temperature_is_as_large_as_it_spreads(rows: Rows) -> None:
-    """A flow counts from zero."""
-    values = rows.system.data.values
-    seen = rows.system.data.open
-    assert usual_size(rows.system, "A.T_o") == pytest.approx(np.std(values["A.T_o"][seen]))
-    square = np.mean(values["A.Q"][seen] ** 2)
-    assert usual_size(rows.system, "A.Q") == pytest.approx(np.sqrt(square))
+def test_a_temperature_spans_its_range(rows: Rows) -> None:
+    """Where no range is stated, what it showed counts."""
     assert span(rows.system, "A.T_o") == pytest.approx(150.0)
     assert span(rows.system, "A.T_i") < 1.0
-
-
-def test_an_error_of_form_of_a_temperature_is_a_share_of_its_spread(rows: Rows) -> None:
-    """At 1 % each of the two laws is off by 1 % of what shows it most, here by its spread: not by
-    3 kelvin."""
-    (cell,) = rows.cells
-    assert set(cell.outputs) == {"A.Q", "A.T_o"}
-    forms = Geometry(rows).forms
-    noise = np.linalg.inv(cell.whitener)
-    table = np.zeros((len(rows), forms.shape[1]))
-    table[rows.system.data.open[rows.point]] = forms
-    errors = np.stack([cell.table(column) for column in table.T])
-    off = np.einsum("nrs,fsn->frn", noise, errors)[:, :, rows.system.data.open[cell.points]]
-    size = np.sqrt(np.mean(np.sum(off**2, axis=0), axis=1))
-    expected = [usual_size(rows.system, name) for name in cell.outputs]
-    laws = [s for s in rows.system.builder.spots if s.kind != "signal"]
-    assert max(size / np.array(expected)) == pytest.approx(np.sqrt(len(laws)), rel=0.2)
 
 
 def test_an_offset_of_a_thermometer_is_usual_as_a_share_of_its_range(rows: Rows) -> None:

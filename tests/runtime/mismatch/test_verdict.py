@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 
 from rulec.effects.candidate import Missing
+from rulec.knowledge.belief import Strain
 from rulec.mismatch.answer.public import refusal
-from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
+from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.result import (
     Alternative,
@@ -29,6 +30,7 @@ FAULT = replace(SURE, sort="fault", title="Flow lost")
 SENSOR = replace(SURE, sort="sensor", title="Reading shifted")
 AGEING = replace(SURE, sort="ageing", title="Wear")
 FREE = replace(SURE, sort="free")
+SOUND = Doubt(0.95, (), ())
 LACKING = (
     Missing(
         name="e",
@@ -39,6 +41,22 @@ LACKING = (
         sensor="thermometer",
     ),
 )
+
+
+def fit_at(noise: float) -> Fit:
+    """A flow that the repaired model meets to 0.4 l/min."""
+    errors = Errors(shipped=2.0, recalibrated=1.0, repaired=0.4, noise=noise, points=10)
+    return Fit(
+        signal="A.Q",
+        unit="l/min",
+        estimation=errors,
+        heldout=errors,
+        gain_interval=(0.0, 0.0),
+        closed=1.0,
+    )
+
+
+FAR = fit_at(0.1)
 
 
 @pytest.mark.parametrize(
@@ -74,8 +92,8 @@ def test_verdict_and_headline(
     findings: Sequence[Finding], left: bool, verdict: str, headline: str
 ) -> None:
     """Physics decides before faults and sensors; a free form is no name."""
-    assert verdict == verdict_of(findings, left)
-    assert headline_of(verdict, findings, ()).startswith(headline)
+    assert verdict == verdict_of(findings, left, SOUND)
+    assert headline_of(verdict, findings, (), SOUND).startswith(headline)
 
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
@@ -84,8 +102,10 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
         module=UNSURE.module, place=UNSURE.place, title="", share=0.8, region=(), periods=()
     )
     small = replace(large, module="B", place="Q_imp", share=0.2)
-    assert "missing at B.Q_imp that no" in headline_of("unnamed", (UNSURE,), (large, small))
-    assert f"missing at A.{UNSURE.place} that no" in headline_of("unnamed", (UNSURE,), (large,))
+    assert "missing at B.Q_imp that no" in headline_of("unnamed", (UNSURE,), (large, small), SOUND)
+    assert f"missing at A.{UNSURE.place} that no" in headline_of(
+        "unnamed", (UNSURE,), (large,), SOUND
+    )
 
 
 @pytest.mark.parametrize(
@@ -102,39 +122,26 @@ def test_a_name_that_is_not_all_says_so(verdict: str, noise: float, expected: st
     assert expected == remainder_of(verdict, [fit_at(noise)])
 
 
-def fit_at(noise: float) -> Fit:
-    """A flow that the repaired model meets to 0.4 l/min."""
-    errors = Errors(shipped=2.0, recalibrated=1.0, repaired=0.4, noise=noise, points=10)
-    return Fit(
-        signal="A.Q",
-        unit="l/min",
-        estimation=errors,
-        heldout=errors,
-        gain_interval=(0.0, 0.0),
-        closed=1.0,
-    )
-
-
 def test_what_is_not_sure_is_not_told_as_if_it_were() -> None:
     """Beside a name that is certain, the others stand apart."""
-    told = headline_of("named", (SURE, replace(FAULT, probability=0.4)), ())
+    told = headline_of("named", (SURE, replace(FAULT, probability=0.4)), (), SOUND)
     assert "the plant has a fault" not in told
     assert told.endswith("; not sure: flow lost in A.")
 
 
 def test_what_is_open_is_not_what_is_certain() -> None:
     """A sensor that is wrong for sure, and physics that is not: each is told as it is."""
-    told = headline_of("ambiguous", (SENSOR, replace(SURE, probability=0.7)), ())
+    told = headline_of("ambiguous", (SENSOR, replace(SURE, probability=0.7)), (), SOUND)
     assert told.startswith("Not sure enough to be named: gap flow")
     assert told.endswith("Sure beside that: reading shifted in A.")
 
 
 def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     """Else it may be an error of the law's form, and the sentence says how large it is."""
-    assert headline_of("none", (), (), [fit_at(0.3)]).endswith(
+    assert headline_of("none", (), (), SOUND, [fit_at(0.3)]).endswith(
         "what recalibration leaves is noise."
     )
-    far = headline_of("none", (), (), [fit_at(0.1)])
+    far = headline_of("none", (), (), SOUND, [fit_at(0.1)])
     assert "A.Q is off by 4 times its noise" in far
     assert "leaves is noise" not in far
 
@@ -154,20 +161,47 @@ def possible(probability: float, *titles: str) -> Standing:
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
-    """It is mentioned with its probability, and an experiment would tell."""
+    """It is mentioned with its probability, an experiment would tell, and there is no tick."""
     standing = (possible(0.6, "Relief valve in A"), possible(0.3), possible(0.05, "Wear in A"))
-    said = headline_of("none", (), (), [fit_at(0.3)], standing)
+    doubt = Doubt(0.3, (), ())
+    assert "unsure" == verdict_of((), False, doubt)
+    said = headline_of("unsure", (), (), doubt, [fit_at(0.3)], standing)
     assert said == (
         "It is not sure that anything is missing (30\u00a0% that nothing is). "
         "What may be: relief valve in A (60\u00a0%)."
     )
-    assert "`rulec experiment`" in next_step("none", (), None, (), standing=standing)
+    assert "`rulec experiment`" in next_step("unsure", (), None, (), standing=standing)
     assert "`rulec experiment`" in next_step("ambiguous", (UNSURE,), None, (), standing=standing)
+
+
+STRAINED = Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h/bar**0.5")
+
+
+@pytest.mark.parametrize(
+    ("doubt", "said"),
+    [
+        (Doubt(1.0, (), (STRAINED,)), "V.Kv would be 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u"),
+        (Doubt(1.0, ((FAR, 0.36),), ()), "A.Q is off by 36\u00a0%"),
+        (Doubt(0.01, (), ()), "1\u00a0% that nothing is"),
+    ],
+)
+def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> None:
+    """A strained parameter, an error beyond accuracy, or odds: what, is not known, and told."""
+    assert "unsure" == verdict_of((), False, doubt)
+    headline = headline_of("unsure", (), (), doubt)
+    assert headline == f"Something is missing: {said}; what, this recording does not tell."
+    assert "Do not adopt" in next_step("unsure", (), None, ())
+
+
+def test_a_parameter_of_two_u_is_told_and_does_not_decide() -> None:
+    """Beyond three of them it does."""
+    near = replace(STRAINED, value=18.0)
+    assert "none" == verdict_of((), False, Doubt(0.95, (), (near,)))
 
 
 def test_a_fault_beside_physics_is_no_omission_of_the_model() -> None:
     """The sentence keeps apart what the model leaves out and what is wrong with the plant."""
-    assert "leaves out flow lost" not in headline_of("named", (FAULT, SURE), ())
+    assert "leaves out flow lost" not in headline_of("named", (FAULT, SURE), (), SOUND)
 
 
 @pytest.mark.parametrize(
@@ -294,13 +328,13 @@ def test_what_is_about_as_likely_stands_in_the_headline() -> None:
     for probability, told in ((0.25, True), (0.05, False)):
         other = Alternative("x", "x", "Another one", probability)
         finding = replace(WARM, probability=1.0 - probability, alternatives=(other,))
-        assert told == ("another one" in headline_of("named", (finding,), ()))
+        assert told == ("another one" in headline_of("named", (finding,), (), SOUND))
 
 
 def test_all_of_a_class_stand_in_the_headline() -> None:
     """Four laws that say the same share the odds, and are one joint finding."""
     others = tuple(Alternative(f"x{i}", "x", f"Law {i}", 0.25) for i in range(3))
     finding = replace(WARM, probability=0.25, alternatives=others)
-    assert "ambiguous" == verdict_of((finding,), False)
-    headline = headline_of("ambiguous", (finding,), ())
+    assert "ambiguous" == verdict_of((finding,), False, SOUND)
+    headline = headline_of("ambiguous", (finding,), (), SOUND)
     assert all(f"law {i}" in headline for i in range(3))
