@@ -136,6 +136,7 @@ def explanation(
         found=found,
         nameless=nameless,
         dropped=dropped,
+        believed=model.fitted.values,
         nothing=_nothing(found, heldout if dropped else 0.0),
     )
 

@@ -1,4 +1,5 @@
-"""How sure it is that nothing is missing in a plant that stores, and what may be off all the same."""
+"""How sure it is that nothing is missing in a plant that stores, and what may be off all the
+same."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.analyse import doubt_of
+from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
@@ -38,7 +39,7 @@ def verdict(said: Explanation, off: float = 0.0) -> str:
     own = said.model.fitted
     moved = replace(own, errors={n: e + off for n, e in own.errors.items()})
     (proof,) = prove(said.model.bench, own, moved, said.model.judged)
-    doubt = doubt_of(said, [proof.fit], said.refitted((), ()).repairs[1])
+    doubt = analyse._doubt(said, [proof.fit])
     return verdict_of((), False, doubt)
 
 
