@@ -21,7 +21,7 @@ from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import Reread, reread
 from rulec.api.result import Result
 from rulec.effects.made_from import AGAIN
-from rulec.effects.repair import AdoptRefused, Proven, Reported
+from rulec.effects.repair import AdoptRefused, Proven, Reported, why_refused
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
 from rulec.simulation.equations import SimulationRefused
@@ -116,13 +116,9 @@ def adopt(
         raise AdoptRefused(f"{target} is not empty; name a new folder")
     source = reread(mismatch, recalibrated)
     repair, proven = source.repair, source.proven
-    if proven.edits:
-        raise AdoptRefused(not_connected_so(proven.edits))
-    if proven.refused:
-        raise AdoptRefused(
-            f"nothing is written: {proven.refused}. The plant with recalibrated values alone can "
-            "be written with --recalibrated"
-        )
+    if why := why_refused(proven.edits, proven.refused):
+        beside = ". The plant with recalibrated values alone can be written with --recalibrated"
+        raise AdoptRefused(f"nothing is written: {why}{'' if proven.edits else beside}")
     source.check_basis(AdoptRefused)
     if not repair.joined and not recalibrated:
         reasons = "; ".join(f"{name}: {why}" for name, why in proven.left_out)
@@ -139,15 +135,6 @@ def adopt(
         write_plant(made, source.opened.sources, adoption, repair)
         _try_out(made, source)
     return AdoptResult(plant=target, adoption=adoption, proven=proven)
-
-
-def not_connected_so(edits: Sequence[str]) -> str:
-    """Why nothing is done for a plant whose file says otherwise what feeds what, and the remedy."""
-    todo = ". ".join(f"{edit[0].upper()}{edit[1:]}" for edit in edits)
-    return (
-        "nothing is written: the plant file says otherwise than the readings what feeds what, and "
-        f"it is the engineer's. {todo}. Then run rulec mismatch again"
-    )
 
 
 def _try_out(plant: Path, source: Reread) -> None:

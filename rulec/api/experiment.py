@@ -13,12 +13,12 @@ from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.mending import mended
 from rulec_runtime.report.made import made_now
 
-from rulec.api.adopt import not_connected_so
 from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import reread
 from rulec.api.result import Result
+from rulec.effects.repair import why_refused
 from rulec.mismatch.refused import ExperimentRefused
 
 if TYPE_CHECKING:
@@ -128,8 +128,8 @@ def experiment(
     source = reread(mismatch, recalibrated=True)
     standing = standing_of(source.data, source.file)
     source.check_basis(ExperimentRefused)
-    if source.proven.edits:
-        raise ExperimentRefused(not_connected_so(source.proven.edits))
+    if why := why_refused(source.proven.edits, ""):
+        raise ExperimentRefused(f"nothing is written: {why}")
     source.check_unchanged()
     ruleset = source.opened.ruleset
     recording = mended(source.recording(ruleset), source.proven.misread)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,20 @@ from rulec_runtime.recordings.mending import Mending
 
 class AdoptRefused(Refusal):
     """This file cannot be adopted; the message says why and what to do."""
+
+
+def why_refused(edits: Sequence[str], refused: str) -> str:
+    """Why `rulec adopt` writes no repair; empty where it does. What it refuses is not proven.
+
+    `edits` are to be made in the plant file first, `refused` is what speaks against the repair.
+    """
+    if not edits:
+        return refused
+    todo = ". ".join(f"{edit[0].upper()}{edit[1:]}" for edit in edits)
+    return (
+        "the plant file says otherwise than the readings what feeds what, and it is the "
+        f"engineer's. {todo}. Then run rulec mismatch again"
+    )
 
 
 @dataclass(frozen=True)

@@ -89,9 +89,28 @@ class _Stated:
         size, parts, ways = self._ways
         far = parts * (ways.T @ (size * (at - self.mean))) ** 2
         tails = 0.5 * (BELIEF_FREEDOM + 1.0) * float(np.sum(np.log1p(far / BELIEF_FREEDOM)))
-        peak = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts))) + float(_PEAK) * len(parts)
         weight = parts * (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
-        return peak - tails + self.odds, (ways * weight) @ ways.T * np.outer(size, size)
+        return self.peak - tails, (ways * weight) @ ways.T * np.outer(size, size)
+
+    @cached_property
+    def peak(self) -> float:
+        """Log density where it is largest, with the odds."""
+        size, parts, _ = self._ways
+        whole = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts)))
+        return whole + float(_PEAK) * len(parts) + self.odds
+
+    def strains(self, at: Array) -> tuple[Array, Array]:
+        """Rows, shape (k,), half of whose squares is what the density falls by from its peak, and
+        their slopes, shape (k, k)."""
+        size, parts, ways = self._ways
+        turned = np.sqrt(parts)[:, None] * ways.T * size
+        far = turned @ (at - self.mean)
+        squares = (BELIEF_FREEDOM + 1.0) * np.log1p(far**2 / BELIEF_FREEDOM)
+        rows = np.copysign(np.sqrt(squares), far)
+        steep = np.full(len(far), np.sqrt((BELIEF_FREEDOM + 1.0) / BELIEF_FREEDOM))
+        off = np.abs(far) > 1e-6
+        steep[off] *= far[off] / rows[off] * steep[off] / (1.0 + far[off] ** 2 / BELIEF_FREEDOM)
+        return rows, steep[:, None] * turned
 
 
 @dataclass(frozen=True)
@@ -135,6 +154,25 @@ class Belief:
             mean[part.places] = stated.mean
             precision[np.ix_(part.places, part.places)] = there
         return Held(density, mean, precision)
+
+    def strains(self, at: Array) -> tuple[Array, Array]:
+        """The belief as rows of a least-squares fit, and their slopes, shapes (r,), (r, n).
+
+        Half of their squares is what the log density falls by from its peak.
+        """
+        rows, slopes = np.zeros(self.rows), np.zeros((self.rows, len(self.names)))
+        first = 0
+        for part in self.parts:
+            stated, last = part.holding(at)[0], first + len(part.places)
+            rows[first:last], slopes[first:last, part.places] = stated.strains(at[part.places])
+            rows[last] = np.sqrt(2.0 * (max(s.peak for s in part.stated) - stated.peak))
+            first = last + 1
+        return rows, slopes
+
+    @property
+    def rows(self) -> int:
+        """Number of such rows."""
+        return len(self.names) + len(self.parts)
 
     @property
     def mean(self) -> Array:

@@ -10,6 +10,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
+from rulec.effects.repair import why_refused
 from rulec.knowledge.belief import Strain
 from rulec.mismatch.standing import Standing
 
@@ -432,3 +433,10 @@ class Mismatch:
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
     strain: tuple[Strain, ...] = ()
+
+    @property
+    def unproven(self) -> str:
+        """Why the repair counts as not proven: what `rulec adopt` says; empty where it is, or there
+        is none."""
+        edits = [one.edit for one in self.rewired]
+        return why_refused(edits, self.refused) if self.repair.joined else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -24,6 +25,7 @@ from rulec.mismatch.answer.tell import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
+from rulec.mismatch.evidence.stores.allowed import allowed
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
@@ -70,7 +72,8 @@ def explain(
     proofs = prove(bench, found.plain, best, found.judged)
     dropped: tuple[str, ...] = ()
     far = _open_share(bench, proofs) > limits.LEFT_OPEN
-    if accepted and (far or not _holds(best, proofs)):
+    gained = _gained(best, proofs)
+    if accepted and (far or gained <= _least(proofs)):
         # What is named leaves most of it, or does not hold where it was not fitted.
         if not far:
             dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
@@ -86,7 +89,7 @@ def explain(
         if unnamed is not None:
             nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
     accepted = tuple(_with_curve(searcher, found, own) for own in accepted)
-    return explanation(recording, model, found, accepted, nameless, dropped)
+    return explanation(recording, model, found, accepted, nameless, dropped, gained)
 
 
 def _with_curve(searcher: Searcher, found: Found, own: Accepted) -> Accepted:
@@ -109,8 +112,12 @@ def explanation(
     accepted: tuple[Accepted, ...] = (),
     nameless: tuple[Location, ...] = (),
     dropped: tuple[str, ...] = (),
+    heldout: float = 0.0,
 ) -> Explanation:
-    """What a search found; what nobody recorded is not looked for, but told as a place."""
+    """What a search found; what nobody recorded is not looked for, but told as a place.
+
+    `heldout` is what names that were `dropped` gain on held-out blocks, in log likelihood.
+    """
     ruleset, noise = model.ruleset, model.fitted.noise
     correlated = ", ".join(
         f"{n} over {counted(round(own.memory), 'sample')}" for n, own in noise.items()
@@ -129,7 +136,18 @@ def explanation(
         found=found,
         nameless=nameless,
         dropped=dropped,
+        believed=model.fitted.values,
+        nothing=_nothing(found, heldout if dropped else 0.0),
     )
+
+
+def _nothing(found: Found, heldout: float) -> float:
+    """Probability that nothing is left out, against each explanation alone; `heldout` is what
+    held-out blocks add to what those gain."""
+    least = needed(found.tried)
+    gains = list(found.alone.values()) or [0.0] * found.tried
+    odds = np.exp(np.clip(np.array(gains) + heldout - least, -700.0, 700.0))
+    return 1.0 / (1.0 + float(np.sum(odds)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +166,16 @@ class Explanation(Explained[Fitted]):
     @property
     def _bench(self) -> SimulationProblem:
         return self.model.bench
+
+    @cached_property
+    def _allowed(self) -> dict[str, float]:
+        own, fitted = self.model, self.model.fitted
+        judged = replace(own.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
+        return allowed(own.bench, fitted, own.kept, judged)
+
+    def allowed(self, signal: str) -> float:
+        """What sensors and laws explain, everything else refitted."""
+        return self._allowed.get(signal, np.inf)
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""
@@ -169,10 +197,11 @@ class Explanation(Explained[Fitted]):
         judged = Judged(known, best.noise, no_drift(bench), np.zeros(0))
         first = repaired = _refitted(bench, (), {}, [plain.values, {}], judged)
         if taken:
-            own = {u.id for c in taken for u in c.unknowns}
-            kept = {n: v for n, v in self.model.kept.items() if n in own}
-            beside = {n: v for n, v in best.values.items() if n in own}
-            starts = [best.values, {**first.values, **beside}]
+            alike = {n: v for a in self.accepted for own in a.same.values() for n, v in own.items()}
+            values = {**alike, **best.values}
+            own = {u.id: u.fixed for c in taken for u in c.unknowns}
+            kept = {n: values[n] for n, fixed in own.items() if fixed}
+            starts = [values, {**first.values, **{n: values[n] for n in own}}]
             repaired = _refitted(bench, tuple(taken), kept, starts, judged)
         return Refits(
             plain=first,
@@ -312,16 +341,23 @@ def _worse(proof: Proof) -> float:
     return errors.recalibrated / max(errors.noise, 1e-300)
 
 
-def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
-    """Do names gain on blocks that played no part in finding them?"""
-    gained, seen, learnt = 0.0, False, False
+def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
+    """What names gain in log likelihood on blocks that played no part in finding them."""
+    gained = 0.0
     for proof in proofs:
-        errors, before = proof.fit.heldout, proof.fit.estimation
+        errors = proof.fit.heldout
         fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
         gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
-        seen = seen or errors.recalibrated > limits.BEYOND_NOISE * errors.noise
-        learnt = learnt or before.recalibrated > limits.BEYOND_NOISE * before.noise
-    return gained > (-limits.PROVEN if learnt and not seen else limits.PROVEN)
+    return gained
+
+
+def _least(proofs: Sequence[Proof]) -> float:
+    """What they must gain there: nothing where those blocks show no error, but others do."""
+    seen, learnt = (
+        any(e.recalibrated > limits.BEYOND_NOISE * e.noise for e in part)
+        for part in ([p.fit.heldout for p in proofs], [p.fit.estimation for p in proofs])
+    )
+    return -limits.PROVEN if learnt and not seen else limits.PROVEN
 
 
 def _open_share(bench: SimulationProblem, proofs: Sequence[Proof]) -> float:
@@ -354,8 +390,8 @@ def _floors(bench: SimulationProblem) -> dict[str, float]:
 def nameless_places(
     model: StoresModel, left: Sequence[Suspect], tried: int
 ) -> tuple[Location, ...]:
-    """The place where the final model is still wrong, if it is so beyond doubt, the likeliest
-    first, and all that are not told from it."""
+    """The place where the final model is still wrong, if it is so beyond doubt, with all that are
+    not told from it."""
     if not left or left[0].gain < needed(tried):
         return ()
     bench, noise = model.bench, model.fitted.noise
@@ -373,15 +409,14 @@ def nameless_places(
         for s in left
         if s.gain > first.gain - limits.PLACE_NEARLY or s.share > first.share - limits.PLACE_ALIKE
     ]
-    return tuple(
+    return (
         location_of_spot(
             model,
-            suspect.spot,
-            suspect.share,
-            np.where(bench.record.open, suspect.course**2, np.nan),
-            [other.spot for other in near if other is not suspect],
-        )
-        for suspect in near
+            first.spot,
+            first.share,
+            np.where(bench.record.open, first.course**2, np.nan),
+            [other.spot for other in near if other is not first],
+        ),
     )
 
 

@@ -125,6 +125,9 @@ def _said_places(form: Form) -> set[str]:
     places = [*form.get("effects", ()), *form.get("locations", ())]
     hidden = form.get("hidden_driver")
     found = {f"{e['module']}.{e['place']}" for e in [*places, *([hidden] if hidden else [])]}
+    if not form.get("effects"):
+        # What has no name and may be at one of several places is one thing, told at the first.
+        found |= {place for e in form.get("locations", ()) for place in e.get("also", ())}
     for effect in form.get("effects", ()):
         found |= {f"{m}.{effect['place']}" for m in effect["modules"]}
     return found

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rulec_runtime.output.terminal import Terminal
 
+from rulec.knowledge.belief import Strain
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.page import report
 from rulec.mismatch.answer.sparkline import sparkline
@@ -114,6 +115,23 @@ def test_order_is_finding_evidence_numbers_next() -> None:
     text = words(NAMED)
     parts = ("what Module", "where gap", "Proof:", "Numbers", "Next", "blocks of 40 s")
     assert sorted(text.index(p) for p in parts) == [text.index(p) for p in parts]
+
+
+def test_what_adopt_refuses_is_not_proven() -> None:
+    """Terminal and page say so, and why, where errors stand."""
+    refused = dataclasses.replace(NAMED, refused="it may be chance")
+    for text in (words(refused), report(refused, subject())):
+        assert "Not proven: rulec adopt refuses, because it may be chance. On 100 held-out" in text
+        assert "Proof" not in text
+
+
+def test_a_strained_parameter_is_told() -> None:
+    """In terminal, page and machine form."""
+    strained = dataclasses.replace(NAMED, strain=(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"),))
+    for text in (words(strained), report(strained, subject())):
+        assert "V.Kv would be 6.8 m3/h, sheet 33 ± 6: 4.4 u" in text.replace("\xa0", " ")
+    (form,) = mismatch_form(strained, "plant.yaml")["strain"]
+    assert ("V.Kv", 33.0) == (form["parameter"], form["stated"])
 
 
 def test_named_effect_is_told_in_words_and_numbers() -> None:

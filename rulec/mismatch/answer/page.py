@@ -19,7 +19,7 @@ from rulec.mismatch.answer.tables import (
     rivals,
     rows_used,
 )
-from rulec.mismatch.answer.wording import letter, of_recordings_words
+from rulec.mismatch.answer.wording import letter, of_recordings_words, proof_title
 from rulec.mismatch.result import Mismatch
 
 
@@ -40,7 +40,7 @@ def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> st
         sections.append(section("Recordings", f'<div class="facts">{told}</div>'))
     if mismatch.fit is not None:
         proof = proof_table(mismatch, mismatch.fit) + other_readings(mismatch) + rivals(mismatch)
-        sections.append(section("Proof", proof))
+        sections.append(section(proof_title(mismatch), proof))
     pictures = "".join(numbered(others, 1 + len(leading)))
     sections += [
         section(title, body)

@@ -9,6 +9,7 @@ from rulec_runtime.report.document import facts
 from rulec_runtime.report.tables import Column, columns, table
 from rulec_runtime.report.text import number, safe
 
+from rulec.mismatch.answer.verdict import strain_words
 from rulec.mismatch.answer.wording import (
     confounded_words,
     errors_of,
@@ -34,7 +35,7 @@ def proof_table(mismatch: Mismatch, fit: Fit) -> str:
         [*columns("model", ".fitted", ".held out"), Column("", "wide")],
         ((name, number(seen), number(kept), _meter(kept, largest)) for name, seen, kept in rows),
     )
-    words = proof(fit, is_repaired(mismatch))
+    words = proof(mismatch, fit)
     return f'<p class="key">{safe(key)}</p>{shown}<p class="after">{safe(words)}</p>'
 
 
@@ -93,8 +94,9 @@ def parameters(mismatch: Mismatch) -> str:
 
 
 def doubts(mismatch: Mismatch) -> str:
-    """Parameters that cannot be told apart, and where the model was never tested."""
+    """Parameters far from their sheets or not told apart, and where the model was never tested."""
     rows = [
+        ("Strained", [strain_words(strain) for strain in mismatch.strain]),
         ("Confounded", [confounded_words(pair) for pair in mismatch.confounded]),
         ("Never tested", list(mismatch.untested)),
     ]

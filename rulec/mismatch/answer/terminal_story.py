@@ -35,6 +35,7 @@ from rulec.mismatch.answer.wording import (
     other_fits,
     place_facts,
     proof,
+    proof_title,
     rivals_words,
     symbol,
     value_and_u,
@@ -136,8 +137,8 @@ def _drawn(hidden: HiddenDriver) -> Iterator[str]:
 
 def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     """Errors of the models with bars, what they prove, and the rivals that lost."""
-    proven = styled("\n[bold]Proof: error of {} [dim]({}, rms)[/][/]", fit.signal, fit.unit)
-    out.print(proven)
+    title = "\n[bold]{}: error of {} [dim]({}, rms)[/][/]"
+    out.print(styled(title, proof_title(mismatch), fit.signal, fit.unit))
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
@@ -148,7 +149,7 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     for name, seen, kept in rows:
         table.add_row(name, number(seen), number(kept), _bar(name, kept, largest))
     out.print(_inset(table))
-    out.print(_inset(Text(proof(fit, repaired))))
+    out.print(_inset(Text(proof(mismatch, fit))))
     if words := explained_words(mismatch):
         out.print(_inset(Text(words)))
     _facts(out, (("also", fit_words(f, repaired)) for f in other_fits(mismatch)[:SHOWN]))

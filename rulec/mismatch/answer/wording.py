@@ -294,8 +294,19 @@ def fit_words(fit: Fit, repaired: bool) -> str:
     return f"{fit.signal} " + ", ".join(f"{number(kept)} {name}" for name, _, kept in rows) + unit
 
 
-def proof(fit: Fit, repaired: bool) -> str:
+def proof_title(mismatch: Mismatch) -> str:
+    """What errors on held-out blocks are: no proof of what `rulec adopt` refuses."""
+    return "Not proven" if mismatch.unproven else "Proof"
+
+
+def proof(mismatch: Mismatch, fit: Fit) -> str:
     """What held-out blocks say of the repair, or of recalibration where there is none."""
+    why = mismatch.unproven
+    refused = f"Not proven: rulec adopt refuses, because {why}. " if why else ""
+    return refused + _heldout_words(fit, is_repaired(mismatch))
+
+
+def _heldout_words(fit: Fit, repaired: bool) -> str:
     kept = fit.heldout
     points = counted(kept.points, "held-out point")
     if not repaired:

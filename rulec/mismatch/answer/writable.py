@@ -26,11 +26,28 @@ UNDRIVEN = "what drives it is not recorded"
 
 
 def writable(found: Explained[F]) -> Refits[F]:
-    """Refit what may be written, and the plain model."""
-    model = found.model
-    reasons = [(c, _why_not(c, model.builder)) for c in model.joined]
-    taken = [c for c, why in reasons if not why]
-    return found.refitted(taken, [(c, why) for c, why in reasons if why])
+    """Refit what may be written, and the plain model.
+
+    Of explanations that show the same, the likeliest one that may be written stands for all.
+    """
+    taken: list[Candidate] = []
+    left_out = []
+    for candidate in found.model.joined:
+        why = _why_not(candidate, found.model.builder)
+        instead = _instead(found, candidate) if why else candidate
+        if instead is not None:
+            taken.append(instead)
+        if why:
+            same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
+            left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
+    return found.refitted(taken, left_out)
+
+
+def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
+    """The likeliest one that may be written of those that show as one that may not."""
+    own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
+    alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
+    return next((c for c in alike if not _why_not(c, found.model.builder)), None)
 
 
 def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:

@@ -113,12 +113,6 @@ assumed."""
 
 # Fits to plants that store.
 
-WIDEST = 6.0
-"""Stated uncertainties by which a parameter may leave its value. Origin: assumed."""
-
-SAME_SIGN = 0.02
-"""A parameter keeps its sign, and this share of itself. Origin: assumed."""
-
 AT_END = 0.01
 """Share of its range by which a value may be off an end and still count as there. Origin:
 numerical."""

@@ -196,12 +196,6 @@ DISTANT = 8.0
 """Log likelihood that those may be behind; unless they would be told by themselves: a trial of
 what begins finds a part of its gain at most. Origin: assumed."""
 
-EXCHANGES = 2
-"""Exchanges of explanations at most. Origin: assumed."""
-
-EXCHANGE_WORTH = 0.5
-"""Gain in log likelihood that an exchange must bring. Origin: assumed."""
-
 # Displays with coarse steps.
 
 STUDENT = 4.0

@@ -16,6 +16,7 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.knowledge.belief import Coordinates, belief_in
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.drift import Drift
@@ -97,8 +98,8 @@ class Judged:
 class Fitter:
     """Fits models with some candidates joined.
 
-    A point `at` has the values of the free parameters, SI, shape (free,); `basis` is that of
-    `Judged.basis`.
+    A point `at` has the free parameters, shape (free,): logarithms of positive ones of the plant,
+    of all others their values, SI. `basis` is that of `Judged.basis`.
     """
 
     def __init__(
@@ -111,20 +112,28 @@ class Fitter:
         place = {n: i for i, n in enumerate(base.ids)}
         self._count = sum(n in place for n in self.free)
         rows = [place[n] for n in self.free[: self._count]]
-        self._mean = base.values[rows]
-        covariance = base.covariance[np.ix_(rows, rows)]
-        self._u = np.sqrt(np.diag(covariance))
-        scaled = covariance / np.outer(self._u, self._u)
-        self._prior = np.linalg.inv(np.linalg.cholesky(scaled + 1e-12 * np.eye(len(rows))))
+        self._belief = belief_in(
+            self.free[: self._count],
+            base.positive[rows],
+            base.values[rows],
+            base.covariance[np.ix_(rows, rows)],
+            base.sheet,
+        )
+        self._mean = self._belief.mean
+        self._u = 1.0 / np.sqrt(np.diag(self._belief.near(self._mean).precision))
         self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
+        natural = np.zeros(len(self._unknowns), dtype=bool)
+        self._coordinates = Coordinates(
+            np.concatenate([self._belief.coordinates.positive, natural])
+        )
         duration = float(bench.time[-1])
         self._scale = np.concatenate([self._u, [_size(u, duration) for u in self._unknowns]])
         self._low, self._high = self._bounds()
 
     def _bounds(self) -> tuple[Array, Array]:
-        low, high = self._mean - limits.WIDEST * self._u, self._mean + limits.WIDEST * self._u
-        low = np.where(self._mean > 0, np.maximum(low, limits.SAME_SIGN * self._mean), low)
-        high = np.where(self._mean < 0, np.minimum(high, limits.SAME_SIGN * self._mean), high)
+        positive = self._belief.coordinates.positive
+        low = np.where(positive, self._mean - limits.FARTHEST, -np.inf)
+        high = np.where(positive, self._mean + limits.FARTHEST, np.inf)
         ends = [self._ends(u) for u in self._unknowns]
         return (
             np.concatenate([low, [end[0] for end in ends]]),
@@ -141,21 +150,25 @@ class Fitter:
 
     @property
     def scale(self) -> Array:
-        """A step of each free value that matters, SI, shape (free,)."""
+        """A step of each coordinate that matters, shape (free,)."""
         return self._scale
+
+    def slopes(self, at: Array) -> Array:
+        """Slopes of the values, SI, by the coordinates at a point, shape (free,)."""
+        return self._coordinates.slopes(at)
 
     def within(self, at: Array) -> Array:
         """The nearest point within bounds."""
         return np.asarray(np.clip(at, self._low, self._high))
 
     def vector(self, values: Mapping[str, float]) -> Array:
-        """Values of the free parameters, SI, within bounds; plain ones where none is given."""
-        plain = dict(zip(self.free, self._mean, strict=False))
+        """The point with values, SI, by id, within bounds; plain ones where none is given."""
+        plain = dict(zip(self.free, self._belief.coordinates.values(self._mean), strict=False))
         at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
-        return np.asarray(np.clip(at, self._low, self._high))
+        return np.asarray(np.clip(self._coordinates.of(at), self._low, self._high))
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Between which values a parameter may lie, SI."""
+        """Between which values an unknown of a candidate may lie, SI."""
         i = self.free.index(name)
         return float(self._low[i]), float(self._high[i])
 
@@ -197,8 +210,9 @@ class Fitter:
         return np.clip(moved, self._low, self._high)
 
     def values(self, at: Array) -> dict[str, float]:
-        """The same by id, with what is fixed."""
-        return {**self.fixed, **dict(zip(self.free, at.tolist(), strict=True))}
+        """Values by id, SI, with what is fixed."""
+        found = self._coordinates.values(at)
+        return {**self.fixed, **dict(zip(self.free, found.tolist(), strict=True))}
 
     def simulate(self, at: Array, judged: Judged, slopes: bool = True) -> Simulated:
         """Simulate at a point."""
@@ -206,21 +220,23 @@ class Fitter:
         inputs = judged.drift.put_right(self.bench.record.inputs, judged.slow)
         return self.bench.simulate(self.ids, self.values(at), seeds, inputs)
 
-    def _off_prior(self, at: Array) -> Array:
-        return np.asarray(self._prior @ ((at[: self._count] - self._mean) / self._u))
+    def _strains(self, at: Array) -> tuple[Array, Array]:
+        return self._belief.strains(at[: self._count])
 
     def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
         """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
         said = self.simulate(at, judged)
         flags, weights = judged.flags(), judged.weights()
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
-        slopes = [said.slopes[n] * self._scale for n in self.bench.signals]
+        step = self._scale * self.slopes(at)
+        slopes = [said.slopes[n] * step for n in self.bench.signals]
         columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
         columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
-        of_prior = np.zeros((self._count, len(self.free)))
-        of_prior[:, : self._count] = self._prior * self._scale[: self._count] / self._u
+        strains, by_coordinates = self._strains(at)
+        of_prior = np.zeros((len(strains), len(self.free)))
+        of_prior[:, : self._count] = by_coordinates * self._scale[: self._count]
         return (
-            np.concatenate([columns[:, 0], self._off_prior(at)]),
+            np.concatenate([columns[:, 0], strains]),
             np.concatenate([columns[:, 1:], of_prior]),
         )
 
@@ -229,7 +245,7 @@ class Fitter:
         columns of the slopes of `residual`."""
         columns = (moved / judged.weights()[:, None])[judged.flags()]
         columns = _projected(columns, basis, np.zeros(basis.shape[1]))
-        return np.concatenate([columns, np.zeros((self._count, columns.shape[1]))])
+        return np.concatenate([columns, np.zeros((self._belief.rows, columns.shape[1]))])
 
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
         """Half the sum of squares; infinite where the model runs away."""
@@ -239,9 +255,8 @@ class Fitter:
             return float("inf")
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
         column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
-        total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(
-            self._off_prior(at) ** 2
-        )
+        total = np.sum(_projected(column, basis, judged.slow) ** 2)
+        total += np.sum(self._strains(at)[0] ** 2)
         return 0.5 * float(total)
 
     def gentle(self, at: Array, known: Mapping[str, float]) -> Array:
@@ -276,7 +291,7 @@ class Fitter:
         own = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
         places = [self.free.index(name) for name in own]
         null, scale = np.array(list(own.values())), self._scale[places]
-        columns = slopes[: len(residual) - self._count, places]
+        columns = slopes[: len(residual) - self._belief.rows, places]
         return columns, (self._low[places] - null) / scale, (self._high[places] - null) / scale
 
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
@@ -358,7 +373,7 @@ class Fitter:
         self, at: Array, errors: Mapping[str, Array], slow: Array, judged: Judged
     ) -> Fitted:
         """The model at a point, with what `looked_at` gives there."""
-        negative_log_prior = 0.5 * float(np.sum(self._off_prior(at) ** 2) + np.sum(slow**2))
+        negative_log_prior = 0.5 * float(np.sum(self._strains(at)[0] ** 2) + np.sum(slow**2))
         return Fitted(
             self.joined,
             self.values(at),
@@ -406,11 +421,13 @@ class Fitter:
     def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
         """The same with the covariance of its parameters."""
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
+        at = self.vector(fitted.values)
+        _, slopes = self.residual(at, judged, judged.basis())
         # What the data leave open is uniform between its bounds, and no more uncertain than that.
         span = np.minimum(self._high - self._low, limits.SPREAD_OUT * self._scale) / self._scale
         scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
-        covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
+        step = self._scale * self.slopes(at)
+        covariance = np.asarray(scaled * np.outer(step, step))
         return replace(fitted, covariance=covariance)
 
 

@@ -31,7 +31,7 @@ class StoresModel(Model):
         fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         basis, at, i = judged.basis(), fitter.vector(fitted.values), fitted.free.index(name)
-        along = fitted.covariance[:, i] / fitted.covariance[i, i]
+        along = fitted.covariance[:, i] / fitted.covariance[i, i] / fitter.slopes(at)
         lowest, highest = fitter.bounds(name)
         bottom = fitter.cost(at, judged, basis)
         return Line(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import replace
 
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.accepted import Accepted, Odds
+from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found
@@ -21,16 +22,17 @@ from rulec.mismatch.search.stores.searcher import Searcher
 
 def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
     """Leave out what is not needed, exchange what another explains better, and weigh the rest."""
-    best = found.best
-    for left in range(limits.EXCHANGES, -1, -1):
+    best, told = found.best, set[frozenset[str]]()
+    while True:
         best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
-        others = {c.id: _others(searcher, found, c, without[c.id]) for c in best.joined}
-        better = _better(searcher, best, [f for own in others.values() for f in own])
-        if better is None or not left:
+        told.add(frozenset(best.ids))
+        near = {c.id: _near(searcher, best, c, without[c.id], found) for c in best.joined}
+        better = [f for own in near.values() for f in own if _ahead(searcher, f, best, told) > 0.0]
+        if not better:
             break
-        best = better
+        best = max(better, key=lambda f: searcher.gain(f, best))
     accepted = []
     for candidate in best.joined:
         bare = without[candidate.id]
@@ -39,12 +41,34 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
         if max(r.gain for r in rivals) >= own:
             # A course without physics does as well: the rest is weighed without it.
             return doubted(searcher, replace(found, best=bare))
-        accepted.append(
-            Accepted(
-                candidate, own, _odds(searcher, best, others[candidate.id], bare, found), rivals
-            )
-        )
+        others = [f for f in near[candidate.id] if not _the_same(f, best)]
+        odds = [(f.joined[-1], _odds(_ahead(searcher, f, best, told))) for f in others]
+        ranked = tuple(sorted(odds, key=lambda o: -o[1]))
+        explained = Accepted(candidate, own, ranked, rivals)
+        least = common.REPORTED / explained.probability
+        same = {
+            f.joined[-1].id: _values_of(f.joined[-1], f)
+            for f, (_, probable) in zip(others, odds, strict=True)
+            if probable >= least and _coincide(f, best, bare)
+        }
+        accepted.append(replace(explained, same=same))
     return best, tuple(accepted)
+
+
+def _ahead(searcher: Searcher, one: Fitted, best: Fitted, told: Set[frozenset[str]]) -> float:
+    """Log odds of another model against the one that is told; even at most if told before it."""
+    if _as_simple(one, best):
+        return 0.0
+    odds = searcher.gain(one, best)
+    return min(odds, 0.0) if frozenset(one.ids) in told else odds
+
+
+def _odds(logarithm: float) -> float:
+    return float(np.exp(max(logarithm, -700.0)))
+
+
+def _values_of(candidate: Candidate, fitted: Fitted) -> dict[str, float]:
+    return {u.id: fitted.values[u.id] for u in candidate.unknowns}
 
 
 def _others(searcher: Searcher, found: Found, left: Candidate, bare: Fitted) -> list[Fitted]:
@@ -89,28 +113,15 @@ def _without(searcher: Searcher, model: Fitted, left: Candidate, plain: Fitted) 
     return searcher.polished(searcher.trial(replace(model, joined=rest, values=values), rest))
 
 
-def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | None:
-    """A better model with one explanation exchanged for another, if there is one."""
-    ahead = max(others, key=lambda f: searcher.gain(f, best), default=None)
-    if ahead is None or searcher.gain(ahead, best) < 0.0:
-        return None
-    polished = searcher.polished(ahead)
-    return (
-        polished
-        if searcher.gain(polished, best) > limits.EXCHANGE_WORTH and not polished.pressed
-        else None
-    )
+def _near(
+    searcher: Searcher, best: Fitted, left: Candidate, bare: Fitted, found: Found
+) -> list[Fitted]:
+    """Models with another explanation in the place of one that come near the best.
 
-
-def _odds(
-    searcher: Searcher, best: Fitted, others: list[Fitted], bare: Fitted, found: Found
-) -> Odds:
-    """Odds of other explanations in the place of one, the likeliest first.
-
-    Those that come near are fitted to the end first: a trial does not know yet what errors of
-    sensors do in its model. The same effect that does the very same elsewhere, as what delays the
-    way from one module to the next, is no other; a fault elsewhere is, as it is mended there.
+    They are fitted to the end first: a trial does not know yet what errors of sensors do in its
+    model.
     """
+    others = _others(searcher, found, left, bare)
     near = sorted(others, key=lambda f: -searcher.gain(f, best))[: limits.WEIGHED]
     least = needed(found.tried)
     hopeful = [
@@ -118,14 +129,7 @@ def _odds(
         for f in near
         if searcher.gain(f, best) > -limits.DISTANT or searcher.gain(f, bare) > least
     ]
-    exact = [searcher.polished(f) for f in hopeful]
-    ahead = [
-        (f.joined[-1], 0.0 if _as_simple(f, best) else searcher.gain(f, best))
-        for f in exact
-        if not f.pressed and not _the_same(f, best)
-    ]
-    odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
-    return tuple(sorted(odds, key=lambda o: -o[1]))
+    return [f for f in map(searcher.polished, hopeful) if not f.pressed]
 
 
 def _as_simple(one: Fitted, other: Fitted) -> bool:
@@ -136,8 +140,22 @@ def _as_simple(one: Fitted, other: Fitted) -> bool:
     return values[0] == values[1] and modules[0] == modules[1] and are_twins(one, other)
 
 
+def _coincide(one: Fitted, other: Fitted, bare: Fitted) -> bool:
+    """Do two models change what a third one predicts alike, as far as laws have errors of form?"""
+    apart = shown = 0.0
+    for name, noise in bare.noise.items():
+        first, second, before = (f.errors[name] / noise.spread for f in (one, other, bare))
+        apart += float(np.nanmean((first - second) ** 2))
+        shown += float(np.nanmean((second - before) ** 2))
+    return apart < limits.EFFECT_FORM**2 * shown
+
+
 def _the_same(one: Fitted, other: Fitted) -> bool:
-    """Do two models say the same of two places that readings cannot tell apart?"""
+    """Do two models say the same of two places that readings cannot tell apart?
+
+    The same effect that does the very same elsewhere, as what delays the way from one module to the
+    next, is no other; a fault elsewhere is, as it is mended there.
+    """
     names = [sorted(c.name for c in f.joined) for f in (one, other)]
     fault = one.joined[-1].sort == "fault"
     return names[0] == names[1] and not fault and are_twins(one, other)

@@ -51,7 +51,7 @@ def test_before_its_onset_a_fault_does_nothing(fault: str) -> None:
 @pytest.mark.parametrize("fault", ["lower.blockage", "upper.lost-inflow"])
 def test_onset_and_degree_are_found(fault: str) -> None:
     """From starts all over the recording, to within a few samples."""
-    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    place = bench(made(n=512, seed=5, joined=(fault,), more=planted(fault)))
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     plain = searcher.plain()
     candidate = place.candidate(fault)

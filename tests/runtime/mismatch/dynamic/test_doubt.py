@@ -1,0 +1,63 @@
+"""How sure it is that nothing is missing in a plant that stores, and what may be off all the
+same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rulec.mismatch import analyse
+from rulec.mismatch.answer.verdict import verdict_of
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.model import model_of
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.search.stores.price import needed
+from rulec.mismatch.search.stores.search import Found
+from rulec.mismatch.stores import Explanation, explanation, prove
+from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made
+
+TRIED = 40
+
+
+@pytest.fixture
+def plain() -> Explanation:
+    """The plain model of a sound plant."""
+    recording = made(256)
+    place = bench(recording)
+    judged = Judged(place.known, {"lower.y": Noise(NOISE, 1.0)}, no_drift(place), np.zeros(0))
+    fitter = Fitter(place, (), {})
+    fitted = fitter.with_covariance(fitter.finish(fitter.vector(TRUE), judged), judged)
+    found = Found(fitted, fitted, judged, TRIED, {})
+    return explanation(recording, model_of(place, fitted, judged, {}), found)
+
+
+def verdict(said: Explanation, off: float = 0.0) -> str:
+    """With readings that are off by so much, V."""
+    own = said.model.fitted
+    moved = replace(own, errors={n: e + off for n, e in own.errors.items()})
+    (proof,) = prove(said.model.bench, own, moved, said.model.judged)
+    doubt = analyse._doubt(said, [proof.fit])
+    return verdict_of((), False, doubt)
+
+
+def test_a_sound_plant_gets_its_tick(plain: Explanation) -> None:
+    """Noise is left, as is what sensors within their class and laws within their accuracy do."""
+    assert plain.nothing > 0.9
+    assert "none" == verdict(plain)
+    assert "none" == verdict(plain, 0.8 * plain.allowed("lower.y"))
+
+
+def test_no_tick_where_more_is_left(plain: Explanation) -> None:
+    """What no law within its accuracy explains is missing, whether it has a name or not."""
+    assert 5.0 * NOISE < plain.allowed("lower.y") < 0.5
+    assert "unsure" == verdict(plain, 1.5 * plain.allowed("lower.y"))
+
+
+@pytest.mark.parametrize(("more", "expected"), [(-3.0, "none"), (0.0, "unsure"), (3.0, "unsure")])
+def test_no_tick_where_an_explanation_gains(plain: Explanation, more: float, expected: str) -> None:
+    """One that gains as much as is needed to be told is as likely as nothing."""
+    found = replace(plain.found, alone={"pump.x": needed(TRIED) + more})
+    assert expected == verdict(explanation(plain.recording, plain.model, found))
