@@ -1,5 +1,9 @@
 """Numbers that decide what the compiler and what stands on it find, each with its origin."""
 
+UNSURE = 3
+"""Exit code of `mismatch` where something is or may be missing, and the recording does not tell
+what. Origin: assumed, as `--fail-on` of `watch` has it."""
+
 # Reading files
 
 MAX_FILE_BYTES = 1_000_000

@@ -22,11 +22,8 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.api.given import folder_of
 from rulec.api.mismatch import MismatchResult, Periods, mismatch
+from rulec.limits import UNSURE
 from rulec.mismatch.answer.json_form import hidden_csv
-
-UNSURE = 3
-"""Exit code where something is or may be missing, and the recording does not tell what."""
-
 
 def run(options: argparse.Namespace) -> int:
     """Compare; a mismatch is a result, so the exit code is 0, but `UNSURE` where the verdict

@@ -16,6 +16,8 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
+from rulec.limits import UNSURE
+
 FORM, SERIES, EARLIER = "mismatch.json", "series.csv", "earlier.csv"
 ANSWER = "answer.json"
 """What the tool wrote."""
@@ -78,5 +80,5 @@ def run_tool(*words: object) -> None:
             code = main([str(word) for word in words])
         except SystemExit as stop:
             code = int(stop.code or 0)
-    if code:
+    if code not in (0, UNSURE):
         raise ValueError(f"rulec {words[0]}: {' '.join(err.getvalue().split())[:300]}")

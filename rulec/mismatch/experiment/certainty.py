@@ -3,13 +3,14 @@
 The expected log Bayes factor chooses steps, but the probability that belongs to it is not the one
 that can be expected: what is read scatters, and with it the factor, and what is surer than its mean
 gains less than what is less sure loses. So readings are drawn as each explanation foretells them,
-and judged as `rulec mismatch` judges: with parts of the recording weighted at random.
+and judged with parts of the recording weighted at random: what a few states decide alone is not
+sure.
 
 What is not among the explanations is not foretold. Nothing that is read counts against it, so it
 keeps what it has against the true one; and where it is true, none of the others is.
 
-Source: Lindley 1956 (expected information of an experiment); Chaloner and Verdinelli 1995; weights
-as in `search/settled/resampled.py`.
+Source: Lindley 1956 (expected information of an experiment); Chaloner and Verdinelli 1995; Newton
+and Raftery 1994 (weights at random).
 """
 
 from __future__ import annotations
