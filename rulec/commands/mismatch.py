@@ -25,6 +25,7 @@ from rulec.api.mismatch import MismatchResult, Periods, mismatch
 from rulec.limits import UNSURE
 from rulec.mismatch.answer.json_form import hidden_csv
 
+
 def run(options: argparse.Namespace) -> int:
     """Compare; a mismatch is a result, so the exit code is 0, but `UNSURE` where the verdict
     is `unsure`: a script must not take that for sound."""
