@@ -551,6 +551,10 @@ BELOW_HIGHEST = 1e-6
 """Share of its highest degree by which a fit stays below it: there a law has its pole. Origin:
 numerical."""
 
+END_OF_RANGE = 1e-3
+"""Share of its highest degree within which a fit counts as at the end of its range. Origin:
+numerical."""
+
 LARGEST_SCALE = 10.0
 """Factor on the errors of an estimate at most: near the pole of a law all is lost anyway. Origin:
 assumed."""

@@ -33,6 +33,11 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
+        far = ~self._believed(best.degree)
+        if far.any():
+            # Far off, a law may leave nothing of what disagrees; a small degree may do as well.
+            some, own = self.at(far), pure.problems(far)
+            best.enter(far, some._fit(own, some._place(own, np.zeros((len(best.degree), far.sum())))))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
         pure = self.test.rescaled(self._scales(best.degree), self.places)
         best = self._fit(pure, best.judged_by(pure))
@@ -42,12 +47,13 @@ class Columns:
         left = self._fit(widened, best.judged_by(widened)).distance
         information = pure.information(best.effect)
         u = spread_of(information)
-        usable = np.isfinite(left) & np.isfinite(u).all(axis=0)
+        usable = np.isfinite(left) & np.isfinite(u).all(axis=0) & self._believed(best.degree)
         if len(u) > 1:
             usable &= told_apart(information)
         # The tolerance must not speak against a fault either: no price for the wider covariance.
         evidence = np.where(usable, -0.5 * left, -np.inf)
-        distance = np.where(usable, left, np.inf) if len(u) > 1 else left
+        believed = usable if len(u) > 1 else self._believed(best.degree)
+        distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
 
     def at(self, chosen: np.ndarray) -> Columns:
@@ -67,6 +73,11 @@ class Columns:
         """Lowest and highest degree, shape (faults, n)."""
         lowest, highest = (self._of_faults(name) for name in ("lowest", "highest"))
         return lowest, highest * (1.0 - limits.BELOW_HIGHEST)
+
+    def _believed(self, degree: Array) -> np.ndarray:
+        """Whether anyone would believe the degrees, shape (faults, n), of each column."""
+        believed: np.ndarray = (degree < self._of_faults("credible")).all(axis=0)
+        return believed
 
     def _of_faults(self, name: str) -> Array:
         """A number of the faults of each column, shape (faults, n)."""
