@@ -34,13 +34,14 @@ class Columns:
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
         far = ~self._believed(best.degree)
-        if far.any():
-            # Far off, a law may leave nothing of what disagrees; a small degree may do as well.
+        if far.any() and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
-            best.enter(far, some._fit(own, some._place(own, np.zeros((len(best.degree), far.sum())))))
+            best.enter(far, some._place(own, some._small(starts[..., far])))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
         pure = self.test.rescaled(self._scales(best.degree), self.places)
-        best = self._fit(pure, best.judged_by(pure))
+        best = best.judged_by(pure)
+        again = self._fit(pure, best)
+        best = best.where(self._believed(again.degree), again)
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
         widened = pure.tolerating(self._tolerance(best.degree))
@@ -115,6 +116,20 @@ class Columns:
         """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""
         everywhere: Array = degree[..., None, :] * self.test.present
         return everywhere
+
+    def _small(self, starts: Array) -> Array:
+        """The first of the credible degrees, shape (1, starts, n), ascending from 0, that leaves as
+        little, within its 95 % bounds: (1, n); the highest if none does. All errors shrink with the
+        flows: far off, a law may leave nothing of what disagrees, and of what may be off."""
+        tried = np.where(starts < self._of_faults("credible")[:, None], starts, 0.0)
+        left = []
+        for degree in np.moveaxis(tried, 1, 0):
+            scale = self._scale(degree)
+            chi = self.test.rescaled(Scales(scale, scale), self.places)
+            left.append(self._place(chi, degree).distance)
+        first = np.argmax(left <= np.min(left, axis=0) + limits.COVERAGE**2, axis=0)
+        small: Array = np.take_along_axis(tried, first[None, None], axis=1)[:, 0]
+        return np.where(small > 0.0, small, self._of_faults("highest"))
 
     def _best_start(self, chi: ChiSquare, starts: Array) -> Array:
         """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""
