@@ -18,7 +18,13 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
-from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
+from rulec_runtime.diagnosis.steady.verdict import (
+    Off,
+    Verdict,
+    disagreeing,
+    partly_blind,
+    verdict_at,
+)
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
@@ -79,11 +85,17 @@ class Finding:
 
 @dataclass(frozen=True)
 class Period:
-    """A period with a remark: why nothing was judged, or what does not fit."""
+    """A period with a remark: why nothing was judged, or what does not fit.
+
+    `off` are the residuals that disagree most, as `disagreeing` gives them. `from_sheet`: the plant
+    was never seen to be as its sheet says.
+    """
 
     since: float
     until: float
     text: str
+    off: tuple[Off, ...] = ()
+    from_sheet: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +118,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     runs = []
     for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
         # Of what says nothing of a fault, which may be long, only when it was is asked for.
-        runs.append((kind, members if kind == "fault" else [members[0], members[-1]]))
+        whole = kind in ("fault", "unknown")
+        runs.append((kind, members if whole else [members[0], members[-1]]))
         let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
     fits = _fits(seen, faulty)
@@ -132,7 +145,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
         elif kind == "ok":
             known = frozenset()
         else:
-            found.unknown.append(Period(since, until, text))
+            found.unknown.append(Period(since, until, text, disagreeing(seen, _worst(seen, members))))
     return found
 
 
@@ -158,12 +171,17 @@ def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
 def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     """Is a deviation short, and not so large that no end of a transient explains it?"""
     isolation = seen.isolation
-    strongest = members[int(np.argmax(isolation.misfit[members]))]
+    strongest = _worst(seen, members)
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
     brief = timeline.samples[members].sum() < limits.PERSISTENCE
     let_go(isolation.misfit, timeline.samples)
     return bool(brief and not far)
+
+
+def _worst(seen: Seen, members: list[int]) -> int:
+    """The stretch of a run that deviates most."""
+    return members[int(np.argmax(seen.isolation.misfit[members]))]
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
@@ -224,7 +242,7 @@ def _finding(
     """A cause with its evidence at the strongest point of a run."""
     own = seen.part.ruleset
     fault = own.faults[cause.fault]
-    strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
+    strongest = _worst(seen, members)
     return Finding(
         fault,
         cause.degree,
