@@ -23,17 +23,19 @@ ADVICE = "calibrate, or ask `rulec mismatch`"
 def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
     """What a part says over a recording. Where it was never calibrated and deviates from the first
     sample to the last, that is told once, and not as faults of meters."""
-    judged = np.flatnonzero(seen.isolation.judged)
-    lasting = bool(seen.isolation.deviating[judged].all())
-    told = bool(found.findings or found.unknown)
-    if not (seen.combined and lasting and told) or _is_calibrated(seen):
+    isolation = seen.isolation
+    judged = np.flatnonzero(isolation.judged)
+    lasting = len(judged) and bool(isolation.deviating[judged].all())
+    if not (seen.combined and lasting and (found.findings or found.unknown)):
+        return found
+    off = disagreeing(seen, int(judged[np.argmax(isolation.misfit[judged])]))
+    # Where no operating point shows it alone, the course over several of them tells a meter.
+    if not off or _is_calibrated(seen):
         return found
     if any(not f.fault.in_sensor for f in found.findings):
         return replace(found, findings=[_from_the_start(f) for f in found.findings])
-    strongest = int(judged[np.argmax(seen.isolation.misfit[judged])])
-    off = disagreeing(seen, strongest)
     since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
-    text = _text(seen, off[0][0] if off else seen.part.ruleset.residuals[0].id, found.findings)
+    text = _text(seen, off[0][0], found.findings)
     return replace(found, findings=[], unknown=[Period(since, until, text, off, from_sheet=True)])
 
 
