@@ -23,18 +23,18 @@ ADVICE = "calibrate, or ask `rulec mismatch`"
 def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
     """What a part says over a recording. Where it was never calibrated and deviates from the first
     sample to the last, that is told once, and not as faults of meters."""
-    isolation = seen.isolation
-    judged = np.flatnonzero(isolation.judged)
-    lasting = len(judged) and bool(isolation.deviating[judged].all())
-    if not (seen.combined and lasting and (found.findings or found.unknown)):
+    judged = np.flatnonzero(seen.isolation.judged)
+    if not (seen.combined and len(judged) and (found.findings or found.unknown)):
         return found
-    off = disagreeing(seen, int(judged[np.argmax(isolation.misfit[judged])]))
-    # Where no operating point shows it alone, the course over several of them tells a meter.
-    if not off or _is_calibrated(seen):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(seen.observed.residuals) / threshold_of(seen.observed.residual_u)
+    # Where not every operating point shows it alone, the course over them may tell a meter.
+    if _is_calibrated(seen) or not (ratio[:, judged] > 1.0).any(axis=0).all():
         return found
     if any(not f.fault.in_sensor for f in found.findings):
         return replace(found, findings=[_from_the_start(f) for f in found.findings])
     since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
+    off = disagreeing(seen, int(judged[np.argmax(seen.isolation.misfit[judged])]))
     text = _text(seen, off[0][0], found.findings)
     return replace(found, findings=[], unknown=[Period(since, until, text, off, from_sheet=True)])
 
