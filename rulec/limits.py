@@ -133,6 +133,10 @@ UNBELIEVABLE = 3.0
 """Standard uncertainties off its sheet beyond which a value is not believed. Origin: distribution
 (normal, two-sided, 0.3 %)."""
 
+ABSURD_FAULT = 4.0
+"""Geometric standard deviations above the usual degree of a fault from which on nobody would
+believe it. Origin: distribution (normal, one-sided, 3e-5)."""
+
 CONTRADICTION = 1e-4
 """Probability below which a difference between recording and data sheet is no chance. Origin:
 distribution (upper tail of chi-square, 1e-4)."""

@@ -82,6 +82,13 @@ class Finding:
         """Was it still there when it was last possible to see it?"""
         return self.behind is not OVER
 
+    @property
+    def is_contradicted(self) -> bool:
+        """Has a residual moved against what it predicts, and no other fault beside it?"""
+        return not self.together and any(
+            {e.verdict, e.expected} == {"+", "-"} for e in self.evidence
+        )
+
 
 @dataclass(frozen=True)
 class Period:
@@ -137,7 +144,12 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 times = _when(timeline, seen, cause, members)
                 one = _finding(ruleset, seen, cause, members, times)
                 behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
-                found.findings.append(replace(one, behind=behind))
+                if seen.combined and one.is_contradicted:
+                    text = f"nothing known fits: the evidence contradicts {one.fault.id}"
+                    off = disagreeing(seen, _worst(seen, members))
+                    found.unknown.append(Period(*times, text, off))
+                else:
+                    found.findings.append(replace(one, behind=behind))
             let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
             let_go(timeline.since)
         elif kind == "blind":
@@ -145,7 +157,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
         elif kind == "ok":
             known = frozenset()
         else:
-            found.unknown.append(Period(since, until, text, disagreeing(seen, _worst(seen, members))))
+            off = disagreeing(seen, _worst(seen, members))
+            found.unknown.append(Period(since, until, text, off))
     return found
 
 

@@ -102,6 +102,7 @@ def disagreeing(seen: Seen, point: int) -> tuple[Off, ...]:
     for i in np.argsort(-ratio)[:3]:
         if ratio[i] > threshold_of(1.0):
             residual = ruleset.residuals[i]
-            flow = abs(float(observed.flows[ruleset.observer_index[residual.terms[-1].observer], point]))
+            part = ruleset.observer_index[residual.terms[-1].observer]
+            flow = abs(float(observed.flows[part, point]))
             found.append((residual.id, float(value[i]) / flow, threshold_of(float(u[i])) / flow))
     return tuple(found)
