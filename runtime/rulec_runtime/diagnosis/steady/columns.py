@@ -33,7 +33,7 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        far = ~self._believed(best.degree)
+        far: np.ndarray = np.logical_not(self._believed(best.degree))
         if far.any() and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))

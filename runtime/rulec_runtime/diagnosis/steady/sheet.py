@@ -12,7 +12,6 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import slope_names
@@ -25,14 +24,13 @@ ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
 
 
 def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
-    """What a part says over a recording. Where it was never calibrated and a residual is beyond its
-    threshold in every stretch, that is told once, and not as faults of meters alone."""
+    """What a part says over a recording. Where it was never calibrated and deviates in every
+    stretch, from the first on, that is told once, and not as faults of meters alone."""
     ruleset, judged = seen.part.ruleset, np.flatnonzero(seen.isolation.judged)
     if not (seen.combined and len(judged) and (found.findings or found.unknown)):
         return found
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(seen.observed.residuals) / threshold_of(seen.observed.residual_u)
-    if _is_calibrated(ruleset) or not (ratio[:, judged] > 1.0).any(axis=0).all():
+    first = disagreeing(seen, int(judged[0]))
+    if _is_calibrated(ruleset) or not (first and seen.isolation.deviating[judged].all()):
         return found
     if any(_in_the_plant(ruleset, f) for f in found.findings):
         told = [replace(f, text=f"{f.text}, {ADVICE}") for f in found.findings]
@@ -40,7 +38,7 @@ def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
     if not _explains(seen, judged):
         return found
     since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
-    off = disagreeing(seen, int(judged[np.argmax(seen.isolation.misfit[judged])]))
+    off = disagreeing(seen, int(judged[np.argmax(seen.isolation.misfit[judged])])) or first
     (module,) = (r.module for r in ruleset.residuals if r.id == off[0][0])
     text = f"{module} is not as its sheet says, {ADVICE}"
     if found.findings:
