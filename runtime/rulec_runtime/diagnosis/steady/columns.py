@@ -33,8 +33,8 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        far: np.ndarray = np.logical_not(self._believed(best.degree))
-        if far.any() and len(best.degree) == 1:
+        far = np.flatnonzero(~self._believed(best.degree))
+        if len(far) and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
@@ -77,8 +77,7 @@ class Columns:
 
     def _believed(self, degree: Array) -> np.ndarray:
         """Whether anyone would believe the degrees, shape (faults, n), of each column."""
-        believed: np.ndarray = (degree < self._of_faults("credible")).all(axis=0)
-        return believed
+        return np.asarray((degree < self._of_faults("credible")).all(axis=0))
 
     def _of_faults(self, name: str) -> Array:
         """A number of the faults of each column, shape (faults, n)."""

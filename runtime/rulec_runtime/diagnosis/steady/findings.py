@@ -11,7 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
-from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fits
+from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -138,13 +138,13 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
             )
         elif kind == "fault":
-            causes = causes_of(seen, members, next(fits), known)
+            causes = causes_of(seen, members, _evident(seen, members, next(fits)), known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
                 one = _finding(ruleset, seen, cause, members, times)
                 behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
-                if seen.combined and one.is_contradicted:
+                if seen.combined and cause.when != ENDED and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
                     off = disagreeing(seen, _worst(seen, members))
                     found.unknown.append(Period(*times, text, off))
@@ -167,6 +167,21 @@ def _fits(seen: Seen, runs: list[list[int]]) -> Iterator[Fits]:
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
         yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
         give_back()
+
+
+def _evident(seen: Seen, members: list[int], fits: Fits) -> Fits:
+    """What fits a run and is not contradicted where this deviates most: no residual moved against
+    what one fault alone predicts."""
+    ruleset, signs = seen.part.ruleset, {"+": 1, "-": -1}
+    rows = evidence_at(seen, _worst(seen, members)) if fits.tried else ()
+    moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
+    against = {c.fault for c in ruleset.cells if c.sign * moved.get(c.residual, 0) < 0}
+
+    def stands(fit: Fit) -> bool:
+        alone = len(fit.faults) == 1 and fit.when != ENDED
+        return not (alone and ruleset.faults[fit.faults[0]].id in against)
+
+    return replace(fits, tried=[fit for fit in fits.tried if stands(fit)])
 
 
 def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
