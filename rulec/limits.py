@@ -137,6 +137,10 @@ UNBELIEVABLE = 3.0
 """Standard uncertainties off its sheet beyond which a value is not believed. Origin: distribution
 (normal, two-sided, 0.3 %)."""
 
+ABSURD_FAULT = 4.0
+"""Geometric standard deviations above the usual degree of a fault from which on nobody would
+believe it. Origin: distribution (normal, one-sided, 3e-5)."""
+
 EFFECT_TRIES = 20
 """Draws of readings and parameters on which the laws of an effect are tried. Origin: assumed."""
 

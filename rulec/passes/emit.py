@@ -11,6 +11,7 @@ from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.written import filled, rounded
+from rulec.limits import ABSURD_FAULT
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
@@ -192,6 +193,8 @@ def _fault(
 ) -> contract.FaultSpec:
     slots = {"module": where.module, "where": where.target, "variant": variant.title}
     often = variant.frequency or fault.frequency
+    usual = variant.usual
+    far = usual.size * usual.factor**ABSURD_FAULT if usual and not usual.of_place else math.inf
     return contract.FaultSpec(
         id=where.id,
         module=where.module,
@@ -211,6 +214,7 @@ def _fault(
         unit=variant.unit,
         frequency=often.word if often else contract.USUAL,
         frequency_origin=_origin(often.origin) if often else "",
+        absurd=far if far < variant.highest else None,
     )
 
 

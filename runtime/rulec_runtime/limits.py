@@ -551,6 +551,14 @@ BELOW_HIGHEST = 1e-6
 """Share of its highest degree by which a fit stays below it: there a law has its pole. Origin:
 numerical."""
 
+SHEET_REACH = 8.0
+"""Standard uncertainties that a parameter of a sheet may be off. Origin: distribution (Student with
+three degrees of freedom, as sheets are believed; two-sided, 0.4 %)."""
+
+END_OF_RANGE = 1e-3
+"""Share of its highest degree within which a fit counts as at the end of its range. Origin:
+numerical."""
+
 LARGEST_SCALE = 10.0
 """Factor on the errors of an estimate at most: near the pole of a law all is lost anyway. Origin:
 assumed."""

@@ -15,14 +15,14 @@ from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import TABLE_1, Run, operating_points, record, visiting_run
 from tests.conftest import ROOT
-from tests.method.readings import built, recording, ruleset
+from tests.method.readings import built, calibrated, recording, ruleset
 
 SEEDS = range(5)
 
 
 def found(faults: dict[str, float], points: int, seed: int, lead: int = 0) -> tuple[Finding, ...]:
     """Findings of the plant abc at one or several operating points."""
-    plant, rules = built("abc"), ruleset("abc")
+    plant, rules = built("abc"), calibrated(ruleset("abc"))
     visits = operating_points(plant, 5)[:points]
     made = record(visiting_run(plant, visits, faults, lead, 20), TABLE_1, seed)
     return diagnose(recording(rules, made.readings), rules).findings

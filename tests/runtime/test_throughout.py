@@ -6,7 +6,7 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 
 from rulec.prove.truth import INSIDE, TABLE_1, Sensing, operating_points, record, visiting_run
-from tests.method.readings import built, recording, ruleset
+from tests.method.readings import built, calibrated, recording, ruleset
 
 POINTS = 5
 HOLD = 20
@@ -14,7 +14,7 @@ HOLD = 20
 
 def said(fault: str, degree: float, seed: int, lead_in: int = 0) -> Diagnosis:
     """What is said of a visit to several operating points, all of them with the fault."""
-    plant, rules = built("abc"), ruleset("abc")
+    plant, rules = built("abc"), calibrated(ruleset("abc"))
     faults = {fault: degree} if fault else {}
     sensing: Sensing = TABLE_1 if fault else INSIDE
     run = visiting_run(plant, operating_points(plant, POINTS), faults, lead_in, HOLD)

@@ -151,7 +151,8 @@ class FaultSpec:
     these may leave the calibrated range because of the fault. `in_sensor` says that the reading
     itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
     With a `unit` the degree is a size that is added to the reading; else it is a share.
-    `frequency` says how often it comes beside other faults, as `frequency_origin` has it.
+    `frequency` says how often it comes beside other faults, as `frequency_origin` has it. Nobody
+    would believe a degree from `absurd` on, where that is below `highest`.
     """
 
     id: str
@@ -172,6 +173,14 @@ class FaultSpec:
     unit: str = field(default="", metadata=SELDOM)
     frequency: str = field(default=USUAL, metadata=SELDOM)
     frequency_origin: str = field(default="", metadata=SELDOM)
+    absurd: float | None = field(default=None, metadata=SELDOM)
+
+    @property
+    def credible(self) -> float:
+        """Degree below which one is believed; at the end of its range whatever is wrong piles
+        up."""
+        end = self.highest * (1.0 - limits.END_OF_RANGE)
+        return end if self.absurd is None else min(end, self.absurd)
 
     @property
     def scale(self) -> float:

@@ -14,6 +14,7 @@ from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
+from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -110,7 +111,7 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
 
 def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant say of settled stretches."""
-    each = [findings_of(timeline, ruleset, part) for part in seen]
+    each = [against_sheet(timeline, p, findings_of(timeline, ruleset, p)) for p in seen]
     return together(ruleset, timeline, seen, each)
 
 

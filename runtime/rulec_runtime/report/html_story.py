@@ -66,8 +66,10 @@ def told(diagnosis: Diagnosis) -> str:
             f"{remarks(diagnosis.not_judged, diagnosis.calendar)}</div>"
         )
     if diagnosis.unknown:
+        sheet = all(p.from_sheet for p in diagnosis.unknown)
+        title = "Deviations from the sheet" if sheet else "Deviations that nothing known explains"
         parts.append(
-            '<div class="finding is-S"><h3>Deviations that nothing known explains</h3>'
+            f'<div class="finding is-S"><h3>{title}</h3>'
             f"{remarks(diagnosis.unknown, diagnosis.calendar)}</div>"
         )
     return "".join(parts)

@@ -123,7 +123,15 @@ def _step(step: Step) -> dict[str, Any]:
 
 def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, Any]:
     dates = _dates(period.since, period.until, calendar)
-    return {"since": period.since, "until": period.until, **dates, key: period.text}
+    off = [{"residual": r, "share": size, "threshold": t} for r, size, t in period.off]
+    return {
+        "since": period.since,
+        "until": period.until,
+        **dates,
+        key: period.text,
+        **({"disagree": off} if off else {}),
+        **({"from_sheet": True} if period.from_sheet else {}),
+    }
 
 
 def trace_csv(trace: Trace, ruleset: Ruleset) -> str:

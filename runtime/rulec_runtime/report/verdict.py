@@ -34,6 +34,8 @@ def verdict(diagnosis: Diagnosis) -> str:
     if not diagnosis.judged:
         return "Nothing could be judged"
     if diagnosis.unknown:
+        if all(p.from_sheet for p in diagnosis.unknown):
+            return "Not as its sheet says, from the first sample on"
         return "Something is wrong, but nothing known explains it"
     return "No fault found"
 

@@ -157,7 +157,11 @@ def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tup
     for text, members in kinds.items():
         spans = ", ".join(span(calendar, p.since, p.until) for p in members[:SPANS])
         more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
-        found.append((text, spans + more))
+        sizes = ", ".join(
+            f"{name} {100 * size:+.2g} % of the flow, threshold {100 * threshold:.2g} %"
+            for name, size, threshold in members[0].off
+        )
+        found.append((f"{text} ({sizes})" if sizes else text, spans + more))
     return found
 
 

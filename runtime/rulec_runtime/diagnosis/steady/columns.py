@@ -33,21 +33,28 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
+        far = np.flatnonzero(~self._believed(best.degree))
+        if len(far) and len(best.degree) == 1:
+            some, own = self.at(far), pure.problems(far)
+            best.enter(far, some._place(own, some._small(starts[..., far])))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
         pure = self.test.rescaled(self._scales(best.degree), self.places)
-        best = self._fit(pure, best.judged_by(pure))
+        best = best.judged_by(pure)
+        again = self._fit(pure, best)
+        best = best.where(self._believed(again.degree), again)
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
         widened = pure.tolerating(self._tolerance(best.degree))
         left = self._fit(widened, best.judged_by(widened)).distance
         information = pure.information(best.effect)
         u = spread_of(information)
-        usable = np.isfinite(left) & np.isfinite(u).all(axis=0)
+        usable = np.isfinite(left) & np.isfinite(u).all(axis=0) & self._believed(best.degree)
         if len(u) > 1:
             usable &= told_apart(information)
         # The tolerance must not speak against a fault either: no price for the wider covariance.
         evidence = np.where(usable, -0.5 * left, -np.inf)
-        distance = np.where(usable, left, np.inf) if len(u) > 1 else left
+        believed = usable if len(u) > 1 else self._believed(best.degree)
+        distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
 
     def at(self, chosen: np.ndarray) -> Columns:
@@ -67,6 +74,10 @@ class Columns:
         """Lowest and highest degree, shape (faults, n)."""
         lowest, highest = (self._of_faults(name) for name in ("lowest", "highest"))
         return lowest, highest * (1.0 - limits.BELOW_HIGHEST)
+
+    def _believed(self, degree: Array) -> np.ndarray:
+        """Whether anyone would believe the degrees, shape (faults, n), of each column."""
+        return np.asarray((degree < self._of_faults("credible")).all(axis=0))
 
     def _of_faults(self, name: str) -> Array:
         """A number of the faults of each column, shape (faults, n)."""
@@ -104,6 +115,20 @@ class Columns:
         """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""
         everywhere: Array = degree[..., None, :] * self.test.present
         return everywhere
+
+    def _small(self, starts: Array) -> Array:
+        """The first of the credible degrees, shape (1, starts, n), ascending from 0, that leaves as
+        little, within its 95 % bounds: (1, n); the highest if none does. All errors shrink with the
+        flows: far off, a law may leave nothing of what disagrees, and of what may be off."""
+        tried = np.where(starts < self._of_faults("credible")[:, None], starts, 0.0)
+        left = []
+        for degree in np.moveaxis(tried, 1, 0):
+            scale = self._scale(degree)
+            chi = self.test.rescaled(Scales(scale, scale), self.places)
+            left.append(self._place(chi, degree).distance)
+        first = np.argmax(left <= np.min(left, axis=0) + limits.COVERAGE**2, axis=0)
+        small: Array = np.take_along_axis(tried, first[None, None], axis=1)[:, 0]
+        return np.where(small > 0.0, small, self._of_faults("highest"))
 
     def _best_start(self, chi: ChiSquare, starts: Array) -> Array:
         """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""

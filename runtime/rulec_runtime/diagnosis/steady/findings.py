@@ -11,14 +11,20 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
-from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fits
+from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
-from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
+from rulec_runtime.diagnosis.steady.verdict import (
+    Off,
+    Verdict,
+    disagreeing,
+    partly_blind,
+    verdict_at,
+)
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
@@ -76,14 +82,27 @@ class Finding:
         """Was it still there when it was last possible to see it?"""
         return self.behind is not OVER
 
+    @property
+    def is_contradicted(self) -> bool:
+        """Has a residual moved against what it predicts, and no other fault beside it?"""
+        return not self.together and any(
+            {e.verdict, e.expected} == {"+", "-"} for e in self.evidence
+        )
+
 
 @dataclass(frozen=True)
 class Period:
-    """A period with a remark: why nothing was judged, or what does not fit."""
+    """A period with a remark: why nothing was judged, or what does not fit.
+
+    `off` are the residuals that disagree most, as `disagreeing` gives them. `from_sheet`: the plant
+    was never seen to be as its sheet says.
+    """
 
     since: float
     until: float
     text: str
+    off: tuple[Off, ...] = ()
+    from_sheet: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +125,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     runs = []
     for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
         # Of what says nothing of a fault, which may be long, only when it was is asked for.
-        runs.append((kind, members if kind == "fault" else [members[0], members[-1]]))
+        whole = kind in ("fault", "unknown")
+        runs.append((kind, members if whole else [members[0], members[-1]]))
         let_go(seen.isolation.floor)
     faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
     fits = _fits(seen, faulty)
@@ -118,13 +138,18 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
             )
         elif kind == "fault":
-            causes = causes_of(seen, members, next(fits), known)
+            causes = causes_of(seen, members, _evident(seen, members, next(fits)), known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
                 one = _finding(ruleset, seen, cause, members, times)
                 behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
-                found.findings.append(replace(one, behind=behind))
+                if seen.combined and cause.when != ENDED and one.is_contradicted:
+                    text = f"nothing known fits: the evidence contradicts {one.fault.id}"
+                    off = disagreeing(seen, _worst(seen, members))
+                    found.unknown.append(Period(*times, text, off))
+                else:
+                    found.findings.append(replace(one, behind=behind))
             let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
             let_go(timeline.since)
         elif kind == "blind":
@@ -132,7 +157,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
         elif kind == "ok":
             known = frozenset()
         else:
-            found.unknown.append(Period(since, until, text))
+            off = disagreeing(seen, _worst(seen, members))
+            found.unknown.append(Period(since, until, text, off))
     return found
 
 
@@ -141,6 +167,21 @@ def _fits(seen: Seen, runs: list[list[int]]) -> Iterator[Fits]:
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
         yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
         give_back()
+
+
+def _evident(seen: Seen, members: list[int], fits: Fits) -> Fits:
+    """What fits a run and is not contradicted where this deviates most: no residual moved against
+    what one fault alone predicts."""
+    ruleset, signs = seen.part.ruleset, {"+": 1, "-": -1}
+    rows = evidence_at(seen, _worst(seen, members)) if fits.tried else ()
+    moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
+    against = {c.fault for c in ruleset.cells if c.sign * moved.get(c.residual, 0) < 0}
+
+    def stands(fit: Fit) -> bool:
+        alone = len(fit.faults) == 1 and fit.when != ENDED
+        return not (alone and ruleset.faults[fit.faults[0]].id in against)
+
+    return replace(fits, tried=[fit for fit in fits.tried if stands(fit)])
 
 
 def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
@@ -158,12 +199,17 @@ def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
 def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     """Is a deviation short, and not so large that no end of a transient explains it?"""
     isolation = seen.isolation
-    strongest = members[int(np.argmax(isolation.misfit[members]))]
+    strongest = _worst(seen, members)
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
     brief = timeline.samples[members].sum() < limits.PERSISTENCE
     let_go(isolation.misfit, timeline.samples)
     return bool(brief and not far)
+
+
+def _worst(seen: Seen, members: list[int]) -> int:
+    """The stretch of a run that deviates most."""
+    return members[int(np.argmax(seen.isolation.misfit[members]))]
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
@@ -224,7 +270,7 @@ def _finding(
     """A cause with its evidence at the strongest point of a run."""
     own = seen.part.ruleset
     fault = own.faults[cause.fault]
-    strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
+    strongest = _worst(seen, members)
     return Finding(
         fault,
         cause.degree,

@@ -11,6 +11,9 @@ from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.observe import reason
 from rulec_runtime.diagnosis.steady.seen import Seen
 
+Off = tuple[str, float, float]
+"""A residual with its size and its threshold, as shares of a flow."""
+
 NAMED = 4
 """Faults named in a remark."""
 
@@ -83,9 +86,23 @@ def _outside(ruleset: Ruleset, name: str) -> str:
 
 
 def _unexplained(seen: Seen, point: int) -> str:
-    observed, residuals = seen.observed, seen.part.ruleset.residuals
-    ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
-    ratio[~np.isfinite(ratio)] = 0.0
-    fired = [residuals[i].id for i in np.argsort(-ratio) if ratio[i] > threshold_of(1.0)][:3]
-    names = ", ".join(fired) or "the residuals together"
+    names = ", ".join(name for name, _, _ in disagreeing(seen, point))
+    names = names or "the residuals together"
     return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"
+
+
+def disagreeing(seen: Seen, point: int) -> tuple[Off, ...]:
+    """Residuals beyond their thresholds at a point, at most three, the farthest first; each with
+    its size and its threshold, as shares of the flow that it is a part of."""
+    observed, ruleset = seen.observed, seen.part.ruleset
+    value, u = observed.residuals[:, point], observed.residual_u[:, point]
+    ratio = np.abs(value) / u
+    ratio[~np.isfinite(ratio)] = 0.0
+    found = []
+    for i in np.argsort(-ratio)[:3]:
+        if ratio[i] > threshold_of(1.0):
+            residual = ruleset.residuals[i]
+            part = ruleset.observer_index[residual.terms[-1].observer]
+            flow = abs(float(observed.flows[part, point]))
+            found.append((residual.id, float(value[i]) / flow, threshold_of(float(u[i])) / flow))
+    return tuple(found)

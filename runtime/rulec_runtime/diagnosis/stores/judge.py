@@ -190,7 +190,8 @@ class Judge:
         # A real fault never looks quite like its law.
         tolerated = fault.tolerance**2 * (plain.chi - found.chi)
         degree = float(found.guess.degrees[0])
-        fits = found.chi <= limit + tolerated and self._is_possible(window, found, fault)
+        fits = found.chi <= limit + tolerated and degree < fault.credible
+        fits = fits and self._is_possible(window, found, fault)
         return Tested(degree, u, found.chi, fits, found)
 
     def _is_possible(self, window: Window, found: Fitted, fault: FaultSpec) -> bool:

@@ -1,0 +1,73 @@
+"""A plant that is not as its sheet says, from the first sample on.
+
+Nobody has seen such a plant agree with its laws, and sheets are wrong by several of their standard
+uncertainties now and then. So where that explains it, no meter is blamed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.isolate import accepted
+from rulec_runtime.diagnosis.steady.observe import slope_names
+from rulec_runtime.diagnosis.steady.seen import Seen
+from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
+from rulec_runtime.diagnosis.steady.verdict import disagreeing
+from rulec_runtime.recordings.stationary import Timeline
+
+ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
+
+
+def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
+    """What a part says over a recording. Where it was never calibrated and deviates in every
+    stretch, from the first on, that is told once, and not as faults of meters alone."""
+    ruleset, judged = seen.part.ruleset, np.flatnonzero(seen.isolation.judged)
+    if not (seen.combined and len(judged) and (found.findings or found.unknown)):
+        return found
+    first = disagreeing(seen, int(judged[0]))
+    if _is_calibrated(ruleset) or not (first and seen.isolation.deviating[judged].all()):
+        return found
+    if any(_in_the_plant(ruleset, f) for f in found.findings):
+        told = [replace(f, text=f"{f.text}, {ADVICE}") for f in found.findings]
+        return replace(found, findings=told)
+    if not _explains(seen, judged):
+        return found
+    since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
+    off = disagreeing(seen, int(judged[np.argmax(seen.isolation.misfit[judged])])) or first
+    (module,) = (r.module for r in ruleset.residuals if r.id == off[0][0])
+    text = f"{module} is not as its sheet says, {ADVICE}"
+    if found.findings:
+        text += f"; if the sheet is right, {max(found.findings, key=lambda f: f.probability).text}"
+    return replace(found, findings=[], unknown=[Period(since, until, text, off, from_sheet=True)])
+
+
+def _is_calibrated(ruleset: Ruleset) -> bool:
+    """Was any of the equations fitted to a recording?"""
+    return any(ruleset.signal_by_id[name].valid_from is not None for name in ruleset.observed)
+
+
+def _in_the_plant(ruleset: Ruleset, finding: Finding) -> bool:
+    """May it be more than a meter?"""
+    names = (finding.fault.id, *(name for name, _ in finding.alternatives))
+    return not all(ruleset.fault_by_id[name].in_sensor for name in names)
+
+
+def _explains(seen: Seen, judged: np.ndarray) -> bool:
+    """Whether parameters as far off as a sheet may be leave nothing that contradicts."""
+    ruleset, plain = seen.part.ruleset, seen.plain
+    lags = [f"lag:{name}" for name in plain.points.lag]
+    errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
+    if len(errors) != plain.shared.shape[1]:
+        return True  # directions stand for the errors, where these are many
+    known = {*plain.points.u, *lags, *ruleset.misfits}
+    reach = np.array([1.0 if name in known else limits.SHEET_REACH for name in errors])
+    points, valid = spread_evenly(plain, judged)
+    wide = replace(plain, shared=plain.shared * reach[:, None])
+    test = stacked_test(ruleset, wide, valid, points[:, None], np.ones((len(points), 1)))
+    limit = accepted(test.freedom, 0, seen.isolation.chance)
+    return bool(test.metric.value[0] <= limit)

@@ -1,0 +1,136 @@
+"""`diagnose` of a pump by its sheet: what nobody would believe is not told."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import read_ruleset
+
+from rulec.cli import main
+from tests.method.readings import calibrated
+
+HEAD = {"h0": (1.111, "bar"), "h1": (1.142e-4, "bar/(l/h)"), "h2": (3.04e-7, "bar/(l/h)**2")}
+"""Head of the pump; known to 1.5 %."""
+
+
+def plant(folder: Path, head: float = 1.0) -> Path:
+    """A centrifugal pump with a meter, its sheet's head times a factor."""
+    rows = (
+        f"      {k}: {{value: {head * v:.9g}, unit: {u}, u: {0.015 * v:.9g}, source: sheet}}"
+        for k, (v, u) in HEAD.items()
+    )
+    folder.mkdir()
+    lines = [f"plant: {folder.name}", "title: main pump", "modules:", "  pump:"]
+    lines += ["    type: metered-centrifugal", "    parameters:", *rows]
+    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def recorded(folder: Path, head: float = 1.0, fault: str = "") -> Path:
+    """Two minutes at one operating point of a pump with this head."""
+    rows = ["t [s],pump.n [rpm],pump.Q [l/h]", *(f"{t},2650,700" for t in range(120))]
+    given, file = folder / "inputs.csv", folder / "recording.csv"
+    given.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    wrong = ["--fault", fault] if fault else []
+    true = plant(folder / "real", head)
+    assert main(["simulate", str(true), str(given), "-o", str(file), "--noise", "1", *wrong]) == 0
+    return file
+
+
+def rules(folder: Path, head: float = 1.0) -> Ruleset:
+    """The ruleset of the sheet."""
+    file = folder / "sheet.ruleset.json"
+    assert main(["compile", str(plant(folder / "sheet", head)), "-o", str(file)]) == 0
+    return read_ruleset(file)
+
+
+def knowing(ruleset: Ruleset, *names: str) -> Ruleset:
+    """The same that knows some faults alone."""
+    faults = tuple(f for f in ruleset.faults if f.id in names)
+    return replace(
+        ruleset, faults=faults, cells=tuple(c for c in ruleset.cells if c.fault in names)
+    )
+
+
+def said(folder: Path, ruleset: Ruleset, recording: Path) -> tuple[dict[str, Any], str]:
+    """The diagnosis as JSON, and the heading of its page."""
+    made, data, page = (folder / name for name in ("r.ruleset.json", "d.json", "d.html"))
+    made.write_text(ruleset.to_json(), encoding="utf-8")
+    asked = ["diagnose", str(made), str(recording), "--json", str(data), "--report", str(page)]
+    assert main(asked) == 0
+    text = page.read_text(encoding="utf-8")
+    heading = text.partition("<h1>")[2].partition("<")[0]
+    return json.loads(data.read_text(encoding="utf-8")), heading
+
+
+def test_an_own_fault_is_named_and_no_absurd_meter(tmp_path: Path) -> None:
+    """30 % of the head missing at one operating point: no meter at eleven times the flow."""
+    file = recorded(tmp_path, fault="pump.missing-head=0.3")
+    found, _ = said(tmp_path, rules(tmp_path), file)
+    (finding,) = found["findings"]
+    assert "pump.missing-head" == finding["fault"]
+    assert 0.3 == pytest.approx(finding["degree"], abs=0.03)
+    others = {a["fault"] for a in finding["alternatives"] + finding["remote"]}
+    assert "pump.dp.low" in others
+    assert "pump.Q.high" not in others
+
+
+def test_the_meter_that_is_wrong_keeps_a_degree_that_may_be(tmp_path: Path) -> None:
+    """Half too high, where any larger degree leaves less: the true one is within the bounds."""
+    file = recorded(tmp_path, fault="pump.Q.high=0.5")
+    found, _ = said(tmp_path, calibrated(rules(tmp_path)), file)
+    (finding,) = found["findings"]
+    assert "pump.Q.high" == finding["fault"]
+    assert finding["lower"] <= 0.5 <= finding["upper"]
+    assert finding["degree"] < 1.0
+
+
+METERS = ("pump.Q.high", "pump.Q.low", "pump.dp.high", "pump.dp.low")
+
+
+def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A tenth more head than the sheet says, at 6.6 u: told once, in terminal, page and JSON."""
+    file = recorded(tmp_path, 1.1)
+    found, heading = said(tmp_path, knowing(rules(tmp_path), *METERS), file)
+    assert ("S", []) == (found["status"], found["findings"])
+    (told,) = found["unknown"]
+    assert told["from_sheet"]
+    assert told["text"].startswith("pump is not as its sheet says, from the first sample on")
+    (off,) = told["disagree"]
+    assert "pump.head-flow" == off["residual"]
+    assert off["threshold"] < off["share"] < 0.3
+    assert "is not as its sheet says" in capsys.readouterr().out
+    assert "Not as its sheet says, from the first sample on" == heading
+
+
+def test_a_calibrated_pump_still_blames_the_meter(tmp_path: Path) -> None:
+    """The same readings against a law that was fitted to a recording."""
+    file = recorded(tmp_path, 1.1)
+    found, _ = said(tmp_path, calibrated(knowing(rules(tmp_path), *METERS)), file)
+    assert {"pump.Q.high", "pump.dp.high"} >= {f["fault"] for f in found["findings"]} > set()
+
+
+def test_a_sheet_that_promises_more_is_told_with_advice(tmp_path: Path) -> None:
+    """The sheet's head is 35 % high: what the pump lacks of it, and what to do."""
+    found, _ = said(tmp_path, rules(tmp_path, 1.35), recorded(tmp_path))
+    (finding,) = found["findings"]
+    assert "pump.missing-head" == finding["fault"]
+    assert "from the first sample on: calibrate, or ask `rulec mismatch`" in finding["text"]
+
+
+def test_what_nothing_believable_explains_is_told_with_sizes(tmp_path: Path) -> None:
+    """30 % of the head missing, and the only fault known is a meter that reads high."""
+    known = knowing(rules(tmp_path), "pump.Q.high")
+    file = recorded(tmp_path, fault="pump.missing-head=0.3")
+    found, heading = said(tmp_path, calibrated(known), file)
+    assert ("S", []) == (found["status"], found["findings"])
+    assert "nothing known fits" in found["unknown"][0]["text"]
+    assert "pump.head-flow" == found["unknown"][0]["disagree"][0]["residual"]
+    assert "Something is wrong, but nothing known explains it" == heading
