@@ -122,7 +122,9 @@ def test_a_sheet_that_promises_more_is_told_with_advice(tmp_path: Path) -> None:
     found, _ = said(tmp_path, rules(tmp_path, 1.35), recorded(tmp_path))
     (finding,) = found["findings"]
     assert "pump.missing-head" == finding["fault"]
-    assert "from the first sample on: calibrate, or ask `rulec mismatch`" in finding["text"]
+    assert finding["from_sheet"]
+    assert finding["text"].endswith("less head than its sheet says")
+    assert finding["action"].startswith("calibrate, or ask `rulec mismatch`")
 
 
 def test_what_nothing_believable_explains_is_told_with_sizes(tmp_path: Path) -> None:

@@ -104,6 +104,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
             }
             for e in finding.evidence
         ],
+        **({"from_sheet": True} if finding.from_sheet else {}),
         "text": finding.text,
         "action": actions(ruleset, finding),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rulec_runtime import limits
@@ -180,6 +180,9 @@ def headline(ruleset: Ruleset, finding: Finding) -> str:
 
 def actions(ruleset: Ruleset, finding: Finding) -> str:
     """What to do: for the fault and for each of its alternatives, the most probable first."""
+    if finding.from_sheet:
+        first = "calibrate, or ask `rulec mismatch`: it is so from the first sample on"
+        return f"{first}; or {actions(ruleset, replace(finding, from_sheet=False))}"
     if not finding.alternatives:
         return finding.fault.action
     found = [(finding.fault.id, finding.probability), *finding.alternatives]

@@ -128,7 +128,7 @@ class Columns:
             left.append(self._place(chi, degree).distance)
         first = np.argmax(left <= np.min(left, axis=0) + limits.COVERAGE**2, axis=0)
         small: Array = np.take_along_axis(tried, first[None, None], axis=1)[:, 0]
-        return np.where(small > 0.0, small, self._of_faults("highest"))
+        return np.where(small > 0.0, small, self._range[1])
 
     def _best_start(self, chi: ChiSquare, starts: Array) -> Array:
         """The best of some degrees, shape (faults, starts, n), for each column: (faults, n)."""

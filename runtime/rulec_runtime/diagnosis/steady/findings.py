@@ -57,6 +57,7 @@ class Finding:
     time, without which this one does not explain the readings. `baseline` is the number of
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
     follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
+    `from_sheet`: the plant was never seen to be as its sheet says.
     """
 
     fault: FaultSpec
@@ -76,6 +77,7 @@ class Finding:
     text: str
     behind: str | None = OVER
     step: Step | None = None
+    from_sheet: bool = False
 
     @property
     def active(self) -> bool:

@@ -33,8 +33,7 @@ def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
     if _is_calibrated(ruleset) or not (first and seen.isolation.deviating[judged].all()):
         return found
     if any(_in_the_plant(ruleset, f) for f in found.findings):
-        told = [replace(f, text=f"{f.text}, {ADVICE}") for f in found.findings]
-        return replace(found, findings=told)
+        return replace(found, findings=[replace(f, from_sheet=True) for f in found.findings])
     if not _explains(seen, judged):
         return found
     since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
