@@ -106,6 +106,10 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
     if not steps:
         return fitter.errors(at, judged)[0], 0.0
     fitted = fitter.finish(at, judged, steps, limits.STRUCTURE_ROUNDS)
+    far = (fitter.vector(fitted.values) - at) / fitter.scale
+    if 0.5 * float(far @ far) > limits.STRAINED:
+        # A wrong column may be made up for by numbers that nobody believes: that is no agreement.
+        return fitter.errors(at, judged)[0], 0.0
     return fitted.errors, fitted.negative_log_prior
 
 

@@ -39,7 +39,7 @@ def _forms(bench: SimulationProblem, fitted: Fitted) -> Iterator[Array]:
     """What errors of form do to readings, stacked, shape (signals * samples,), SI, each of a law
     over a part of its range; none where the plant runs away with it."""
     zero = np.zeros(len(bench.time))
-    for spot in (s for s in bench.builder.spots if s.accuracy):
+    for spot in (s for s in bench.builder.laws if s.accuracy):
         plain = _with_error(bench, fitted, spot, zero)
         value = _value(bench, fitted, spot, plain)
         if value is None:
