@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.belief import Strain, strain_of
+from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Blind, Explained
 from rulec.mismatch.answer.public import checks_of, refusal
@@ -27,6 +29,7 @@ from rulec.mismatch.answer.verdict import (
 from rulec.mismatch.answer.writable import Told, told, writable
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
+from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Series
@@ -145,7 +148,7 @@ def analyse(
 
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
     """What speaks against a tick."""
-    strain = _strain(found, found.believed)
+    strain = (*_strain(found, found.believed), *_of_sensors(found))
     signals, beyond = found.model.ruleset.signal_by_id, []
     for fit in fits:
         error = max(fit.estimation.repaired, fit.heldout.repaired) * signals[fit.signal].factor
@@ -161,6 +164,16 @@ def _strain(found: Explained[Any], values: Mapping[str, float]) -> tuple[Strain,
     known = found.model.builder.parameters
     units = dict(zip(known.ids, zip(known.units, known.factors.tolist(), strict=True), strict=True))
     return strain_of(values, known.sheet, units)
+
+
+def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
+    """Errors of sensors that lie far outside of their class."""
+    for name, times in found.believed.items():
+        signal = found.model.ruleset.signal_by_id.get(name.removeprefix(ERROR))
+        if name.startswith(ERROR) and signal and abs(times) > STRAINED:
+            of_class = systematic_u(signal, found.recording.values[signal.id])
+            u = float(np.nanmedian(of_class)) / signal.factor
+            yield Strain(f"error of {signal.id}", times * u, 0.0, u, signal.unit)
 
 
 def _evidence(
