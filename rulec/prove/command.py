@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from rich.console import Console
-from rulec_runtime.commands.destinations import without_folder
+from rulec_runtime.commands.destinations import without_folder, write_json
 from rulec_runtime.commands.frame import quiet_option
 from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.refusal import Misused, Refusal
@@ -91,10 +91,7 @@ def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Cons
         analysed(work, seals, engine, on_progress)
         found = contacts.judged(partition, work, seals, engine, on_progress)
     contacts.show(out, found)
-    if options.json == "-":
-        print(contacts.to_json(found), end="")
-    elif options.json:
-        write_text(Path(options.json), contacts.to_json(found))
+    write_json(options, contacts.form_of(found))
     return 0
 
 

@@ -7,7 +7,6 @@ laws of another form named, and names that are sure and wrong.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,11 +178,11 @@ def show(out: Console, found: Sequence[Judged]) -> None:
         out.print(bad)
 
 
-def to_json(found: Sequence[Judged]) -> str:
+def form_of(found: Sequence[Judged]) -> dict[str, Any]:
     """Figures with value, count and of how many, and all cases."""
     rows = {
         name: {"value": r.share if r.count else None, "count": r.hits, "of": r.count}
         for name, r in zip(FIGURES, figures(found), strict=True)
     }
     cases = [dataclasses.asdict(j) for j in found]
-    return json.dumps({"figures": rows, "cases": cases}, indent=1, ensure_ascii=False) + "\n"
+    return {"figures": rows, "cases": cases}
