@@ -325,13 +325,13 @@ signals:
   value: {quantity: reading, unit: "1", sensor: turbine-flow, reference: 1}
 parameters:
   beta: {value: 10, unit: ml/rev, u: 0.1, source: data sheet}
-  S:    {value: 0, unit: l/h/bar, u: 0.1, source: data sheet}
-  x:    {value: 0, unit: l/h, u: 0.1, source: data sheet}
+  S:    {value: 0, unit: l/h/bar, u: 0.1, sign: any, source: data sheet}
+  x:    {value: 0, unit: l/h, u: 0.1, sign: any, source: data sheet}
 definitions:
   D:  {is: beta*E - S*I}
   pi: {is: g*value}
 observers:
-  N: {component: N, Q: D - x, source: displacement}
+  N: {component: N, Q: D - x, accuracy: "5 %, [assumed]", source: displacement}
   Q: {component: D, Q: pi, source: meter}
 faults: [leakage(N), clogging(pi), slope(E), slope(I), slope(value)]
 """

@@ -11,13 +11,13 @@ Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from scipy.special import gammaln
 
 from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVABLE
 
@@ -28,7 +28,9 @@ def peak_of(freedom: Array) -> Array:
     >>> peak_of(np.array([3.0])).round(3)
     array([-0.082])
     """
-    known = gammaln((freedom + 1) / 2) - gammaln(freedom / 2)
+    # Of the standard library: who only tells a strain needs no scipy.
+    of = np.vectorize(math.lgamma, otypes=[float])
+    known = of((freedom + 1) / 2) - of(freedom / 2)
     return np.asarray(known - 0.5 * np.log(0.5 * freedom))
 
 
