@@ -126,7 +126,7 @@ def test_figures_count_what_they_say() -> None:
 
 def test_a_law_without_an_entry_is_found_where_it_is_called_unnamed() -> None:
     """At its place."""
-    answer = Planned(1, "pump-curve-exponent", True).make().answer
+    answer = replace(Planned(1, "pump-curve-exponent", True).make().answer, names=())
     said = [form("unnamed", locations=[{"module": MODULE, "place": p}]) for p in ("head", "P_law")]
     found: list[Judged] = [judge(answer, one) for one in said]
     assert [True, False] == [j.found for j in found]

@@ -151,9 +151,11 @@ KINDS: Mapping[str, Kind] = {
         ("equal-percentage",),
         ("x", "opening"),
     ),
-    # No entry of the catalogue has the flow with another exponent in a head.
     "pump-curve-exponent": Kind(
-        **_PUMP, form={"m": (1.0, 1.3)}, names=(), places=("dp_law", "head", "dp", "Q_imp")
+        **_PUMP,
+        form={"m": (1.0, 1.3)},
+        names=("head-exponent",),
+        places=("dp_law", "head", "dp", "Q_imp"),
     ),
     "pipe-exponent": Kind(
         "contact-pipe",
