@@ -103,16 +103,8 @@ class Proven:
     edits: tuple[str, ...] = ()
 
 
-def read_proven(file: Path, recalibrated: bool = False) -> Proven:
-    """What a JSON file says of the repair in it, or of the `recalibrated` plant.
-
-    Raises `AdoptRefused` where it has no repair, or a broken one.
-    """
-    return proven_of(read_form(file), file, recalibrated)
-
-
 def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Proven:
-    """The same of the content of a file."""
+    """What the content of a JSON file says of the repair in it, or of the `recalibrated` plant."""
     part = data["repair"]
     try:
         kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
