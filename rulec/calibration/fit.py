@@ -369,18 +369,33 @@ def _robust(
     rows: np.ndarray,
     size: float,
 ) -> tuple[Array, np.ndarray, float]:
-    """Fit the bulk, set far points aside, fit again; what the sheet says weighs as one point.
+    """Fit the bulk, set far points aside, fit again.
 
-    Also returns the variance by which the law is off beyond the noise of readings, (m3/s)^2.
+    What the sheet says weighs as one point, or as all of them: a law that bends may meet another
+    bulk on the way from a start that is hardly held. The likelier of the two is taken. Also returns
+    the variance by which the law is off beyond the noise of readings, (m3/s)^2.
     """
+    if not len(known.begin):
+        return known.begin, rows, 0.0
+    ways = [_bulk(error, known, rows, size, weight) for weight in (1.0, np.sqrt(len(rows)))]
+    _, best, kept, law = min(ways, key=lambda way: way[0])
+    return best, kept, law
+
+
+def _bulk(
+    error: Callable[[Array, np.ndarray], tuple[Array, float]],
+    known: Known,
+    rows: np.ndarray,
+    size: float,
+    weight: float,
+) -> tuple[float, Array, np.ndarray, float]:
+    """A bulk where the sheet weighs as much; first half of what it costs, in log likelihood."""
     best, kept, scatter = known.begin, rows, ROBUST_WIDTH * size
-    if not len(best):
-        return best, rows, 0.0
     loss, width, law, noise = "soft_l1", ROBUST_WIDTH, scatter**2, error(best, rows)[1]
     for _ in range(ROBUST_ROUNDS):
         solution = least_squares(
             # In units of the flow's own spread: the solver's tolerances expect numbers near one.
-            lambda p, chosen=kept, by=scatter, law=law, noise=noise: (
+            lambda p, chosen=kept, by=weight * scatter, law=law, noise=noise: (
                 np.concatenate([_even(error(p, chosen), law, noise), by * known.far(p)]) / size
             ),
             best,
@@ -397,7 +412,8 @@ def _robust(
         scatter = max(spread_about(off, centre), LEAST_SCATTER * size)
         kept = rows[np.abs(off - centre) <= FAR_POINT * scatter]
         loss, width, law = "linear", 1.0, max(scatter**2 - noise, 0.0)
-    return best, kept, law
+    cost = len(rows) * float(np.log(scatter)) + 0.5 * float(np.sum(known.far(best) ** 2))
+    return cost, best, kept, law
 
 
 def _jacobian(error: Callable[[Array], Array], at: Array, points: int) -> Array:

@@ -137,3 +137,6 @@ LOST_TOLD = 3
 DRAWN = 2000
 """Draws of what is read, for the certainty that an experiment can be expected to give: to a percent
 or two. Origin: numerical."""
+
+ACCURACY_STEPS = 3
+"""Refits in which it shows how exact laws are. Origin: numerical."""

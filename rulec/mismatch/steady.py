@@ -37,6 +37,7 @@ from rulec.mismatch.evidence.steady.settle import (
     repair_of,
     with_sensors_as_they_are,
 )
+from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
@@ -45,6 +46,8 @@ from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.by_recording import ByRecording, alone, by_recording
+from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.refit import Model, refitted
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
@@ -108,7 +111,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         standing=standing_of(posterior),
         recordings=of_recordings(recording, fitted.rows, by) if by else (),
         changed=updates_of(recording.sources, by) if by else (),
-        nothing=posterior.nothing,
+        nothing=posterior.unseen,
         believed=posterior.models[posterior.told].setting.values,
         within=posterior.models[posterior.told].allowed(posterior.geometry),
     )
@@ -218,28 +221,31 @@ class Explanation(Explained[Fitted]):
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[Fitted]:
-        """Refits to points outside of periods of faults."""
-        settled, faulty = self._models.fitted, self._models.faulty
-        setting, open_ = settled.setting, self._system.data.open
-        for candidate in setting.joined:
-            if candidate.id not in {c.id for c in taken}:
-                setting = setting.leaving(candidate.id)
-        clear = (
-            ~faulty
-            if (open_ & ~faulty).sum() >= limits.KEPT * open_.sum()
-            else np.ones_like(faulty)
-        )
-        used = settled.used & clear
+        """Refits to points outside of periods of faults, with laws as exact as they are stated."""
+        settled, clear = self._models.fitted, self._clear
+        setting, chosen = settled.setting, {c.id for c in taken}
         bare = setting
         for candidate in setting.joined:
             bare = bare.leaving(candidate.id)
-        plain = repaired = _refitted(settled, [bare, Configuration()], used)
+            setting = setting if candidate.id in chosen else setting.leaving(candidate.id)
+        rows = _rows_of(self._system, clear)
+        plain = repaired = _as_written(rows, [bare, Configuration()])
         if setting.joined:
-            moved = replace(setting, values={**setting.values, **plain.setting.values})
-            repaired = _refitted(settled, [setting, moved], used)
+            values = {**setting.values, **plain.setting.values}
+            repaired = _as_written(rows, [setting, replace(setting, values=values)])
         left = tuple((c.id, why) for c, why in left_out if c in settled.setting.joined)
-        repairs = repair_of(plain), repair_of(repaired)
-        return Refits(plain=plain, repaired=repaired, repairs=repairs, left_out=left, judged=clear)
+        models = (plain, repaired)
+        none = no_lasting_errors(self._system)
+        first, last = (fit(settled.rows, m.setting, settled.used & clear, 0, none) for m in models)
+        repairs = repair_of(first, plain.covariance), repair_of(last, repaired.covariance)
+        return Refits(plain=first, repaired=last, repairs=repairs, left_out=left, judged=clear)
+
+    @property
+    def _clear(self) -> np.ndarray:
+        """Points outside of periods of faults, shape (n,); all, where too few are."""
+        open_, clear = self._system.data.open, ~self._models.faulty
+        enough = (open_ & clear).sum() >= limits.KEPT * open_.sum()
+        return clear if enough else np.ones_like(clear)
 
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
@@ -432,13 +438,41 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
     return faulty
 
 
-def _refitted(settled: Fitted, starts: Sequence[Configuration], used: np.ndarray) -> Fitted:
-    rows: Rows = settled.rows
-    none = no_lasting_errors(rows.system)
-    found = [
-        fit(rows, s, used, held=none, variance_inflation=settled.variance_inflation) for s in starts
-    ]
-    return min(found, key=lambda f: f.objective)
+def _rows_of(system: System, clear: np.ndarray) -> Rows:
+    """Means of operating states of which only points that are `clear`, shape (n,), are seen."""
+    data = system.data
+    part = np.where(clear, data.part, HELDOUT)
+    ends = data.time[1:][np.diff(clear)]
+    return rows_of_states(replace(system, data=replace(data, part=part)), ends)
+
+
+def _as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
+    """A set refitted as a plant file holds it: sensors as they are, and no errors of form.
+
+    Each row counts as its laws are exact by their accuracy, or better where they turn out to be,
+    and rows that share an error of form count once.
+
+    Source: Ribatet, Cooley, Davison 2012 (composite likelihood, raised to what its parts say
+    together); Tuo and Wu 2015 (the law that is to predict, not the one beside its error of form).
+    """
+    none, smooth, share = rows.system.shared, Geometry(rows), 0.0
+    sizes = np.sum(smooth.forms**2, axis=0)
+    ways = float(np.sum(sizes)) ** 2 / max(float(np.sum(sizes**2)), 1e-300) or np.inf
+    alike = max(len(smooth.point) / ways, 1.0)
+    errors = smooth.shown(smooth.forms)
+    for _ in range(limits.ACCURACY_STEPS):
+        data, noise = rows.system.data, dict(rows.system.data.noise)
+        for name, error in errors.items():
+            noise[name] = np.sqrt(noise[name] ** 2 + alike * (share * error) ** 2)
+        system = replace(rows.system, data=replace(data, noise=noise))
+        geometry = Geometry(rows_of(system, Configuration()), exact=True)
+        found = [refitted(geometry, start, without_error=none) for start in starts]
+        best = max(found, key=lambda model: model.evidence)
+        starts = [best.setting]
+        off = rms(rows.errors(system.flows(best.setting))[0][smooth.seen])
+        error = max(float(np.sum(sizes)) / len(smooth.point), 1e-300)
+        share = float(np.sqrt(np.clip((off**2 - 1.0) / error, 0.0, 1.0)))
+    return best
 
 
 def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:

@@ -308,6 +308,9 @@ HARDLY_SHOWN = 0.01
 """Share of the usual weight of a point below which it tells nothing of branches: an error there
 shows ten times less. Origin: assumed."""
 
+LIKELY_SET = 1e-3
+"""Probability of a set below which it counts as if it showed. Origin: numerical."""
+
 MISSING_ODDS = -1.6
 """Log odds of each explanation, whichever it is, against none: of six plants compared with their
 model one lacks something. Origin: assumed."""

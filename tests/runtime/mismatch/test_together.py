@@ -157,7 +157,9 @@ def test_values_to_be_written_do_not_follow_what_one_recording_has_as_its_own() 
             rows = rows_at(opened(PLANT), recording)
             fitted = with_sensors_as_they_are(fit(rows, Configuration(), rows.system.data.open))
             assert all(fitted.setting.values[ERROR + own] == 0.0 for own in rows.system.shared)
-            moved[by, number] = np.array([c.value for c in repair_of(fitted).parameters])
+            moved[by, number] = np.array(
+                [c.value for c in repair_of(fitted, fitted.covariance).parameters]
+            )
     apart = [float(np.abs(moved[SHIFT, n] / moved[0.0, n] - 1.0).max()) for n in (0, 1)]
     assert apart[0] < 0.5 * apart[1]
 

@@ -41,16 +41,23 @@ def no_lasting_errors(system: System) -> dict[str, float]:
     return {ERROR + name: 0.0 for name in system.shared}
 
 
-def repair_of(settled: Fitted) -> Repair:
-    """What to write into a plant of a refitted model."""
+def repair_of(settled: Fitted, covariance: Array) -> Repair:
+    """What to write into a plant of a refitted model.
+
+    `covariance`, shape (values, values), SI, is that of all values of its prior."""
     setting, system = settled.setting, settled.rows.system
     known = {*system.builder.parameters.ids, *setting.free_unknowns()}
     names = [n for n in settled.prior.names if n in known]
     places = [settled.prior.names.index(n) for n in names]
+    covariance = covariance[np.ix_(places, places)]
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return Repair(
         setting.ids,
-        tuple(Changed(n, float(setting.values[n]), settled.u(n)) for n in names),
-        settled.covariance[np.ix_(places, places)],
+        tuple(
+            Changed(n, float(setting.values[n]), float(doubt))
+            for n, doubt in zip(names, u, strict=True)
+        ),
+        covariance,
         {u.id: setting.fixed[u.id] for c in setting.joined for u in c.unknowns if u.fixed},
         _misfit(settled),
         _ranges(settled),

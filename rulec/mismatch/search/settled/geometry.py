@@ -192,9 +192,12 @@ class Random:
 
 
 class Geometry:
-    """What stays the same for all models of one recording; `rows` are those that may be seen."""
+    """What stays the same for all models of one recording; `rows` are those that may be seen.
 
-    def __init__(self, rows: Rows) -> None:
+    Where laws and sensors are `exact`, the first have no error of form and the others do not move.
+    """
+
+    def __init__(self, rows: Rows, *, exact: bool = False) -> None:
         system = rows.system
         self.rows = rows
         self.terms = number_of_terms(rows)
@@ -208,8 +211,9 @@ class Geometry:
             known.mean,
             system.data.open,
         )
-        self.forms, self.law = self._forms(plain)
-        self.moving = self._moving(plain)
+        laws = () if exact else system.builder.laws
+        self.forms, self.law = self._forms(plain, laws)
+        self.moving = np.zeros((int(self.seen.sum()), 0)) if exact else self._moving(plain)
         self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
         self.rank = np.bincount(self.group).astype(float)
@@ -224,7 +228,7 @@ class Geometry:
             self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
         return self._sizes[unknown.id]
 
-    def _forms(self, plain: Fitted) -> tuple[Array, tuple[str, ...]]:
+    def _forms(self, plain: Fitted, laws: Sequence[Spot]) -> tuple[Array, tuple[str, ...]]:
         """Rows of errors of form, shape (rows, errors), and the law of each.
 
         Each law has its own, as large as its accuracy says. Two meters in one line share no law:
@@ -234,7 +238,7 @@ class Geometry:
         flows = system.flows(Configuration())
         columns, law = [np.zeros((int(self.seen.sum()), 0))], []
         ways: dict[str, Array] = {}
-        for spot in system.builder.laws:
+        for spot in laws:
             column = spot_column(plain, spot)
             if column is None:
                 continue

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotri
+from scipy.special import ndtr
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
@@ -59,6 +60,31 @@ class Model:
         """What is joined, and all values."""
         return self.fitted.setting
 
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the values, SI, shape (values, values)."""
+        normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
+        size, n = np.sqrt(np.diag(normal)), len(self.at)
+        inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)[:n, :n]
+        step = self.prior.coordinates.slopes(self.at) / size[:n]
+        covariance: Array = inverse * np.outer(step, step)
+        return covariance
+
+    def shows(self, geometry: Geometry) -> float:
+        """Probability that what is joined moves some output by more than `allowed`."""
+        null = {u.id: u.null for c in self.setting.joined for u in c.unknowns if not u.fixed}
+        allowed, hidden = self.allowed(geometry), 1.0
+        u = np.sqrt(np.diag(self.covariance)) / self.prior.coordinates.slopes(self.at)
+        for i, name in enumerate(self.prior.names):
+            start = null.get(name.partition("#")[0])
+            if start is None:
+                continue
+            moved = geometry.shown(self.table[:, [i]])
+            ends = [allowed[name] / most for name, most in moved.items() if most > 0.0]
+            end, off = min(ends, default=np.inf), self.at[i] - start
+            hidden = min(hidden, float(np.diff(ndtr((np.array([-end, end]) - off) / u[i]))[0]))
+        return 1.0 if self.terms else 1.0 - hidden
+
     def allowed(self, geometry: Geometry) -> dict[str, float]:
         """Error of each output that sensors within their class, and laws within their accuracy,
         explain in 19 of 20 recordings, SI."""
@@ -88,13 +114,19 @@ def refitted(
     near: Model | None = None,
     terms: tuple[Term, ...] = (),
     steps: int = 25,
+    without_error: Collection[str] = (),
 ) -> Model:
     """Refit all values, errors of form among them; `near` is a model that is much alike.
+
+    Sensors `without_error` read as they are: whoever uses the plant reads the same ones.
 
     Raises `numpy.linalg.LinAlgError` where the model has no slopes in which to begin.
     """
     rows, seen = geometry.rows, geometry.seen
     prior = prior_with_sizes(geometry, setting)
+    held = np.isin(prior.names, [ERROR + name for name in without_error])
+    low, high = (np.where(held, 0.0, end) for end in (prior.lowest, prior.highest))
+    prior = replace(prior, lowest=low, highest=high)
     n = len(prior.names)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
     random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, terms)
@@ -117,7 +149,7 @@ def refitted(
     for step in range(steps):
         if step in (0, 4):
             begin = at, forms, sizes, scale
-            found = _choose(geometry, prior, random, now, begin, no_more, fresh)
+            found = _choose(geometry, prior, random, now, begin, no_more, fresh, held)
             sizes, scale, forms, fresh = found.sizes, found.scale, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
             cost = _cost(geometry, prior, now, at, forms, loads, scale)
@@ -132,6 +164,7 @@ def refitted(
         stopped = np.zeros(len(slope), dtype=bool)
         stopped[:n] = (at <= prior.lowest) & (slope[:n] > 0)
         stopped[:n] |= (at >= prior.highest) & (slope[:n] < 0)
+        stopped[:n] |= held
         free, pressed = np.flatnonzero(~stopped), stopped[:n]
         size = np.sqrt(np.diag(normal))[free]
         scaled = normal[np.ix_(free, free)] / np.outer(size, size)

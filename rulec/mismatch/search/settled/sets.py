@@ -64,6 +64,14 @@ class Posterior:
         return self.sets[frozenset()]
 
     @property
+    def unseen(self) -> float:
+        """Probability that nothing is left out that shows: nothing, or what moves no reading by
+        more than class and accuracy do."""
+        likely = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
+        shown = sum(p * self.models[n].shows(self.geometry) for n, p in likely.items())
+        return 1.0 - shown - sum(p for n, p in self.sets.items() if n and n not in likely)
+
+    @property
     def names(self) -> dict[str, float]:
         """Probability of each explanation: the share of the sets that have it."""
         sets = self.sets
