@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -377,6 +377,40 @@ class Series:
     courses: tuple[Course, ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """How often an effect is told that is concealed in replays of the recording.
+
+    Of all replays it is `told` at its `size`, in `unit`: the one that was `found`, else the usual
+    one; and `told_usual` at its `usual` size. `other` maps titles of what was told instead at its
+    size to how often. `seen_from` is the smallest size that is told in half of the replays; None
+    where none is. What no reading shows has no size (NaN).
+    """
+
+    id: str
+    title: str
+    size: float = float("nan")
+    unit: str = ""
+    told: int = 0
+    other: Mapping[str, int] = field(default_factory=dict)
+    usual: float = float("nan")
+    told_usual: int = 0
+    seen_from: float | None = None
+    found: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfProof:
+    """What replays of the recording by the plant's own model say of the answer.
+
+    In `called_missing` of the `replays` with nothing missing something was said to be missing.
+    """
+
+    replays: int
+    called_missing: int
+    effects: tuple[Seen, ...]
+
+
 UNWRITTEN = Repair((), (), np.zeros((0, 0)), {}, {}, {})
 """Nothing that could be written."""
 
@@ -397,7 +431,7 @@ class Mismatch:
     recording once. `misread` are columns that were read otherwise than their header says: all that
     is told holds for the recording read so. Where several recordings were judged together,
     `recordings` has each, and `changed` what each further one changed. `seconds` is how long it
-    took.
+    took. `power` says what replays show, where that was asked for.
     """
 
     plant: str
@@ -433,6 +467,7 @@ class Mismatch:
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
     strain: tuple[Strain, ...] = ()
+    power: SelfProof | None = None
 
     @property
     def unproven(self) -> str:

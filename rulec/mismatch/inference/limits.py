@@ -15,3 +15,36 @@ DRAWS = 1000
 
 CHUNKS = 20
 """Pieces of the held-out points that the bootstrap draws from. Origin: assumed."""
+
+# Replays by the plant's own model.
+
+REPLAYS = 200
+"""Replays per question: a rate to three points. Origin: numerical."""
+
+WIDTHS = (0.33, 1.0, 3.0, 9.0, 27.0, 81.0, 243.0, 729.0, 2187.0)
+"""Widths of the normal distributions that stand for a Student distribution of sizes, in its scale:
+between two of them evidence changes by a tenth of a nat. Origin: numerical."""
+
+SCORED = 3
+"""Times that residuals of replays are replaced by their score: a fourth time changes nothing.
+Origin: numerical."""
+
+SEEN = 0.5
+"""Share of replays in which an effect is told from which on it is seen. Origin: assumed."""
+
+SEEN_STEPS = 5
+"""Halvings, in logarithms, by which the smallest size that is seen is found. Origin: numerical."""
+
+SEEN_REACH = 14
+"""Doublings of the usual size, up or down, within which it is looked for. Origin: numerical."""
+
+CANNOT_COUNT = -12.0
+"""Log odds at the best size from which on an explanation of a replay is weighed. Origin: numerical.
+"""
+
+FAR_BEHIND = 40.0
+"""Log odds at the best size by which it may be behind the best one all the same: what is not known
+of sizes and ranges never makes up for more. Origin: numerical."""
+
+SEEN_REPLAYS = 60
+"""Replays in which that is looked for: a share to six points. Origin: numerical."""

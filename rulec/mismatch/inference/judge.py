@@ -1,0 +1,305 @@
+"""What a replay of a recording is judged to be: weighed as the search does, to first order.
+
+All is linear: values, errors of form and of sensors are normal with the precision of the model,
+noise is Student as in the search. So one table of products judges any number of replays.
+
+Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors); Huber 1981, 7.8 (residuals
+replaced by their score: robust fits with one normal matrix).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from scipy.special import gammainc, log_ndtr
+
+from rulec.mismatch import limits as common
+from rulec.mismatch.inference import limits
+from rulec.mismatch.search import limits as of_search
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.scan import Column
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What replays are judged to be; all of shape (..., replays), shares of one.
+
+    `nothing` is that nothing is missing, `columns` are those of single columns, `terms` those of
+    terms without a name.
+    """
+
+    nothing: Array
+    columns: Array
+    terms: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judge:
+    """Weighs nothing, each column of each candidate, and each term without a name, in any replay.
+
+    `candidates` is how many there are in the plant.
+    """
+
+    geometry: Geometry
+    model: Model
+    columns: Sequence[Column]
+    terms: Sequence[Term]
+    candidates: int
+
+    @cached_property
+    def rows(self) -> Array:
+        """All columns, shape (rows, columns)."""
+        empty = np.zeros((len(self.model.table), 0))
+        return np.stack([c.rows for c in self.columns], axis=1) if self.columns else empty
+
+    @cached_property
+    def owner(self) -> NDArray[np.str_]:
+        """Id of the candidate of each column."""
+        return np.array([c.candidate.id for c in self.columns], dtype=str)
+
+    @cached_property
+    def _solved(self) -> Array:
+        """What turns residuals into the values fitted to them, shape (values, rows)."""
+        table, weights = self.model.table, self.model.weights
+        normal = table.T @ (table * weights[:, None]) + self.model.precision
+        unit = np.sqrt(np.diag(normal))
+        scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
+        solved: Array = (
+            -np.linalg.solve(scaled, (table / unit * weights[:, None]).T) / unit[:, None]
+        )
+        return solved
+
+    @cached_property
+    def _free(self) -> Array:
+        """Weights of the rows less what all values take up, shape (rows, rows)."""
+        weights = self.model.weights
+        free: Array = np.diag(weights) + weights[:, None] * (self.model.table @ self._solved)
+        return 0.5 * (free + free.T)
+
+    @cached_property
+    def _shown(self) -> Array:
+        """The columns with what values imitate taken off, weighted, shape (rows, columns)."""
+        shown: Array = self._free @ self.rows
+        return shown
+
+    @cached_property
+    def _gram(self) -> Array:
+        gram: Array = np.maximum(np.sum(self.rows * self._shown, axis=0), 1e-12)
+        return gram
+
+    @cached_property
+    def alike(self) -> NDArray[np.bool_]:
+        """Columns that show the same beside all else, shape (columns, columns)."""
+        products = self.rows.T @ self._shown
+        cosine = products**2 / np.outer(self._gram, self._gram)
+        return np.asarray(cosine > 1.0 - of_search.EFFECT_FORM**2)
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Terms that hold a column as a special case, shape (columns, terms)."""
+        size = np.sum(self.rows**2, axis=0)
+        held = np.zeros((len(self.columns), len(self.terms)), dtype=bool)
+        for i, term in enumerate(self.terms):
+            inside = np.sum((np.linalg.qr(term.columns)[0].T @ self.rows) ** 2, axis=0)
+            held[:, i] = size - inside < of_search.EFFECT_FORM**2 * size
+        return held
+
+    @cached_property
+    def odds(self) -> Array:
+        """Log odds of each column before the recording, as the search counts them."""
+        ways = Counter((c.candidate.id, c.name, c.since is None) for c in self.columns)
+        found = []
+        for c in self.columns:
+            begins = c.since is not None or c.course is not None
+            shapes = ways[c.candidate.id, c.name, c.since is None]
+            # Onsets are columns of their own, each with the price of an onset.
+            count = shapes if c.since is None else max(shapes / of_search.ONSETS, 1.0)
+            price = float(np.log(count)) + begins * float(np.log(of_search.ONSETS))
+            price += of_search.COMMON * bool(c.candidate.members)
+            found.append(of_search.SORT_ODDS[c.candidate.sort] - price)
+        return np.array(found) + of_search.MISSING_ODDS - float(np.log(max(self.candidates, 1)))
+
+    @cached_property
+    def scale(self) -> Array:
+        """Scale of the Student distribution of each amplitude, SI, shape (columns,)."""
+        return np.array([self.geometry.size(c.candidate, c.amplitude).scale for c in self.columns])
+
+    @cached_property
+    def widths(self) -> tuple[Array, Array]:
+        """Widths of normal distributions that together are the Student distribution of each
+        amplitude, in its scales, and their log shares, shape (widths, columns)."""
+        sizes = [self.geometry.size(c.candidate, c.amplitude) for c in self.columns]
+        freedom = np.array([size.freedom for size in sizes])
+        widths = np.array(limits.WIDTHS)
+        ends = np.sqrt(widths[1:] * widths[:-1])
+        below = gammainc(freedom / 2.0, freedom / 2.0 / ends[:, None] ** 2)
+        edges = np.concatenate([np.ones((1, len(freedom))), below, np.zeros((1, len(freedom)))])
+        return widths, np.log(np.maximum(-np.diff(edges, axis=0), 1e-300))
+
+    @cached_property
+    def ends(self) -> tuple[Array, Array]:
+        """How far each amplitude may be off its null, SI, shape (columns,) each."""
+        null = np.array([c.amplitude.null or 0.0 for c in self.columns])
+        low = np.array([c.amplitude.lowest for c in self.columns]) - null
+        return low, np.array([c.amplitude.highest for c in self.columns]) - null
+
+    def judged(self, replays: Array) -> Judged:
+        """Shares of all explanations; `replays` as drawn, shape (rows, replays)."""
+        clean, more = self._scored(replays)
+        columns = self._evidence(self._shown.T @ clean)
+        every = np.concatenate([more[None], columns, self._of_terms(clean)])
+        share = np.exp(every - np.logaddexp.reduce(every))
+        count = 1 + len(columns)
+        return Judged(share[0], share[1:count], share[count:])
+
+    def _scored(self, replays: Array) -> tuple[Array, Array]:
+        """Replays in which residuals are replaced by their score, with the best column fitted, or
+        nothing, where that is likelier; and by how much nothing is likelier than it shows there,
+        nats, shape (replays,).
+
+        So each counts as it does by the Student distribution, and all by the same weights.
+        """
+        none = np.zeros_like(replays)
+        clean, bare = self._fitted(replays, none)
+        more = np.zeros(replays.shape[1])
+        if not self.columns:
+            return clean, more
+        every, with_best = np.arange(len(more)), replays
+        for _ in range(limits.SCORED):
+            size, gain = self._best_sizes(with_best)
+            best = np.argmax(gain, axis=0)
+            shift = self.rows[:, best] * size[best, every]
+            with_best, likely = self._fitted(replays, shift)
+        size, gain = self._best_sizes(with_best)
+        gained = np.maximum(likely - bare, 0.0)
+        taken = gained + self.odds[best] > 0.0
+        shown = gain[best, every] - self.odds[best]
+        more = np.where(taken, np.maximum(shown - gained, 0.0), 0.0)
+        return np.where(taken, with_best, clean), more
+
+    def _best_sizes(self, replays: Array) -> tuple[Array, Array]:
+        """The likeliest size of each column within its range, SI, and the log odds it would gain
+        there; shape (columns, replays) both."""
+        low, high = self.ends
+        moment, gram = self._shown.T @ replays, self._gram[:, None]
+        size = np.clip(-moment / gram, low[:, None], high[:, None])
+        return size, -(0.5 * gram * size + moment) * size + self.odds[:, None]
+
+    def _fitted(self, replays: Array, shift: Array) -> tuple[Array, Array]:
+        """Replays with residuals replaced by their score where `shift`, of the same shape, is
+        added, and their log likelihood with all values fitted, shape (replays,)."""
+        geometry, scale, weights = self.geometry, self.model.scale, self.model.weights[:, None]
+        rank, clean, likely = geometry.rank[:, None], replays, np.zeros(0)
+        member = np.zeros((len(rank), len(replays)))
+        member[geometry.group, np.arange(len(replays))] = 1.0
+        for _ in range(limits.SCORED):
+            values = self._solved @ (clean + shift)
+            off = replays + shift + self.model.table @ values
+            far = member @ off**2 / scale**2
+            each = (of_search.STUDENT + rank) / (of_search.STUDENT + far) / scale**2
+            clean = replays - off + off * each[geometry.group] / weights
+            lost = (of_search.STUDENT + rank) * np.log1p(far / of_search.STUDENT)
+            strained = np.sum(values * (self.model.precision @ values), axis=0)
+            likely = -0.5 * (np.sum(lost, axis=0) + strained)
+        return clean, likely
+
+    def _evidence(self, moment: Array) -> Array:
+        """Log odds of each column, amplitudes integrated out within their range, shape (columns,
+        replays), by its moments of the same shape; what cannot count has none."""
+        best = 0.5 * moment**2 / self._gram[:, None] + self.odds[:, None]
+        least = np.maximum(best.max(axis=0, initial=0.0) - limits.FAR_BEHIND, limits.CANNOT_COUNT)
+        i, replay = np.nonzero(best > least)
+        (widths, shares), (low, high), gram = self.widths, self.ends, self._gram
+        parts, inside = [], []
+        for width, share in zip(widths, shares, strict=True):
+            size = width * self.scale
+            precision = gram + size**-2.0
+            root, occam = np.sqrt(precision), share - 0.5 * np.log1p(gram * size**2)
+            at = -moment[i, replay] / precision[i]
+            gain = occam[i] + 0.5 * precision[i] * at**2
+            gain += _log_between((low[i] - at) * root[i], (high[i] - at) * root[i])
+            parts.append(gain)
+            inside.append(share + _log_between(low / size, high / size))
+        odds = np.full(moment.shape, -np.inf)
+        odds[i, replay] = np.logaddexp.reduce(parts) + (self.odds - np.logaddexp.reduce(inside))[i]
+        return odds
+
+    @cached_property
+    def _turned(self) -> list[tuple[Array, Array, float]]:
+        """Per term its directions that values do not imitate, weighted, shape (rows, functions),
+        what the rows tell of each, and its log odds before the recording."""
+        ways, found = Counter((t.spot, t.driver) for t in self.terms), []
+        for term in self.terms:
+            shown = self._free @ term.columns
+            own, turned = np.linalg.eigh(term.columns.T @ shown)
+            count = len(of_search.TERM_SIZES) * max(self.geometry.terms, 1)
+            price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
+            odds = of_search.MISSING_ODDS + of_search.TERM_ODDS - price
+            found.append((shown @ turned, np.maximum(own, 0.0)[:, None], odds))
+        return found
+
+    def _of_terms(self, replays: Array) -> Array:
+        """Log odds of each term without a name, shape (terms, replays)."""
+        found = np.zeros((len(self.terms), replays.shape[1]))
+        for term, (shown, own, odds) in enumerate(self._turned):
+            square = (shown.T @ replays) ** 2
+            gains = [
+                0.5 * (np.sum(square / (own + s**-2.0), axis=0) - np.log1p(own * s**2).sum())
+                for s in of_search.TERM_SIZES
+            ]
+            found[term] = np.logaddexp.reduce(gains) + odds
+        return found
+
+
+def _log_between(low: Array, high: Array) -> Array:
+    """Logarithm of what a standard normal distribution has between two ends."""
+    turned = low > 0.0
+    low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+    upper = log_ndtr(high)
+    between: Array = upper + np.log1p(-np.exp(np.minimum(log_ndtr(low) - upper, -1e-12)))
+    return between
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told in each replay, shape (replays,).
+
+    `best` is the number of the column that its class is told by, or behind the last one that of a
+    term without a name; `sure` flags where its class has enough.
+    """
+
+    best: NDArray[np.intp]
+    sure: NDArray[np.bool_]
+
+
+def told_in(judge: Judge, judged: Judged) -> Told:
+    """The class of the most probable explanation of each replay, and whether it is sure.
+
+    Columns that show the same are one class, with all columns of the same candidate, and with what
+    has no name and holds it as a special case.
+    """
+    every, count = np.arange(len(judged.nothing)), len(judge.columns)
+    _, number = np.unique(judge.owner, return_inverse=True)
+    own = np.zeros((number.max(initial=-1) + 1, count))
+    own[number, np.arange(count)] = 1.0
+    by_name = own @ judged.columns
+    best, share = np.full(len(every), -1), np.zeros(len(every))
+    if count:
+        first = np.argmax(by_name, axis=0)
+        best = np.argmax(np.where(own[first].T > 0.0, judged.columns, -1.0), axis=0)
+        same = judge.alike[best] | (number == first[:, None])
+        share = np.sum(same * judged.columns.T, axis=1)
+        share = share + np.sum(judge.held[best] * judged.terms.T, axis=1)
+    if len(judge.terms):
+        term = np.argmax(judged.terms, axis=0)
+        driver = np.array([t.driver for t in judge.terms])
+        of_terms = np.sum((driver == driver[term][:, None]) * judged.terms.T, axis=1)
+        best, share = np.where(of_terms > share, count + term, best), np.maximum(share, of_terms)
+    return Told(best, share >= common.CERTAIN)

@@ -1,0 +1,205 @@
+"""How often this recording would tell an effect: the plant's own model replays it.
+
+With nothing missing, and with each explanation that stands or is asked for concealed in it. No
+sample of the real recording decides here: only its inputs, its noise, and what is known before.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch import limits as common
+from rulec.mismatch.inference import limits
+from rulec.mismatch.inference.judge import Judge, told_in
+from rulec.mismatch.inference.replay import Replayer, without_explanations
+from rulec.mismatch.result import Seen, SelfProof
+from rulec.mismatch.search import limits as of_search
+from rulec.mismatch.search.settled.nameless import terms
+from rulec.mismatch.search.settled.nested import places_of
+from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.scan import Column, columns, id_of
+from rulec.mismatch.search.settled.sets import Posterior
+from rulec.mismatch.search.settled.told import titled_with_module
+
+NAMELESS = "something without a name"
+"""Title of all terms without a name."""
+
+
+def called_missing(judge: Judge, replays: Array) -> int:
+    """In how many replays, shape (rows, replays), something is said to be missing."""
+    judged = judge.judged(replays)
+    missing = (judged.nothing < of_search.LIKELIER) | told_in(judge, judged).sure
+    return int(missing.sum())
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """An effect to be concealed: the numbers of the columns that it may have, and the size with
+    which it was found, SI; None where it was not."""
+
+    columns: tuple[int, ...]
+    size: float | None
+
+
+def asked_of(
+    judge: Judge, concealed: Concealed, size: float, count: int
+) -> tuple[int, Counter[str]]:
+    """In how many replays an effect of a size, SI, is told, and what else is, by its title.
+
+    A shape that is not known is another one in each replay, as likely as it was before.
+    """
+    rng = np.random.default_rng(1)
+    own = np.array(concealed.columns)
+    share = np.exp(judge.odds[own] - judge.odds[own].max())
+    drawn = rng.choice(own, count, p=share / share.sum())
+    shift = judge.rows[:, drawn] * size
+    told = told_in(judge, judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift)))
+    names = np.append(judge.owner, np.full(len(judge.terms), ""))
+    named = told.best < len(judge.columns)
+    known = np.where(named, told.best, 0)
+    right = named & ((names[told.best] == judge.owner[own[0]]) | judge.alike[known, drawn])
+    titles = {c.candidate.id: titled_with_module(c.candidate) for c in judge.columns}
+    wrong = told.best[told.sure & ~right]
+    other = Counter(titles.get(str(names[b]), NAMELESS) for b in wrong)
+    return int((told.sure & right).sum()), other
+
+
+def seen_from(judge: Judge, concealed: Concealed, usual: float) -> float | None:
+    """The smallest size, SI, that is told in enough of the replays; None where none is."""
+    own = concealed.columns[0]
+    end = judge.ends[1 if usual > 0.0 else 0][own]
+    count = limits.SEEN_REPLAYS
+
+    def enough(size: float) -> bool:
+        return asked_of(judge, concealed, size, count)[0] >= limits.SEEN * count
+
+    last = usual if abs(usual) < abs(end) else end
+    way = 0.5 if enough(last) else 2.0
+    for _ in range(limits.SEEN_REACH):
+        there = last * way if abs(last * way) < abs(end) else end
+        if enough(there) == (way > 1.0):
+            break
+        if there == end:
+            return None
+        last = there
+    else:
+        return None if way > 1.0 else last
+    low, high = sorted((last, there), key=abs)
+    for _ in range(limits.SEEN_STEPS):
+        middle = np.copysign(np.sqrt(low * high), usual)
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return float(high)
+
+
+def found_columns(posterior: Posterior, known: Sequence[str]) -> dict[str, tuple[Column, float]]:
+    """Columns of explanations, by their ids, as they stand in the most probable set that has them,
+    each with its size, SI."""
+    found = {}
+    likely = sorted(posterior.sets, key=lambda names: (-posterior.sets[names], sorted(names)))
+    for id_ in known:
+        names = next((n for n in likely if id_ in {id_of(name) for name in n}), None)
+        one = None if names is None else _as_found(posterior.models[names], id_)
+        if one is not None:
+            found[id_] = one
+    return found
+
+
+def _as_found(model: Model, id_: str) -> tuple[Column, float] | None:
+    """What an explanation changes in a model that has it, as one column of its first amplitude."""
+    candidate = next(c for c in model.setting.joined if c.id == id_)
+    shift, size, first = np.zeros(len(model.left)), 0.0, None
+    for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
+        for i in places_of(model, unknown.id):
+            off = float(model.at[i] - (unknown.null or 0.0))
+            shift = shift + model.table[:, i] * off
+            first = first or unknown
+            size = off if unknown is first and abs(off) > abs(size) else size
+    if first is None or size == 0.0 or not shift.any():
+        return None
+    course = next((c for c in model.setting.courses if c.unknown == first.id), None)
+    column = Column(
+        candidate=candidate,
+        amplitude=first,
+        values={},
+        fixed={},
+        rows=shift / size,
+        course=course,
+        grows=course is not None and course.grows,
+    )
+    return column, size
+
+
+def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
+    """How often something is told in replays: with nothing missing, and with effects concealed.
+
+    `asked` are ids of candidates; without any, what stands with a probability that is mentioned.
+    """
+    geometry = posterior.geometry
+    model = without_explanations(geometry, posterior.models[posterior.told])
+    likely = [
+        id_of(n) for n, p in posterior.names.items() if p >= common.MENTIONED and "~" not in n
+    ]
+    stand = sorted(likely, key=lambda id_: -posterior.names.get(id_, 0.0))
+    found = found_columns(posterior, list(dict.fromkeys((*asked, *stand))))
+    every = [*(column for column, _ in found.values()), *columns(geometry, model, {})]
+    number = len({c.id for c in geometry.rows.system.candidates})
+    judge = Judge(
+        geometry=geometry,
+        model=model,
+        columns=every,
+        terms=terms(geometry, model),
+        candidates=number,
+    )
+    none = Replayer(geometry, model).drawn(limits.REPLAYS, np.zeros((len(model.left), 1)))
+    effects = [
+        _seen(judge, id_, {n: size for n, (_, size) in found.items()}) for id_ in asked or stand
+    ]
+    return SelfProof(
+        replays=limits.REPLAYS,
+        called_missing=called_missing(judge, none),
+        effects=tuple(effects),
+    )
+
+
+def _seen(judge: Judge, id_: str, found: Mapping[str, float]) -> Seen:
+    """How often one effect is told; what no reading shows has no size."""
+    own = [i for i, c in enumerate(judge.columns) if c.candidate.id == id_]
+    if not own:
+        every = judge.geometry.rows.system.builder.candidates
+        return Seen(id=id_, title=next(titled_with_module(c) for c in every if c.id == id_))
+    first = judge.columns[own[0]]
+    size = found.get(id_)
+    same = [i for i in own if judge.columns[i].amplitude.id == first.amplitude.id]
+    concealed = Concealed(tuple(same if size is None else own[:1]), size)
+    usual = _usual(judge, own[0], size)
+    at = usual if size is None else size
+    told, other = asked_of(judge, concealed, at, limits.REPLAYS)
+    told_usual = told if size is None else asked_of(judge, concealed, usual, limits.REPLAYS)[0]
+    least = seen_from(judge, concealed, usual)
+    factor = first.amplitude.factor
+    return Seen(
+        id=id_,
+        title=titled_with_module(first.candidate),
+        size=abs(at) / factor,
+        unit=first.amplitude.unit,
+        told=told,
+        other=dict(other.most_common()),
+        usual=abs(usual) / factor,
+        told_usual=told_usual,
+        seen_from=None if least is None else abs(least) / factor,
+        found=size is not None,
+    )
+
+
+def _usual(judge: Judge, column: int, found: float | None) -> float:
+    """The usual size of an amplitude, SI, of the sign that was found, or else may be."""
+    one, (low, high) = judge.columns[column], judge.ends
+    size = judge.geometry.size(one.candidate, one.amplitude)
+    most = size.usual or size.scale
+    sign = found if found is not None else 1.0 if high[column] > 0.0 else -1.0
+    return float(np.clip(np.copysign(most, sign), low[column], high[column]))

@@ -1,0 +1,85 @@
+"""Replays of a recording by the plant's own model.
+
+Only what it was made with counts: its inputs, its noise, and how far sensors, parameters and laws
+may be off. What it shows does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch.evidence.steady.fit import evaluated
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.settled.geometry import Geometry, Random
+from rulec.mismatch.search.settled.prior import prior_with_sizes
+from rulec.mismatch.search.settled.refit import Model
+
+
+def without_explanations(geometry: Geometry, model: Model) -> Model:
+    """A model with its values and its sizes of errors, but with nothing that explains.
+
+    What is believed once something was found is what replays: without it the same errors would
+    have to be larger.
+    """
+    setting = model.setting
+    for candidate in setting.joined:
+        setting = setting.leaving(candidate.id)
+    prior = prior_with_sizes(geometry, setting)
+    at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
+    now = evaluated(geometry.rows, setting, prior, at, geometry.rows.system.data.open)
+    random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, ())
+    sizes = replace(model.sizes, terms=())
+    table = np.concatenate(
+        [now.jacobian[geometry.seen], random.columns * random.ratio(sizes)], axis=1
+    )
+    precision = np.eye(table.shape[1])
+    precision[: len(at), : len(at)] = prior.near(at).precision
+    return replace(
+        model,
+        fitted=now,
+        prior=prior,
+        mean=at,
+        at=at,
+        terms=(),
+        sizes=sizes,
+        table=table,
+        left=np.zeros(len(table)),
+        precision=precision,
+        weights=_information(geometry, model.scale),
+    )
+
+
+def _information(geometry: Geometry, scale: float) -> Array:
+    """What a row tells on average, shape (rows,): Fisher information of the Student noise."""
+    rank = geometry.rank
+    each: Array = (limits.STUDENT + rank) / (limits.STUDENT + rank + 2.0) / scale**2
+    return each[geometry.group]
+
+
+@dataclass(frozen=True)
+class Replayer:
+    """Draws replays of the seen rows by a model without explanations."""
+
+    geometry: Geometry
+    model: Model
+
+    def drawn(self, count: int, shift: Array, seed: int = 0) -> Array:
+        """Residuals at the means of the values, shape (rows, count).
+
+        `shift`, shape (rows, 1) or (rows, count), is what a concealed effect changes in them.
+        """
+        geometry, model = self.geometry, self.model
+        rng = np.random.default_rng(seed)
+        # Parameters of a plant have very different units: their precision is scaled first.
+        unit = np.sqrt(np.diag(model.precision))
+        lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
+        normal = rng.standard_normal((len(unit), count))
+        values = np.linalg.solve(lower.T, normal) / unit[:, None]
+        noise = rng.standard_normal((len(model.table), count))
+        square = rng.chisquare(limits.STUDENT, (len(geometry.rank), count))
+        wide = np.sqrt(limits.STUDENT / square)[geometry.group]
+        residuals: Array = model.scale * noise * wide - model.table @ values - shift
+        return residuals
