@@ -313,6 +313,13 @@ def _mismatch(mismatch: argparse.ArgumentParser) -> None:
         metavar="FILE.csv",
         help="measured and predicted courses, sample by sample; - for standard output",
     )
+    mismatch.add_argument(
+        "--power",
+        metavar="EFFECT",
+        nargs="*",
+        help="tell besides how often this recording would tell an effect, by its id, and how often "
+        "something where nothing is missing; default: those that were found",
+    )
     json_option(mismatch)
 
 

@@ -40,6 +40,7 @@ class Calls:
         builder: object,
         *,
         heldout: tuple[tuple[float, float], ...] = (),
+        power: tuple[str, ...] | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Mismatch:
         assert len(recording) > 0

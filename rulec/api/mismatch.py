@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +34,7 @@ from rulec.mismatch.refused import MismatchRefused
 from rulec.passes.opened import open_plant
 
 if TYPE_CHECKING:
+    from rulec.effects.model_builder import ModelBuilder
     from rulec.mismatch.result import Finding, Mismatch
 
 STORES_ALONE = (
@@ -144,6 +146,7 @@ def mismatch(
     recordings: Recorded | Sequence[Recorded],
     *,
     heldout: Periods = (),
+    power: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> MismatchResult:
     """Tell where simulation and recording differ, and what physics is left out.
@@ -155,6 +158,8 @@ def mismatch(
         of shape (n,); units as titles say.
     heldout : spans of time, s, that prove the result and play no part in finding it; without,
         blocks are set aside.
+    power : replay the recording by the plant's own model, with effects concealed, by their ids;
+        an empty list: those that stand. None: no replays.
     progress : is told what is being done.
 
     Raises
@@ -164,7 +169,8 @@ def mismatch(
     RecordingRefused
         One is no recording of the plant, or they cannot be judged together.
     MismatchRefused
-        Spans hold no sample or all of them, or the plant stores and several are given.
+        Spans hold no sample or all of them, the plant stores and several are given, or no effect
+        has an id.
 
     Examples
     --------
@@ -189,11 +195,25 @@ def mismatch(
     from rulec.mismatch.analyse import analyse
 
     builder = builder_of(plant_now)
-    found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
+    _check_effects(power or (), builder)
+    found = analyse(recording, ruleset, builder, heldout=heldout, power=power, progress=progress)
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     found = replace(found, recording=listed(names_of(names)), notes=notes)
     subject = Subject.of(ruleset, recording, found.recording)
     return MismatchResult(found=found, plant=folder, recordings=given, basis=basis, subject=subject)
+
+
+def _check_effects(asked: Sequence[str], builder: ModelBuilder) -> None:
+    """Refuse ids that nothing has."""
+    known = {c.id for c in builder.candidates} if asked else set()
+    for id_ in asked:
+        if id_ not in known:
+            near = get_close_matches(id_, sorted(known), 1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            raise MismatchRefused(
+                f"--power {id_}: no effect of this plant has that id{meant or ';'} "
+                "'rulec show effects PLANT' lists them"
+            )
 
 
 def _check_heldout(recording: Recording, heldout: Periods) -> None:

@@ -33,7 +33,13 @@ def run(options: argparse.Namespace) -> int:
     folder_of(options.plant)
     check_outputs(options)
     with progress_of(options, "reading the plant") as progress:
-        found = mismatch(options.plant, options.recording, heldout=heldout, progress=progress)
+        found = mismatch(
+            options.plant,
+            options.recording,
+            heldout=heldout,
+            power=options.power,
+            progress=progress,
+        )
     out = console(options)
     found.tell(out)
     if options.report:

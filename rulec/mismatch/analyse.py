@@ -32,7 +32,7 @@ from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Series
+from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, SelfProof, Series
 from rulec.mismatch.structure import told as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
@@ -45,6 +45,9 @@ NO_CLOCK = (
 )
 """What is said where effects of time cannot be told."""
 
+NOT_REPLAYED = "--power: plants that store are not replayed yet"
+"""What is said where replays were asked for."""
+
 Progress = Callable[[str], None]
 
 
@@ -54,6 +57,7 @@ def analyse(
     builder: ModelBuilder,
     *,
     heldout: Sequence[tuple[float, float]] = (),
+    power: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Mismatch:
     """Compare a recording with the model of its plant: is there a mismatch, where, what, proof.
@@ -62,6 +66,8 @@ def analyse(
     ----------
     heldout : spans of time, s, that are opened once, at the end; without them, blocks are set
         aside.
+    power : ids of candidates that are concealed in replays of the recording; empty: those that
+        stand; None: nothing is replayed.
     progress : is told what is being done.
     """
     begin = time.perf_counter()
@@ -97,6 +103,7 @@ def analyse(
     recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
     instead = all(strain.is_believable for strain in recalibrated)
     refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead)
+    replayed = None if power is None else _replayed(found, power, tell)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
@@ -127,7 +134,14 @@ def analyse(
         digest=samples.digest,
         noise=found.noise,
         tried=found.tried,
-        notes=(*_read_so(misread), *before, *_clock(found), *_of_recording(recording), *behind),
+        notes=(
+            *([NOT_REPLAYED] if power is not None and replayed is None else []),
+            *_read_so(misread),
+            *before,
+            *_clock(found),
+            *_of_recording(recording),
+            *behind,
+        ),
         repair=repair,
         plain=plain,
         curves=_curves(model, shown, refits.judged, findings) if fits else None,
@@ -143,7 +157,14 @@ def analyse(
         recordings=found.recordings,
         changed=found.changed,
         strain=doubt.strain,
+        power=replayed,
     )
+
+
+def _replayed(found: Explained[Any], asked: Sequence[str], tell: Progress) -> SelfProof | None:
+    """What replays say, where there can be some."""
+    tell("replaying the recording")
+    return found.power(asked)
 
 
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:

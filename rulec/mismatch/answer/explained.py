@@ -25,6 +25,7 @@ from rulec.mismatch.result import (
     Location,
     OfRecording,
     Repair,
+    SelfProof,
     Update,
 )
 from rulec.mismatch.search.accepted import Accepted
@@ -98,6 +99,11 @@ class Explained(ABC, Generic[F]):
         """Error of a reading that sensors within their class, and laws within their accuracy,
         explain in 19 of 20 recordings, SI; infinite where it is not known."""
         return float("inf")
+
+    def power(self, asked: Sequence[str]) -> SelfProof | None:
+        """How often replays by the plant's own model tell what they hold; None where nothing can be
+        replayed yet. `asked` are ids of candidates; without any, what stands."""
+        return None
 
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:

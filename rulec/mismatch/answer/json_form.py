@@ -17,6 +17,7 @@ from rulec.mismatch.result import (
     Mismatch,
     Region,
     Repair,
+    SelfProof,
     Shape,
 )
 
@@ -67,8 +68,18 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "repair": _repair(mismatch, plant_file),
         "seconds": mismatch.seconds,
     }
+    if mismatch.power is not None:
+        form["power"] = _power(mismatch.power)
     result: dict[str, Any] = _finite(form)
     return result
+
+
+def _power(power: SelfProof) -> dict[str, Any]:
+    return {
+        "replays": power.replays,
+        "nothing": {"called_missing": power.called_missing},
+        "effects": [vars(seen) for seen in power.effects],
+    }
 
 
 def hidden_csv(hidden: HiddenDriver) -> str:

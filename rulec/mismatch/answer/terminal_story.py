@@ -14,6 +14,7 @@ from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import counted, number, period
 
 from rulec.effects.candidate import TIME
+from rulec.mismatch.answer.power_words import power_words
 from rulec.mismatch.answer.sparkline import sparkline
 from rulec.mismatch.answer.text_plot import text_plot
 from rulec.mismatch.answer.verdict import strain_words
@@ -74,6 +75,10 @@ def tell(out: Console, mismatch: Mismatch) -> None:
         _heading(out, "Next")
         out.print(_inset(Text(mismatch.next, "bold")))
     _small_print(out, mismatch)
+    if mismatch.power is not None:
+        _heading(out, "What this recording can tell")
+        for text in power_words(mismatch.power):
+            out.print(_inset(Text(text)))
 
 
 def _heading(out: Console, title: str) -> None:

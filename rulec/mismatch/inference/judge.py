@@ -96,10 +96,17 @@ class Judge:
 
     @cached_property
     def alike(self) -> NDArray[np.bool_]:
-        """Columns that show the same beside all else, shape (columns, columns)."""
+        """Columns that show the same beside all else, shape (columns, columns).
+
+        Those that show the other way round do so only where their amplitudes may have either sign.
+        """
         products = self.rows.T @ self._shown
         cosine = products**2 / np.outer(self._gram, self._gram)
-        return np.asarray(cosine > 1.0 - of_search.EFFECT_FORM**2)
+        (below, above), same = (self.ends[0] < 0.0, self.ends[1] > 0.0), products > 0.0
+        one_way = np.outer(above, above) | np.outer(below, below)
+        other_way = np.outer(above, below) | np.outer(below, above)
+        possible = np.where(same, one_way, other_way)
+        return np.asarray(possible & (cosine > 1.0 - of_search.EFFECT_FORM**2))
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -37,24 +36,16 @@ def called_missing(judge: Judge, replays: Array) -> int:
     return int(missing.sum())
 
 
-@dataclass(frozen=True)
-class Concealed:
-    """An effect to be concealed: the numbers of the columns that it may have, and the size with
-    which it was found, SI; None where it was not."""
-
-    columns: tuple[int, ...]
-    size: float | None
-
-
 def asked_of(
-    judge: Judge, concealed: Concealed, size: float, count: int
+    judge: Judge, concealed: Sequence[int], size: float, count: int
 ) -> tuple[int, Counter[str]]:
     """In how many replays an effect of a size, SI, is told, and what else is, by its title.
 
-    A shape that is not known is another one in each replay, as likely as it was before.
+    `concealed` are the numbers of its columns. A shape that is not known is another one in each
+    replay, as likely as it was before.
     """
     rng = np.random.default_rng(1)
-    own = np.array(concealed.columns)
+    own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     drawn = rng.choice(own, count, p=share / share.sum())
     shift = judge.rows[:, drawn] * size
@@ -69,10 +60,9 @@ def asked_of(
     return int((told.sure & right).sum()), other
 
 
-def seen_from(judge: Judge, concealed: Concealed, usual: float) -> float | None:
+def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | None:
     """The smallest size, SI, that is told in enough of the replays; None where none is."""
-    own = concealed.columns[0]
-    end = judge.ends[1 if usual > 0.0 else 0][own]
+    end = judge.ends[1 if usual > 0.0 else 0][concealed[0]]
     count = limits.SEEN_REPLAYS
 
     def enough(size: float) -> bool:
@@ -98,12 +88,15 @@ def seen_from(judge: Judge, concealed: Concealed, usual: float) -> float | None:
 
 def found_columns(posterior: Posterior, known: Sequence[str]) -> dict[str, tuple[Column, float]]:
     """Columns of explanations, by their ids, as they stand in the most probable set that has them,
-    each with its size, SI."""
+    each with its size, SI; only of those that the recording leaves possible."""
     found = {}
     likely = sorted(posterior.sets, key=lambda names: (-posterior.sets[names], sorted(names)))
     for id_ in known:
-        names = next((n for n in likely if id_ in {id_of(name) for name in n}), None)
-        one = None if names is None else _as_found(posterior.models[names], id_)
+        names = next((n for n in likely if id_ in map(id_of, n)), None)
+        share = sum(p for n, p in posterior.sets.items() if id_ in map(id_of, n))
+        if names is None or share < common.REPORTED:
+            continue
+        one = _as_found(posterior.models[names], id_)
         if one is not None:
             found[id_] = one
     return found
@@ -134,34 +127,36 @@ def _as_found(model: Model, id_: str) -> tuple[Column, float] | None:
     return column, size
 
 
+def judge_of(posterior: Posterior, found: Sequence[Column] = ()) -> Judge:
+    """Who judges replays of a recording: `found` are columns of explanations as they were found."""
+    geometry = posterior.geometry
+    model = without_explanations(geometry, posterior.models[posterior.told])
+    return Judge(
+        geometry=geometry,
+        model=model,
+        columns=[*found, *columns(geometry, model, {})],
+        terms=terms(geometry, model),
+        candidates=len({c.id for c in geometry.rows.system.candidates}),
+    )
+
+
 def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
     """How often something is told in replays: with nothing missing, and with effects concealed.
 
     `asked` are ids of candidates; without any, what stands with a probability that is mentioned.
     """
-    geometry = posterior.geometry
-    model = without_explanations(geometry, posterior.models[posterior.told])
-    likely = [
-        id_of(n) for n, p in posterior.names.items() if p >= common.MENTIONED and "~" not in n
-    ]
-    stand = sorted(likely, key=lambda id_: -posterior.names.get(id_, 0.0))
-    found = found_columns(posterior, list(dict.fromkeys((*asked, *stand))))
-    every = [*(column for column, _ in found.values()), *columns(geometry, model, {})]
-    number = len({c.id for c in geometry.rows.system.candidates})
-    judge = Judge(
-        geometry=geometry,
-        model=model,
-        columns=every,
-        terms=terms(geometry, model),
-        candidates=number,
-    )
-    none = Replayer(geometry, model).drawn(limits.REPLAYS, np.zeros((len(model.left), 1)))
-    effects = [
-        _seen(judge, id_, {n: size for n, (_, size) in found.items()}) for id_ in asked or stand
-    ]
+    names = posterior.names
+    likely = [n for n in sorted(names, key=lambda n: -names[n]) if names[n] >= common.MENTIONED]
+    ids = list(dict.fromkeys(asked or (id_of(n) for n in likely if "~" not in n)))
+    found = found_columns(posterior, ids)
+    judge = judge_of(posterior, [column for column, _ in found.values()])
+    sizes = {id_: size for id_, (_, size) in found.items()}
+    none = np.zeros((len(judge.model.left), 1))
+    replays = Replayer(judge.geometry, judge.model).drawn(limits.REPLAYS, none)
+    effects = [_seen(judge, id_, sizes) for id_ in ids]
     return SelfProof(
         replays=limits.REPLAYS,
-        called_missing=called_missing(judge, none),
+        called_missing=called_missing(judge, replays),
         effects=tuple(effects),
     )
 
@@ -171,11 +166,11 @@ def _seen(judge: Judge, id_: str, found: Mapping[str, float]) -> Seen:
     own = [i for i, c in enumerate(judge.columns) if c.candidate.id == id_]
     if not own:
         every = judge.geometry.rows.system.builder.candidates
-        return Seen(id=id_, title=next(titled_with_module(c) for c in every if c.id == id_))
+        return Seen(id=id_, title=next((titled_with_module(c) for c in every if c.id == id_), id_))
     first = judge.columns[own[0]]
     size = found.get(id_)
     same = [i for i in own if judge.columns[i].amplitude.id == first.amplitude.id]
-    concealed = Concealed(tuple(same if size is None else own[:1]), size)
+    concealed = same if size is None else own[:1]
     usual = _usual(judge, own[0], size)
     at = usual if size is None else size
     told, other = asked_of(judge, concealed, at, limits.REPLAYS)
