@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,31 +121,41 @@ class Judge:
 
     @cached_property
     def odds(self) -> Array:
-        """Log odds of each column before the recording, as the search counts them."""
-        ways = Counter((c.candidate.id, c.name, c.since is None) for c in self.columns)
+        """Log odds of each column before the recording, as the search counts them.
+
+        One as it was found is the same law as those at which it is begun, with its bend.
+        """
+        ways = Counter(
+            (c.candidate.id, c.name, c.since is None, _as_found(c)) for c in self.columns
+        )
         found = []
         for c in self.columns:
             begins = c.since is not None or c.course is not None
-            shapes = ways[c.candidate.id, c.name, c.since is None]
+            count = float(ways[c.candidate.id, c.name, c.since is None, _as_found(c)])
             # Onsets are columns of their own, each with the price of an onset.
-            count = shapes if c.since is None else max(shapes / of_search.ONSETS, 1.0)
+            count = count if c.since is None else max(count / of_search.ONSETS, 1.0)
+            if ways[c.candidate.id, c.name, c.since is None, not _as_found(c)]:
+                count *= 2.0
             price = float(np.log(count)) + begins * float(np.log(of_search.ONSETS))
             price += of_search.COMMON * bool(c.candidate.members)
             found.append(of_search.SORT_ODDS[c.candidate.sort] - price)
         return np.array(found) + of_search.MISSING_ODDS - float(np.log(max(self.candidates, 1)))
 
     @cached_property
-    def scale(self) -> Array:
-        """Scale of the Student distribution of each amplitude, SI, shape (columns,)."""
-        return np.array([self.geometry.size(c.candidate, c.amplitude).scale for c in self.columns])
+    def sizes(self) -> tuple[Array, Array, Array]:
+        """What is known of each amplitude, SI, shape (columns,) each: a Student distribution about
+        a usual size of either sign, with a width, and its degrees of freedom."""
+        every = [self.geometry.size(c.candidate, c.amplitude) for c in self.columns]
+        known = np.array([np.isfinite(size.width) for size in every], dtype=bool)
+        usual = np.where(known, [size.usual for size in every], 0.0)
+        width = np.where(known, [size.width for size in every], [size.scale for size in every])
+        return usual, width, np.array([size.freedom for size in every])
 
     @cached_property
     def widths(self) -> tuple[Array, Array]:
         """Widths of normal distributions that together are the Student distribution of each
-        amplitude, in its scales, and their log shares, shape (widths, columns)."""
-        sizes = [self.geometry.size(c.candidate, c.amplitude) for c in self.columns]
-        freedom = np.array([size.freedom for size in sizes])
-        widths = np.array(limits.WIDTHS)
+        amplitude, in its own width, and their log shares, shape (widths, columns)."""
+        freedom, widths = self.sizes[2], np.array(limits.WIDTHS)
         ends = np.sqrt(widths[1:] * widths[:-1])
         below = gammainc(freedom / 2.0, freedom / 2.0 / ends[:, None] ** 2)
         edges = np.concatenate([np.ones((1, len(freedom))), below, np.zeros((1, len(freedom)))])
@@ -224,45 +235,55 @@ class Judge:
         least = np.maximum(best.max(axis=0, initial=0.0) - limits.FAR_BEHIND, limits.CANNOT_COUNT)
         i, replay = np.nonzero(best > least)
         (widths, shares), (low, high), gram = self.widths, self.ends, self._gram
+        usual, own, _ = self.sizes
         parts, inside = [], []
-        for width, share in zip(widths, shares, strict=True):
-            size = width * self.scale
+        for (width, share), sign in product(zip(widths, shares, strict=True), (-1.0, 1.0)):
+            size, middle = width * own, sign * usual
             precision = gram + size**-2.0
-            root, occam = np.sqrt(precision), share - 0.5 * np.log1p(gram * size**2)
-            at = -moment[i, replay] / precision[i]
-            gain = occam[i] + 0.5 * precision[i] * at**2
+            root = np.sqrt(precision)
+            before = share - 0.5 * np.log1p(gram * size**2) - 0.5 * (middle / size) ** 2
+            at = ((middle / size**2)[i] - moment[i, replay]) / precision[i]
+            gain = before[i] + 0.5 * precision[i] * at**2
             gain += _log_between((low[i] - at) * root[i], (high[i] - at) * root[i])
             parts.append(gain)
-            inside.append(share + _log_between(low / size, high / size))
+            inside.append(share + _log_between((low - middle) / size, (high - middle) / size))
         odds = np.full(moment.shape, -np.inf)
         odds[i, replay] = np.logaddexp.reduce(parts) + (self.odds - np.logaddexp.reduce(inside))[i]
         return odds
 
     @cached_property
-    def _turned(self) -> list[tuple[Array, Array, float]]:
-        """Per term its directions that values do not imitate, weighted, shape (rows, functions),
-        what the rows tell of each, and its log odds before the recording."""
-        ways, found = Counter((t.spot, t.driver) for t in self.terms), []
+    def _turned(self) -> tuple[Array, Array, NDArray[np.intp], Array]:
+        """Directions of all terms that values do not imitate, weighted, shape (rows, directions),
+        what the rows tell of each, shape (directions, 1), the first one of each term, and log odds
+        of the terms before the recording, shape (terms, 1)."""
+        ways, shown, own, odds = Counter((t.spot, t.driver) for t in self.terms), [], [], []
         for term in self.terms:
-            shown = self._free @ term.columns
-            own, turned = np.linalg.eigh(term.columns.T @ shown)
+            free = self._free @ term.columns
+            known, turned = np.linalg.eigh(term.columns.T @ free)
+            shown.append(free @ turned)
+            own.append(np.maximum(known, 0.0))
             count = len(of_search.TERM_SIZES) * max(self.geometry.terms, 1)
             price = term.basis.price + float(np.log(count * ways[term.spot, term.driver]))
-            odds = of_search.MISSING_ODDS + of_search.TERM_ODDS - price
-            found.append((shown @ turned, np.maximum(own, 0.0)[:, None], odds))
-        return found
+            odds.append([of_search.MISSING_ODDS + of_search.TERM_ODDS - price])
+        first = np.cumsum([0, *(len(known) for known in own[:-1])])
+        return np.concatenate(shown, axis=1), np.concatenate(own)[:, None], first, np.array(odds)
 
     def _of_terms(self, replays: Array) -> Array:
         """Log odds of each term without a name, shape (terms, replays)."""
-        found = np.zeros((len(self.terms), replays.shape[1]))
-        for term, (shown, own, odds) in enumerate(self._turned):
-            square = (shown.T @ replays) ** 2
-            gains = [
-                0.5 * (np.sum(square / (own + s**-2.0), axis=0) - np.log1p(own * s**2).sum())
-                for s in of_search.TERM_SIZES
-            ]
-            found[term] = np.logaddexp.reduce(gains) + odds
-        return found
+        if not self.terms:
+            return np.zeros((0, replays.shape[1]))
+        shown, own, first, odds = self._turned
+        square, gains = (shown.T @ replays) ** 2, []
+        for size in of_search.TERM_SIZES:
+            each = square / (own + size**-2.0) - np.log1p(own * size**2)
+            gains.append(0.5 * np.add.reduceat(each, first))
+        gained: Array = np.logaddexp.reduce(gains) + odds
+        return gained
+
+
+def _as_found(column: Column) -> bool:
+    """Is it a column of an explanation as it stands in a refitted set?"""
+    return not column.values
 
 
 def _log_between(low: Array, high: Array) -> Array:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.inference.judge import Judge, told_in
@@ -26,7 +27,6 @@ from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.search.settled.told import titled_with_module
 
 NAMELESS = "something without a name"
-"""Title of all terms without a name."""
 
 
 def called_missing(judge: Judge, replays: Array) -> int:
@@ -86,25 +86,21 @@ def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | N
     return float(high)
 
 
-def found_columns(posterior: Posterior, known: Sequence[str]) -> dict[str, tuple[Column, float]]:
+def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     """Columns of explanations, by their ids, as they stand in the most probable set that has them,
-    each with its size, SI; only of those that the recording leaves possible."""
+    each with its size, SI: there a law bends as it does at its size."""
     found = {}
-    likely = sorted(posterior.sets, key=lambda names: (-posterior.sets[names], sorted(names)))
-    for id_ in known:
-        names = next((n for n in likely if id_ in map(id_of, n)), None)
-        share = sum(p for n, p in posterior.sets.items() if id_ in map(id_of, n))
-        if names is None or share < common.REPORTED:
-            continue
-        one = _as_found(posterior.models[names], id_)
-        if one is not None:
-            found[id_] = one
+    odds = posterior.odds
+    for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
+        for candidate in posterior.models[names].setting.joined:
+            one = _as_found(posterior.models[names], candidate)
+            if one is not None and candidate.id not in found:
+                found[candidate.id] = one
     return found
 
 
-def _as_found(model: Model, id_: str) -> tuple[Column, float] | None:
+def _as_found(model: Model, candidate: Candidate) -> tuple[Column, float] | None:
     """What an explanation changes in a model that has it, as one column of its first amplitude."""
-    candidate = next(c for c in model.setting.joined if c.id == id_)
     shift, size, first = np.zeros(len(model.left)), 0.0, None
     for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
         for i in places_of(model, unknown.id):
@@ -127,10 +123,11 @@ def _as_found(model: Model, id_: str) -> tuple[Column, float] | None:
     return column, size
 
 
-def judge_of(posterior: Posterior, found: Sequence[Column] = ()) -> Judge:
-    """Who judges replays of a recording: `found` are columns of explanations as they were found."""
+def judge_of(posterior: Posterior) -> Judge:
+    """Who judges replays of a recording."""
     geometry = posterior.geometry
     model = without_explanations(geometry, posterior.models[posterior.told])
+    found = [column for column, _ in found_columns(posterior).values()]
     return Judge(
         geometry=geometry,
         model=model,
@@ -148,9 +145,9 @@ def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
     names = posterior.names
     likely = [n for n in sorted(names, key=lambda n: -names[n]) if names[n] >= common.MENTIONED]
     ids = list(dict.fromkeys(asked or (id_of(n) for n in likely if "~" not in n)))
-    found = found_columns(posterior, ids)
-    judge = judge_of(posterior, [column for column, _ in found.values()])
-    sizes = {id_: size for id_, (_, size) in found.items()}
+    judge, found = judge_of(posterior), found_columns(posterior)
+    possible = {id_of(name) for name, p in names.items() if p >= common.REPORTED}
+    sizes = {id_: size for id_, (_, size) in found.items() if id_ in possible}
     none = np.zeros((len(judge.model.left), 1))
     replays = Replayer(judge.geometry, judge.model).drawn(limits.REPLAYS, none)
     effects = [_seen(judge, id_, sizes) for id_ in ids]
@@ -169,6 +166,7 @@ def _seen(judge: Judge, id_: str, found: Mapping[str, float]) -> Seen:
         return Seen(id=id_, title=next((titled_with_module(c) for c in every if c.id == id_), id_))
     first = judge.columns[own[0]]
     size = found.get(id_)
+    # What was found comes first.
     same = [i for i in own if judge.columns[i].amplitude.id == first.amplitude.id]
     concealed = same if size is None else own[:1]
     usual = _usual(judge, own[0], size)

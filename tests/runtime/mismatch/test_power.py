@@ -73,7 +73,7 @@ def test_strong_is_told_and_tiny_is_not(judge: Judge, size: float, least: int, m
 def test_coinciding_explanations_are_told_as_one(judge: Judge) -> None:
     """Each has a share that is not sure, both together are told, and neither counts as wrong where
     the other one is true."""
-    own, size = columns_of(judge, LEAK), 3.0 * float(judge.scale[columns_of(judge, LEAK)[0]])
+    own, size = columns_of(judge, LEAK), 3.0 * float(judge.sizes[0][columns_of(judge, LEAK)[0]])
     assert judge.alike[np.ix_(own, columns_of(judge, LATE))].all()
     told, other = asked_of(judge, own, size, REPLAYS)
     assert told > 190
@@ -119,11 +119,11 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
 
 def _size(judge: Judge, column: int, rng: np.random.Generator) -> float:
     """A size drawn from what is known before, within its range."""
-    one, (low, high) = judge.columns[column], judge.ends
-    freedom = judge.geometry.size(one.candidate, one.amplitude).freedom
+    usual, width, freedom = (known[column] for known in judge.sizes)
+    low, high = (end[column] for end in judge.ends)
     while True:
-        size = float(rng.standard_t(freedom) * judge.scale[column])
-        if low[column] <= size <= high[column]:
+        size = float(rng.choice([-1.0, 1.0]) * usual + rng.standard_t(freedom) * width)
+        if low <= size <= high:
             return size
 
 
