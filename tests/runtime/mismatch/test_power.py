@@ -7,14 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
+from rulec.mismatch import steady, stores
+from rulec.mismatch.analyse import NOT_REPLAYED, analyse
+from rulec.mismatch.answer.explained import Explained
 from rulec.mismatch.inference.judge import Judge, told_in
 from rulec.mismatch.inference.power import asked_of, called_missing, judge_of, self_proof
 from rulec.mismatch.inference.replay import Replayer
 from rulec.mismatch.search.settled.sets import Posterior, begun, with_laws
 from tests.conftest import ROOT
-from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
+from tests.runtime.mismatch.made import (
+    USUAL,
+    Built,
+    alone,
+    opened,
+    recorded,
+    rows_at,
+    tour,
+    warming,
+)
 
 SLIP = "A.slip-temperature@Q_geo"
 LEAK, LATE = "A.slip-linear@Q_geo", "A.valve-delay@Q_geo"
@@ -174,3 +187,15 @@ def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) ->
     assert 1 == main([*given, "--power", "A.leak"])
     said = "--power A.leak: no effect of this plant has that id; did you mean A.leakage?"
     assert said in capsys.readouterr().err
+
+
+def test_plants_that_store_say_that_they_are_not_replayed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A note, and nothing else; here by a plant that settles, whose search is short."""
+    assert stores.Explanation.power is Explained.power
+    monkeypatch.setattr(steady.Explanation, "power", Explained.power)
+    ruleset, builder = opened("abc")
+    recording = read_recording(ABC / "examples" / "healthy.csv", ruleset)
+    found = analyse(recording, ruleset, builder, power=())
+    assert found.power is None
+    assert NOT_REPLAYED in found.notes
+    assert NOT_REPLAYED not in analyse(recording, ruleset, builder).notes
