@@ -63,8 +63,22 @@ class Calibrated:
 
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
-        """Those that lie so far off that they are not believed."""
-        return tuple(s for s in self.strain if s.distance > UNBELIEVABLE)
+        """Those that lie so far off that they are not believed, as found and as stated.
+
+        Source: ISO 13528:2022, 9.6 (two values, each with its uncertainty).
+        """
+        doubt = {
+            f"{fit.module}.{name}": u
+            for fit in self.fits
+            for name, u in zip(fit.parameters, np.sqrt(np.diag(fit.covariance)), strict=True)
+        }
+        plant, far = self.models.plant, []
+        for strain in self.strain:
+            module, _, name = strain.parameter.partition(".")
+            u = doubt[strain.parameter] / plant.modules[module].stated[name].unit.factor
+            if abs(strain.value - strain.stated) > UNBELIEVABLE * float(np.hypot(u, strain.u)):
+                far.append(strain)
+        return tuple(far)
 
     @cached_property
     def moved(self) -> tuple[str, ...]:

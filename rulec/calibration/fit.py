@@ -274,6 +274,9 @@ def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Ar
     """
     for _ in range(JOINING_STEPS if len(at) else 0):
         found, (mean, precision) = near(at), known.near(at)
+        if not np.isfinite(found.weighing).all():
+            # A step that led to where the law has no value any more.
+            return at, float("inf")
         root = np.sqrt(np.diag(precision))
         change = lsq_linear(
             np.vstack([found.weighing, np.diag(root)]),
