@@ -126,7 +126,10 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
         # One row says nothing of its own noise: that is part of the misfit.
         stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
     if not len(stretches):
-        raise CalibrationRefused(f"{name}: no settled stretch was found")
+        raise CalibrationRefused(
+            f"{name}: no settled stretch was found; hold operating points for longer, or record "
+            "the stretches in which they are held"
+        )
     points = points_of_stretches(recording, ruleset, stretches, noise)
     return Calibrated(
         models=models,

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from rulec.calibration.fit import ModuleFit
-from rulec.knowledge.belief import Strain
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_OFF, OTHER_SIZE
 
@@ -42,14 +41,3 @@ def _implausible(module: Module, fit: ModuleFit) -> Iterator[str]:
                 f"the data sheet {unit.from_si(stated.value):.4g} {unit.text}; check the units of "
                 "the columns and the equation of the flow meter before this file is used"
             )
-
-
-def strain_words(strain: Strain) -> str:
-    """A value far from its sheet, in words.
-
-    >>> strain_words(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
-    'V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u'
-    """
-    unit = "" if strain.unit == "1" else f" {strain.unit}"
-    value, stated, u = (f"{n:.3g}" for n in (strain.value, strain.stated, strain.u))
-    return f"{strain.parameter} {value}{unit}, sheet {stated} ± {u}: {strain.distance:.1f} u"

@@ -9,7 +9,6 @@ from rich.table import Table
 from rulec_runtime.output.terminal import styled
 
 from rulec.calibration.calibrate import Calibrated
-from rulec.calibration.notes import strain_words
 from rulec.effects.recalibrate import FLOW_FACTOR
 from rulec.knowledge.plant import Module
 
@@ -33,7 +32,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> No
             why = "one operating point" if stood else "the recording does not tell them"
             out.print(f"{', '.join(untold)} as in the sheet: {why}", soft_wrap=True)
     for strain in found.strain:
-        out.print(strain_words(strain), markup=False, soft_wrap=True)
+        out.print(str(strain), markup=False, soft_wrap=True)
     if found.left_out:
         left = ", ".join(found.left_out)
         out.print(f"no true flow in this recording, left as they were: {left}")

@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.report.text import number
 
 from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVABLE
 
@@ -248,13 +249,24 @@ def _together(correlation: Array) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class Strain:
-    """A parameter that lies far from its data sheet, in `unit`."""
+    """A parameter that lies far from its data sheet, in `unit`; of what else states it, `by`.
+
+    >>> print(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
+    V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u
+    """
 
     parameter: str
     value: float
     stated: float
     u: float
     unit: str = ""
+    by: str = "sheet"
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        value, stated, u = (number(n, 3) for n in (self.value, self.stated, self.u))
+        far = number(self.distance, 2)
+        return f"{self.parameter} {value}{unit}, {self.by} {stated} ± {u}: {far} u"
 
     @property
     def distance(self) -> float:

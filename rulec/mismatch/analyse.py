@@ -194,7 +194,7 @@ def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
         if name.startswith(ERROR) and signal and abs(times) > STRAINED:
             of_class = systematic_u(signal, found.recording.values[signal.id])
             u = float(np.nanmedian(of_class)) / signal.factor
-            yield Strain(f"error of {signal.id}", times * u, 0.0, u, signal.unit)
+            yield Strain(f"error of {signal.id}", times * u, 0.0, u, signal.unit, "class")
 
 
 def _evidence(

@@ -129,7 +129,7 @@ def test_a_strained_parameter_is_told() -> None:
     """In terminal, page and machine form."""
     strained = dataclasses.replace(NAMED, strain=(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"),))
     for text in (words(strained), report(strained, subject())):
-        assert "V.Kv would be 6.8 m3/h, sheet 33 ± 6: 4.4 u" in text.replace("\xa0", " ")
+        assert "V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u" in text.replace("\xa0", " ")
     (form,) = mismatch_form(strained, "plant.yaml")["strain"]
     assert ("V.Kv", 33.0) == (form["parameter"], form["stated"])
 

@@ -9,7 +9,6 @@ from rulec_runtime.report.document import facts
 from rulec_runtime.report.tables import Column, columns, table
 from rulec_runtime.report.text import number, safe
 
-from rulec.mismatch.answer.verdict import strain_words
 from rulec.mismatch.answer.wording import (
     confounded_words,
     errors_of,
@@ -96,7 +95,7 @@ def parameters(mismatch: Mismatch) -> str:
 def doubts(mismatch: Mismatch) -> str:
     """Parameters far from their sheets or not told apart, and where the model was never tested."""
     rows = [
-        ("Strained", [strain_words(strain) for strain in mismatch.strain]),
+        ("Strained", list(map(str, mismatch.strain))),
         ("Confounded", [confounded_words(pair) for pair in mismatch.confounded]),
         ("Never tested", list(mismatch.untested)),
     ]

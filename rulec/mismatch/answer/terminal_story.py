@@ -17,7 +17,6 @@ from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.power_words import power_words
 from rulec.mismatch.answer.sparkline import sparkline
 from rulec.mismatch.answer.text_plot import text_plot
-from rulec.mismatch.answer.verdict import strain_words
 from rulec.mismatch.answer.wording import (
     confounded_words,
     errors_of,
@@ -215,7 +214,7 @@ def _parameters(findings: Iterable[Finding]) -> Table:
 
 def _doubts(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
     for strain in mismatch.strain[:SHOWN]:
-        yield "strained", strain_words(strain)
+        yield "strained", str(strain)
     for pair in mismatch.confounded[:SHOWN]:
         yield "confounded", confounded_words(pair)
     for text in mismatch.untested[:SHOWN]:

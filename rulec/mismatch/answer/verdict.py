@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rulec_runtime.report.text import number, percent
+from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.belief import Strain
@@ -218,7 +218,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
 def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
     """Something is missing, or may be, and this recording does not tell what."""
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
-    strained = "; ".join(strain_words(s) for s in doubt.unbelievable)
+    strained = "; ".join(map(str, doubt.unbelievable))
     if doubt.missing:
         why = off or strained or f"{percent(doubt.nothing)} that nothing is"
         said = f"Something is missing: {why}; what, this recording does not tell."
@@ -229,20 +229,6 @@ def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
     likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
     titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
     return f"{said} What may be: {'; '.join(titles)}." if titles else said
-
-
-def strain_words(strain: Strain) -> str:
-    """A parameter against its sheet, in numbers as a person checks them.
-
-    >>> strain_words(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
-    'V.Kv would be 6.8 m3/h, sheet 33 ± 6: 4.4 u'
-    """
-    unit = "" if strain.unit == "1" else f" {strain.unit}"
-    value, stated, u = (number(n, 3) for n in (strain.value, strain.stated, strain.u))
-    return (
-        f"{strain.parameter} would be {value}{unit}, sheet {stated} ± {u}: "
-        f"{number(strain.distance, 2)} u"
-    )
 
 
 def _nothing(most: float, signal: str) -> str:

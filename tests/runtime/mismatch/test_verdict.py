@@ -180,7 +180,7 @@ STRAINED = Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h/bar**0.5")
 @pytest.mark.parametrize(
     ("doubt", "said"),
     [
-        (Doubt(1.0, (), (STRAINED,)), "V.Kv would be 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u"),
+        (Doubt(1.0, (), (STRAINED,)), "V.Kv 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u"),
         (Doubt(1.0, ((FAR, 0.36),), ()), "A.Q is off by 36\u00a0%"),
         (Doubt(0.01, (), ()), "1\u00a0% that nothing is"),
     ],
