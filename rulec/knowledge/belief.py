@@ -18,7 +18,6 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.report.text import number
 
 from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVABLE
 
@@ -264,9 +263,8 @@ class Strain:
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
-        value, stated, u = (number(n, 3) for n in (self.value, self.stated, self.u))
-        far = number(self.distance, 2)
-        return f"{self.parameter} {value}{unit}, {self.by} {stated} ± {u}: {far} u"
+        value, stated, u = (f"{n:.3g}" for n in (self.value, self.stated, self.u))
+        return f"{self.parameter} {value}{unit}, {self.by} {stated} ± {u}: {self.distance:.1f} u"
 
     @property
     def distance(self) -> float:
