@@ -65,11 +65,14 @@ class Posterior:
 
     @property
     def unseen(self) -> float:
-        """Probability that nothing is left out that shows: nothing, or what moves no reading by
-        more than class and accuracy do."""
-        likely = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
-        shown = sum(p * self.models[n].shows(self.geometry) for n, p in likely.items())
-        return 1.0 - shown - sum(p for n, p in self.sets.items() if n and n not in likely)
+        """Probability that nothing is left out that shows: nothing or, unless something is likely
+        enough to be mentioned, what moves no reading by more than class and accuracy do."""
+        others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
+        if max(others.values(), default=0.0) >= common.MENTIONED:
+            return self.nothing
+        shown = (self.models[n].shows(self.geometry) for n in others)
+        hidden = (p * (1.0 - share) for p, share in zip(others.values(), shown, strict=True))
+        return self.nothing + sum(hidden)
 
     @property
     def names(self) -> dict[str, float]:
