@@ -66,7 +66,7 @@ def test_adopted_plant_is_believable(adopted: Path) -> None:
     assert all(values(adopted)[name]["value"] > 0.0 for name in RESISTANCES)
 
 
-@pytest.mark.xfail(strict=True, reason="0.24 m3/h: a known gap, docs/proof.md")
+@pytest.mark.xfail(strict=True, reason="0.24 m3/h: a known gap, see README")
 def test_adopted_plant_predicts_another_day(folder: Path, adopted: Path, tmp_path: Path) -> None:
     """The recalibrated linear law is off by 0.29 m3/h there, a grey box by 0.16."""
     assert error_on(adopted, day_file(folder, SHORTER), tmp_path / "simulated.csv") <= 0.20
