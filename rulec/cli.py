@@ -366,7 +366,7 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     """Options of `rulec prove`, the same for the suite that it starts."""
     which = prove.add_mutually_exclusive_group()
     which.add_argument(
-        "--quick", action="store_true", help="about 40 small cases, in less than two minutes"
+        "--quick", action="store_true", help="about 40 small cases, in a few minutes"
     )
     which.add_argument("--final", action="store_true", help="the cases that were kept apart")
     which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
