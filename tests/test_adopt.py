@@ -17,7 +17,7 @@ from rulec.cli import main
 from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
-from rulec.effects.repair import AdoptRefused, read_repair
+from rulec.effects.repair import AdoptRefused, read_form, repair_of
 from rulec.language.document import parse_document, read_document
 from rulec.language.yaml_text import flow, lines
 from rulec.passes.lower import Lowering, lower_module
@@ -74,7 +74,7 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     """Write as the command does, and compile; the new plant."""
     file = folder / "mismatch.json"
     file.write_text(json.dumps(data), encoding="utf-8")
-    repair = read_repair(file)
+    repair = repair_of(read_form(file), file)
     builder = open_builder(repair.plant)[1]
     assert builder.sources is not None
     with put_in_place(folder / "new") as place:
@@ -238,7 +238,7 @@ def test_what_is_no_physics_of_the_module_is_left_out(
 
 def left_out(folder: Path) -> str:
     """Reasons for what was not taken over."""
-    repair = read_repair(folder / "mismatch.json")
+    repair = repair_of(read_form(folder / "mismatch.json"), folder / "mismatch.json")
     adoption = adoption_of(opened(repair.plant), repair)
     return "; ".join(reason for _, reason in adoption.left)
 

@@ -65,7 +65,10 @@ class Calibrated:
     def unbelievable(self) -> tuple[Strain, ...]:
         """Those that lie so far off that they are not believed, as found and as stated.
 
-        Source: ISO 13528:2022, 9.6 (two values, each with its uncertainty).
+        The uncertainty of what was found holds the errors of the calibrating sensors, of which the
+        sheet knows nothing.
+
+        Source: zeta score (ISO 13528), two values, each with its uncertainty.
         """
         doubt = {
             f"{fit.module}.{name}": u

@@ -179,16 +179,11 @@ def _broken(file: Path, error: Exception) -> AdoptRefused:
     return AdoptRefused(f"{message}; write it again with rulec mismatch")
 
 
-def read_repair(file: Path, recalibrated: bool = False) -> Repair:
-    """Read the repair from a JSON file, or the values of the `recalibrated` plant.
+def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Repair:
+    """The repair in the content of a JSON file, or the values of the `recalibrated` plant.
 
     Raises `AdoptRefused` where there is nothing to adopt.
     """
-    return repair_of(read_form(file), file, recalibrated)
-
-
-def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Repair:
-    """The same of the content of a file."""
     part = data["repair"]
     if recalibrated:
         if not isinstance(part.get("recalibrated"), dict):

@@ -37,7 +37,6 @@ from rulec.mismatch.evidence.steady.settle import (
     repair_of,
     with_sensors_as_they_are,
 )
-from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
@@ -46,9 +45,8 @@ from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
+from rulec.mismatch.search.settled.as_written import as_written, clear_states
 from rulec.mismatch.search.settled.by_recording import ByRecording, alone, by_recording
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import Model, refitted
 from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
@@ -237,11 +235,11 @@ class Explanation(Explained[Fitted]):
         for candidate in setting.joined:
             bare = bare.leaving(candidate.id)
             setting = setting if candidate.id in chosen else setting.leaving(candidate.id)
-        rows = _rows_of(self._system, clear)
-        plain = repaired = _as_written(rows, [bare, Configuration()])
+        rows = clear_states(self._system, clear)
+        plain = repaired = as_written(rows, [bare, Configuration()])
         if setting.joined:
             values = {**setting.values, **plain.setting.values}
-            repaired = _as_written(rows, [setting, replace(setting, values=values)])
+            repaired = as_written(rows, [setting, replace(setting, values=values)])
         left = tuple((c.id, why) for c, why in left_out if c in settled.setting.joined)
         models = (plain, repaired)
         none = no_lasting_errors(self._system)
@@ -445,43 +443,6 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
         if trial is not None and trial.course is not None:
             faulty |= (trial.course.segment >= 0) & ~data.open
     return faulty
-
-
-def _rows_of(system: System, clear: np.ndarray) -> Rows:
-    """Means of operating states of which only points that are `clear`, shape (n,), are seen."""
-    data = system.data
-    part = np.where(clear, data.part, HELDOUT)
-    ends = data.time[1:][np.diff(clear)]
-    return rows_of_states(replace(system, data=replace(data, part=part)), ends)
-
-
-def _as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
-    """A set refitted as a plant file holds it: sensors as they are, and no errors of form.
-
-    Each row counts as its laws are exact by their accuracy, or better where they turn out to be,
-    and rows that share an error of form count once.
-
-    Source: Ribatet, Cooley, Davison 2012 (composite likelihood, raised to what its parts say
-    together); Tuo and Wu 2015 (the law that is to predict, not the one beside its error of form).
-    """
-    none, smooth, share = rows.system.shared, Geometry(rows), 0.0
-    sizes = np.sum(smooth.forms**2, axis=0)
-    ways = float(np.sum(sizes)) ** 2 / max(float(np.sum(sizes**2)), 1e-300) or np.inf
-    alike = max(len(smooth.point) / ways, 1.0)
-    errors = smooth.shown(smooth.forms)
-    for _ in range(limits.ACCURACY_STEPS):
-        data, noise = rows.system.data, dict(rows.system.data.noise)
-        for name, error in errors.items():
-            noise[name] = np.sqrt(noise[name] ** 2 + alike * (share * error) ** 2)
-        system = replace(rows.system, data=replace(data, noise=noise))
-        geometry = Geometry(rows_of(system, Configuration()), exact=True)
-        found = [refitted(geometry, start, without_error=none) for start in starts]
-        best = max(found, key=lambda model: model.evidence)
-        starts = [best.setting]
-        off = rms(rows.errors(system.flows(best.setting))[0][smooth.seen])
-        error = max(float(np.sum(sizes)) / len(smooth.point), 1e-300)
-        share = float(np.sqrt(np.clip((off**2 - 1.0) / error, 0.0, 1.0)))
-    return best
 
 
 def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:

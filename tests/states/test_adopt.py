@@ -16,7 +16,7 @@ from rulec_runtime.recordings.recording_file import read_file
 from rulec.cli import main
 from rulec.effects.adopt import adopt, why_not
 from rulec.effects.model_builder import ModelBuilder
-from rulec.effects.repair import read_repair
+from rulec.effects.repair import read_form, repair_of
 from rulec.effects.write_plant import plant_files
 from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.read import read_plant
@@ -228,7 +228,7 @@ def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
         name = known[effect].id
         data, _ = mismatch(TANKS, [(name, unknowns_of(builder, name))])
         (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
-        repair = read_repair(tmp_path / "mismatch.json")
+        repair = repair_of(read_form(tmp_path / "mismatch.json"), tmp_path / "mismatch.json")
         adoption = adopt(builder, builder.network, repair)
         assert [name] == [c.id for c in adoption.taken], adoption.left
         for path, text in plant_files(sources, adoption, repair):

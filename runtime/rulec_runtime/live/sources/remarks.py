@@ -36,10 +36,6 @@ class Remarks:
         more = f" ({count} more times since this was told)" if count else ""
         return [notice(kind, time, f"{text}{more}")]
 
-    def forget(self, key: Hashable) -> bool:
-        """It is over: next time it is news again. Whether it was told."""
-        return self._told.pop(key, None) is not None
-
 
 class Silence:
     """Whether nothing was heard for too long; told once, until something is heard again."""
