@@ -122,6 +122,11 @@ class _Part:
     places: np.ndarray
     stated: tuple[_Stated, ...]
 
+    @property
+    def is_alone(self) -> bool:
+        """Is it one parameter, stated once?"""
+        return len(self.places) == 1 and len(self.stated) == 1
+
     def holding(self, at: Array) -> tuple[_Stated, float, Array]:
         """The statement that is the most probable there, its log density and precision."""
         every = [(s, *s.density(at[self.places])) for s in self.stated]
@@ -148,14 +153,40 @@ class Belief:
 
     def near(self, at: Array) -> Held:
         """The belief near some coordinates, shape (n,)."""
-        n, density = len(self.names), 0.0
+        n = len(self.names)
         mean, precision = np.zeros(n), np.zeros((n, n))
-        for part in self.parts:
+        places, means, scales, peak = self._alone
+        far = (scales * (at[places] - means)) ** 2
+        density = peak - 0.5 * (BELIEF_FREEDOM + 1.0) * float(
+            np.sum(np.log1p(far / BELIEF_FREEDOM))
+        )
+        mean[places] = means
+        weight = (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
+        precision[places, places] = scales**2 * weight
+        for part in self._joint:
             stated, own, there = part.holding(at)
             density += own
             mean[part.places] = stated.mean
             precision[np.ix_(part.places, part.places)] = there
         return Held(density, mean, precision)
+
+    @cached_property
+    def _alone(self) -> tuple[np.ndarray, Array, Array, float]:
+        """Places of parameters that are stated alone, and once; their means, one over their
+        scales, and the log density where that is largest."""
+        own = [part for part in self.parts if part.is_alone]
+        stated = [part.stated[0] for part in own]
+        return (
+            np.array([int(part.places[0]) for part in own], dtype=np.intp),
+            np.array([float(one.mean[0]) for one in stated]),
+            np.array([float(np.sqrt(one.precision[0, 0])) for one in stated]),
+            float(sum(one.peak for one in stated)),
+        )
+
+    @cached_property
+    def _joint(self) -> tuple[_Part, ...]:
+        """All others."""
+        return tuple(part for part in self.parts if not part.is_alone)
 
     def strains(self, at: Array) -> tuple[Array, Array]:
         """The belief as rows of a least-squares fit, and their slopes, shapes (r,), (r, n).

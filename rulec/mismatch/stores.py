@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,6 +26,7 @@ from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.evidence.stores.allowed import allowed
 from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.ends import kept
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
@@ -36,14 +36,10 @@ from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
-from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair, Rival
+from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.stores.backward_elimination import doubted
-from rulec.mismatch.search.stores.onset_refinement import sharpened
-from rulec.mismatch.search.stores.price import needed
-from rulec.mismatch.search.stores.search import Found, search
-from rulec.mismatch.search.stores.searcher import Searcher
-from rulec.mismatch.search.stores.unnamed import curve_in_place_of, followed
+from rulec.mismatch.search.stores.told import Found, search
+from rulec.mismatch.search.stores.unnamed import followed, needed
 
 
 def explain(
@@ -62,14 +58,18 @@ def explain(
             why=why, next="Record again, with what lacks.", samples=None, evidence=evidence
         )
     bench = SimulationProblem(ruleset, builder, record)
-    workers = max(1, min(os.cpu_count() or 1, 8))
-    found = search(bench, tell, workers)
-    searcher = Searcher(bench, found.judged, workers)
-    tell("leaving out and exchanging explanations")
-    best, accepted = doubted(searcher, found)
-    best = sharpened(searcher, best, found.plain)
-    best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
-    proofs = prove(bench, found.plain, best, found.judged)
+    try:
+        found = search(bench, tell)
+    except np.linalg.LinAlgError:
+        return Blind(
+            why="the plant as it is stated runs away with these readings",
+            next="Look at the units of the columns and at the values of the plant.",
+            samples=record,
+            evidence=stored_evidence(recording, record),
+        )
+    best, accepted, judged = found.best, found.accepted, found.ends.judged
+    best = Fitter(bench, best.joined, kept(best)).with_covariance(best, judged)
+    proofs = prove(bench, found.plain, best, judged)
     dropped: tuple[str, ...] = ()
     far = _open_share(bench, proofs) > limits.LEFT_OPEN
     gained = _gained(best, proofs)
@@ -78,31 +78,17 @@ def explain(
         if not far:
             dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
-        best = Fitter(bench, (), {}).with_covariance(best, found.judged)
+        best = Fitter(bench, (), {}).with_covariance(best, judged)
     tell("looking for places where something is wrong")
-    left = suspects(bench, _sharp(bench, best), found.judged)
-    model = model_of(bench, best, found.judged, searcher.kept(best))
+    left = suspects(bench, _sharp(bench, best), judged)
+    model = model_of(bench, best, judged, kept(best))
     nameless = nameless_places(model, left, len(bench.candidates))
     if nameless and not accepted:
         tell("looking for what drives what is left")
-        unnamed = followed(searcher, found)
+        unnamed = followed(found)
         if unnamed is not None:
             nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
-    accepted = tuple(_with_curve(searcher, found, own) for own in accepted)
-    return explanation(recording, model, found, accepted, nameless, dropped, gained)
-
-
-def _with_curve(searcher: Searcher, found: Found, own: Accepted) -> Accepted:
-    """A term without a name with its curve, and the name that comes nearest as its rival."""
-    if own.candidate.sort != "free":
-        return own
-    unnamed = curve_in_place_of(searcher, found, own.candidate)
-    curve = None if unnamed is None else unnamed.curve
-    gains = [(searcher.gain(f, found.plain), f.joined[0]) for f in found.singles]
-    if not gains:
-        return replace(own, curve=curve)
-    most, name = max(gains, key=lambda entry: entry[0])
-    return replace(own, curve=curve, rivals=(Rival(f"{name.title} in {name.module}", most),))
+    return explanation(recording, model, found, accepted, nameless, dropped)
 
 
 def explanation(
@@ -112,12 +98,8 @@ def explanation(
     accepted: tuple[Accepted, ...] = (),
     nameless: tuple[Location, ...] = (),
     dropped: tuple[str, ...] = (),
-    heldout: float = 0.0,
 ) -> Explanation:
-    """What a search found; what nobody recorded is not looked for, but told as a place.
-
-    `heldout` is what names that were `dropped` gain on held-out blocks, in log likelihood.
-    """
+    """What a search found; what nobody recorded is not looked for, but told as a place."""
     ruleset, noise = model.ruleset, model.fitted.noise
     correlated = ", ".join(
         f"{n} over {counted(round(own.memory), 'sample')}" for n, own in noise.items()
@@ -137,17 +119,8 @@ def explanation(
         nameless=nameless,
         dropped=dropped,
         believed=model.fitted.values,
-        nothing=_nothing(found, heldout if dropped else 0.0),
+        nothing=1.0 if dropped else found.posterior.unseen,
     )
-
-
-def _nothing(found: Found, heldout: float) -> float:
-    """Probability that nothing is left out, against each explanation alone; `heldout` is what
-    held-out blocks add to what those gain."""
-    least = needed(found.tried)
-    gains = list(found.alone.values()) or [0.0] * found.tried
-    odds = np.exp(np.clip(np.array(gains) + heldout - least, -700.0, 700.0))
-    return 1.0 / (1.0 + float(np.sum(odds)))
 
 
 @dataclass(frozen=True, kw_only=True)

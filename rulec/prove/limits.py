@@ -116,10 +116,6 @@ LIKELY = 0.5
 """Chance of a name at best from which on the readings hold it. Origin: assumed, more likely than
 not."""
 
-CURVES_REFITTED = 3
-"""Free curves in tanks that are fitted to the end, best first by their first trial. Origin:
-assumed."""
-
 # Baselines ---------------------------------------------------------------------------------------
 
 CHUNKS = 12

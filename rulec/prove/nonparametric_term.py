@@ -14,23 +14,9 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.locate import suspects
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.stores.fit import Fitted as FittedStores
 from rulec.mismatch.search.latent_input import free_course, reconstruct
-from rulec.mismatch.search.stores.nonparametric_term import curves
-from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.prove.aligned import driver_of, likeness
 from rulec.prove.campaign import DRIVER
-from rulec.prove.limits import CURVES_REFITTED
-
-
-def in_its_tank(
-    searcher: Searcher, plain: FittedStores, places: Collection[str]
-) -> FittedStores | None:
-    """The best model of a plant that stores with a free curve at one of some places."""
-    spots = [s for s in searcher.bench.builder.spots if f"{s.module}.{s.place}" in places]
-    tasks = curves(searcher, [plain], spots)
-    drawn = searcher.refined(searcher.ranked(tasks, plain)[:CURVES_REFITTED], plain)
-    return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
 
 
 def course_at(folder: Path, rows: Rows, places: Collection[str]) -> float | None:

@@ -3,8 +3,8 @@
 `python -m rulec.prove.refit DIR [NUMBER...]` takes the cases of a run that was kept in DIR and
 whose answers were opened: those of which a name or a place was lost, or the numbered ones. It runs
 the search again, then refits all parameters with the true laws in place of the answer, and compares
-both by the tool's own evidence (of plants that store: likelihood and complexity penalties). Where
-no entry has the true law, a nonparametric term stands at its place.
+both by the tool's own evidence. Where no entry has the true law, a nonparametric term stands at its
+place (of settled plants).
 
 A name that the truth would win was lost by the search. Where the answer wins, the sealed strength
 and margin tell on: where the best analyst would name it all the same, the tool's evidence is wrong;
@@ -43,18 +43,15 @@ from rulec.mismatch.search.settled.sets import (
     with_laws,
     with_terms,
 )
-from rulec.mismatch.search.stores.backward_elimination import doubted
-from rulec.mismatch.search.stores.nested_models import begun_alike
-from rulec.mismatch.search.stores.price import needed as needed_of_stores
-from rulec.mismatch.search.stores.search import search as search_stores
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.sets import explain as explain_stores
+from rulec.mismatch.search.stores.sets import with_laws as with_laws_of_stores
 from rulec.prove.analyst import FORM
 from rulec.prove.attainable import named
 from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
 from rulec.prove.kept import CASES
 from rulec.prove.limits import CERTAIN, CLEAR, LIKELY
-from rulec.prove.nonparametric_term import course_at, in_its_tank
+from rulec.prove.nonparametric_term import course_at
 from rulec.prove.truth.sealed import Planted
 
 Laws = Sequence[Planted]
@@ -71,8 +68,7 @@ class Refitted:
 
     Attributes
     ----------
-    true, reported : evidence of the true laws, and of the answer, nats over the plain model; of
-        plants that store the gain in log likelihood
+    true, reported : evidence of the true laws, and of the answer, nats over the plain model
     needed : what any answer needs
     laws, names : terms of the refitted truth, and of the answer
     at_best : chance that the best analyst names it, by the sealed strength and margin
@@ -211,27 +207,18 @@ def _dynamic(case: Opened) -> Refitted:
     record = record_of(case.recording, ruleset, builder.given, ())
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
-    found = search_stores(bench, _quiet, 1)
-    searcher, plain = Searcher(bench, found.judged, 1), found.plain
-    reported, _ = doubted(searcher, found)
-    true = in_its_tank(searcher, plain, case.places_without_entry) or plain
-    for one in case.laws:
-        tasks = [(true, (*true.joined, c)) for c in _right(one, bench.candidates)]
-        ways = [searcher.polished(searcher.trial(*task)) for task in tasks]
-        if len(reported.joined) == 1 and reported.joined[0].onset is not None:
-            # The answer may have the right onset.
-            ids = {f.ids for f in ways}
-            ways = [f for f in begun_alike(searcher, [reported], ways, plain) if f.ids in ids]
-        true = max(ways, key=lambda f: searcher.gain(f, plain), default=true)
-    # Fitted as far as the answer, which the search polished last.
-    true = searcher.polished(true)
+    found = explain_stores(bench, _quiet)
+    laws = [{c.id for c in _right(one, bench.candidates)} for one in case.laws]
+    ways = [with_laws_of_stores(bench, order) for order in (laws, laws[::-1])]
+    true = _of_the_truth(ways)
+    own = max(way.odds[true] - way.odds[frozenset()] for way in ways if true in way.odds)
     return Refitted(
         case=case.answer["case"],
-        true=searcher.gain(true, plain),
-        reported=searcher.gain(reported, plain),
-        needed=needed_of_stores(len(bench.candidates)),
-        laws=true.ids,
-        names=reported.ids,
+        true=own,
+        reported=found.odds[found.best] - found.odds[frozenset()],
+        needed=math.log(CERTAIN / (1.0 - CERTAIN)),
+        laws=tuple(sorted(true)),
+        names=tuple(sorted(found.best)),
         at_best=case.at_best,
     )
 

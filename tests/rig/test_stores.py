@@ -5,7 +5,6 @@ The whole search takes minutes (`rulec mismatch`); here the explanations it foun
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +13,11 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.failing_sensors import failing
-from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
-from rulec.mismatch.evidence.stores.fit import Fitted, Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.sets import begun, grow
 from tests.conftest import ROOT, recordings_folder
 
 
@@ -35,16 +34,11 @@ def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitt
     record = record_of(read_recording(recorded(file), ruleset), ruleset, builder.given)
     assert record is not None
     bench = SimulationProblem(ruleset, builder, record)
-    first = Searcher(bench, Judged(bench.known, {}, no_drift(bench), np.zeros(0)), 2)
-    plain = first.plain()
-    drift = drift_of(bench, (), plain.values)
-    none = np.zeros(drift.count)
-    searcher = Searcher(bench, Judged(bench.known, plain.noise, drift, none), 2)
-    plain = model = searcher.polished(replace(plain, slow=none, drift=drift))
-    for name in joined:
-        trial = searcher.trial(model, (*model.joined, bench.candidate(name)))
-        model = searcher.polished(trial)
-    return bench, plain, model
+    search = begun(bench)
+    grow(search, frozenset(), set(joined))
+    ends, plain = plain_end(bench, search.models[frozenset()].setting.values)
+    setting = search.models[frozenset(joined)].setting
+    return bench, plain, ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
 
 
 def heldout(bench: SimulationProblem, model: Fitted, signal: str) -> float:

@@ -14,25 +14,33 @@ from dataclasses import dataclass
 from rulec.effects.adopt import why_not
 from rulec.effects.candidate import Candidate, Unwritable
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Explained, F, Refits
 from rulec.mismatch.answer.public import Plants, plants_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import course_of
 from rulec.mismatch.result import Fit, Series
+from rulec.mismatch.search.accepted import Accepted
 from rulec.simulation.equations import SimulationRefused
 
 UNDRIVEN = "what drives it is not recorded"
+UNSURE = "it may as well be something else"
 
 
 def writable(found: Explained[F]) -> Refits[F]:
     """Refit what may be written, and the plain model.
 
-    Of explanations that show the same, the likeliest one that may be written stands for all.
+    Of explanations that show the same, the likeliest one that may be written stands for all. Beside
+    one that is sure, what may as well be something else is left out: the plant would hold it.
     """
     taken: list[Candidate] = []
     left_out = []
+    sure = {a.candidate.id for a in found.accepted if _class_probability(a) >= limits.CERTAIN}
     for candidate in found.model.joined:
+        if sure and candidate.id not in sure:
+            left_out.append((candidate, UNSURE))
+            continue
         why = _why_not(candidate, found.model.builder)
         instead = _instead(found, candidate) if why else candidate
         if instead is not None:
@@ -41,6 +49,12 @@ def writable(found: Explained[F]) -> Refits[F]:
             same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
             left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
     return found.refitted(taken, left_out)
+
+
+def _class_probability(own: Accepted) -> float:
+    """Probability of an explanation or of one that shows the same."""
+    same = sum(odds for candidate, odds in own.others if candidate.id in own.same)
+    return own.probability * (1.0 + same + own.shapeless)
 
 
 def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:

@@ -153,6 +153,14 @@ assumed."""
 SPREAD_OUT = 1e6
 """Steps that matter at which the range of a value ends that data leave open. Origin: numerical."""
 
+POLISHES = 2
+"""Fits to the end, before each of which it is looked anew what errors of sensors do. Origin:
+numerical."""
+
+SUDDEN = 250.0
+"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
+quarter of a sample. Origin: numerical."""
+
 # Where something is wrong.
 
 REGION_TELLING = 0.35

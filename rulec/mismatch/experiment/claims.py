@@ -13,9 +13,10 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch.evidence.steady.configuration import CHANGE, Configuration
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment import limits
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
-from rulec.mismatch.search.settled.refit import Model
 
 Quantity = tuple[str, str]
 """A module, and its own signal; no signal for the flow through it."""

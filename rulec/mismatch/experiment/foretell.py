@@ -23,9 +23,10 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, with_properties
 from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
-from rulec.mismatch.search.settled.refit import Model
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from scipy.linalg import block_diag
 
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.onset import slope_by_onset
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.posterior_curve import solved
-from rulec.mismatch.search.settled.refit import Model
 
 
 def known_with_onsets(geometry: Geometry, model: Model) -> Array:

@@ -33,7 +33,7 @@ from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.experiment.within import Within, within
 from rulec.mismatch.refused import ExperimentRefused
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.standing import Again, refitted_again
 from rulec.mismatch.standing import Standing
 from rulec.separation.allowed import PlantLimits, allowed_of

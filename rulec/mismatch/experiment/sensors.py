@@ -19,8 +19,8 @@ from rulec.language.units import VOLUME_FLOW
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.claims import Claims, Quantity, claims_of
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import Model
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,9 @@ from scipy.special import gammainc, log_ndtr
 from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.scan import Column
 
 

@@ -19,9 +19,9 @@ from rulec.mismatch.inference.judge import Judge, told_in
 from rulec.mismatch.inference.replay import Replayer, without_explanations
 from rulec.mismatch.result import Seen, SelfProof
 from rulec.mismatch.search import limits as of_search
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.nested import places_of
-from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.scan import Column, columns, id_of
 from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.search.settled.told import titled_with_module
@@ -125,7 +125,7 @@ def _as_found(model: Model, candidate: Candidate) -> tuple[Column, float] | None
 
 def judge_of(posterior: Posterior) -> Judge:
     """Who judges replays of a recording."""
-    geometry = posterior.geometry
+    geometry = posterior.settled
     model = without_explanations(geometry, posterior.models[posterior.told])
     found = [column for column, _ in found_columns(posterior).values()]
     return Judge(

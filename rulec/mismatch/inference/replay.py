@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.steady.fit import evaluated
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.geometry import Geometry, Random
-from rulec.mismatch.search.settled.prior import prior_with_sizes
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Random
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry
 
 
 def without_explanations(geometry: Geometry, model: Model) -> Model:
@@ -27,19 +26,17 @@ def without_explanations(geometry: Geometry, model: Model) -> Model:
     setting = model.setting
     for candidate in setting.joined:
         setting = setting.leaving(candidate.id)
-    prior = prior_with_sizes(geometry, setting)
+    prior = geometry.prior(setting)
     at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
-    now = evaluated(geometry.rows, setting, prior, at, geometry.rows.system.data.open)
+    now = geometry.evaluated(setting, prior, at)
     random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, ())
     sizes = replace(model.sizes, terms=())
-    table = np.concatenate(
-        [now.jacobian[geometry.seen], random.columns * random.ratio(sizes)], axis=1
-    )
+    table = np.concatenate([now.jacobian, random.columns * random.ratio(sizes)], axis=1)
     precision = np.eye(table.shape[1])
     precision[: len(at), : len(at)] = prior.near(at).precision
     return replace(
         model,
-        fitted=now,
+        point=now,
         prior=prior,
         mean=at,
         at=at,

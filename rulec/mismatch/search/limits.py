@@ -7,11 +7,6 @@ from __future__ import annotations
 HALF_STEPS = 50
 """Steps of a refit to half of the blocks, which starts near its end. Origin: numerical."""
 
-# Fits to plants that store.
-
-TRIAL_EVALUATIONS = 8
-"""Evaluations of a trial. Origin: numerical."""
-
 # Prices and gains: log likelihood and log odds.
 
 RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
@@ -22,29 +17,9 @@ COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module. Origin:
 assumed."""
 
-SURPASSED = 1.35
-"""Times the gain of a name that a free curve must gain to say that the name only imitates it.
-Origin: assumed."""
-
-HOPELESS = 0.5
-"""Share of the gain that is needed, or to be beaten, which the linearised gain of a trial must
-promise: it is estimated to first order, and seldom doubles. Origin: assumed."""
-
 NEEDED_OVER_TIME = 3.0
 """Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm
 of those tried. Origin: assumed."""
-
-# How much of the search at settled points is tried.
-
-PAIR_GAINS_MORE = 1.5
-"""Times what its parts gain alone, linearised, that a pair gains which hides itself. Origin:
-assumed."""
-
-PAIRS_REFITTED = 6
-"""Pairs that hide each other that are refitted: some say nearly the same. Origin: assumed."""
-
-NO_PAIR = 0.9
-"""Cosine of two terms from which on they are no pair. Origin: assumed."""
 
 # Faults that come and go.
 
@@ -120,81 +95,17 @@ FOLLOWED = 12
 """Readings and states that a term without physics of a plant that stores may follow. Origin:
 assumed."""
 
-PIECES = (3, 2, 1)
-"""Pieces of a curve over one of them: as many as its values tell apart. Origin: assumed."""
-
-PIECE_WIDTH = 0.05
-"""Share of the range of its values by which ends of pieces differ at least. Origin: assumed."""
-
 # How much of the search of plants that store is tried.
 
 DEEPEST = 3
 """Explanations at most: any course is explained by enough of them. Origin: assumed."""
 
-BEAM = 6
-"""Models that are carried along. Origin: assumed."""
-
-SHARING = 3
-"""Models carried along that share an explanation, at most. Origin: assumed."""
-
-EQUIVALENT = 0.01
-"""Models whose errors differ by less than this share of their spread are one. Origin: assumed."""
-
-NARROWED = 3
-"""Models of two explanations or more that are carried along. Origin: assumed."""
-
-WHITEST = 2
-"""Models that are carried along beside those, as what they leave looks most like noise. Where
-the plain model is off for long stretches there is little news by its correlation time: then
-models hardly stand apart, and prices decide. Origin: assumed."""
-
-SWAPPED = 2
-"""Models of each level in which single explanations are exchanged. Origin: assumed."""
-
-LED = 3
-"""The best explanations from whose values the plain model is fitted anew. Origin: assumed."""
-
-LEAST_STEP = 1.0
-"""Gain of one more explanation below which no further one is tried. Origin: assumed."""
-
-WHITE = 1.3
-"""Correlation time in samples below which errors have no structure to explain. Origin: assumed."""
-
-SCATTERED = 4
-"""Random starts of a trial beside those that its candidate names. Origin: assumed."""
-
-DESCENDED = 2
-"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
-recalibration that makes up for strong physics may lie behind a ridge. Origin: assumed."""
-
 STEP_SHARES = (1.0, 0.3, 0.1, 0.03)
 """Of a step of the model made linear: strong physics bends so much that the whole one leads far
 away, and no share of it too. Origin: numerical."""
 
-PROMISING = 10
-"""Trials on each model with explanations that are fitted further than a glance; on the plain one
-all are, as what is told in the end is mostly told there. Origin: assumed."""
-
-SCATTER = 0.7
-"""How far random starts are from the last optimum, in stated uncertainties. Origin: assumed."""
-
-POLISHES = 2
-"""Fits to the end, before each of which it is looked anew what errors of sensors do. Origin:
-numerical."""
-
-ALIGNED = 12
-"""Faults that are tried from the onset of the best of them. Origin: assumed."""
-
-SUDDEN = 250.0
-"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
-quarter of a sample. Origin: numerical."""
-
 WEIGHED = 6
 """Other explanations that are fitted to the end. Origin: assumed."""
-
-DISTANT = 8.0
-"""Log likelihood that those may be behind; unless they would be told by themselves: a trial of
-what begins finds a part of its gain at most. Origin: assumed."""
 
 # Displays with coarse steps.
 
@@ -397,3 +308,50 @@ numerical."""
 SAME_FLOW = 0.3
 """Share by which a reading may differ from an estimate of the flow of its module and be
 one. Origin: assumed."""
+
+NO_WANDER = 1e-3
+"""Size of an error that wanders, in noise, that is none. Origin: numerical."""
+
+BRIDGED = 5
+"""Samples over which errors of a simulation are taken as known. Origin: assumed."""
+
+RUNAWAY = 1e15
+"""Slope of an error in the noise of its reading, by a value in SI, of a simulation that runs away.
+Origin: numerical."""
+
+FIRST_INNOVATIONS = 64
+"""Samples of a run whose innovations are not those of a filter that has settled. Origin:
+numerical."""
+
+SMOOTHNESS = (1.0, 3.0)
+"""How smoothly an error of a simulation wanders: twice the order of its Matern covariance.
+Origin: numerical."""
+
+SHAPES = 16
+"""Combinations of shapes at which a set of explanations may begin. Origin: numerical."""
+
+AT_ONCE_GONE = 0.1
+"""Samples that an error lasts which is new in each. Origin: numerical."""
+
+SETS_AGAIN = 16
+"""Likeliest sets that are refitted with errors as they are about the best one. Origin: numerical.
+"""
+
+
+FAR_OFF = 0.1
+"""Size of new errors of a model that is far off, as share of the scatter of its reading. Origin:
+numerical."""
+
+EVALUATIONS = 25
+"""Evaluations of a fit from afar at most. Origin: numerical."""
+
+EVALUATIONS_OF_EACH = 5
+"""The same from each point where one may begin, of which the best goes on. Origin: numerical."""
+
+FITS_FROM_AFAR = 2
+"""Such fits, each with errors as large as the last left them. Origin: numerical."""
+
+
+STORES_ENDED = 0.1
+"""Gain of a step below which a refit of a plant that stores has ended, nats: its evidence is not
+known better. Origin: numerical."""

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.search.refit import refitted
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import refitted
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
@@ -35,7 +33,7 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
     """Over a reading that the model predicts, a bend would be a second guess of each error."""
     there = with_copper_loss()
     geometry = Geometry(there.rows)
-    columns = forms_of_effects(geometry, there)
+    columns = forms_of_effects(there.rows, geometry.seen, there)
     values = dict(there.rows.system.data.values)
     assert np.abs(columns).max() > 1.0
     for name in ("A.dp", "A.P_el"):
@@ -44,8 +42,7 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
     data = there.rows.system.data
     noisy = replace(data, points=replace(data.points, values=values))
     rows = replace(there.rows, system=replace(there.rows.system, data=noisy))
-    noisier = cast(Geometry, SimpleNamespace(rows=rows, seen=geometry.seen))
-    again = forms_of_effects(noisier, there)
+    again = forms_of_effects(rows, geometry.seen, there)
     np.testing.assert_allclose(again, columns, rtol=1e-9, atol=1e-12 * np.abs(columns).max())
 
 

@@ -11,9 +11,9 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Spot
 from rulec.mismatch.search.basis import basis_over
-from rulec.mismatch.search.settled.geometry import Term
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.nested import beside, holds
-from rulec.mismatch.search.settled.refit import Model
 
 DRIVER = np.linspace(0.0, 1.0, 200)
 SLOPES = 1.0 + 0.5 * np.sin(np.arange(200.0))

@@ -7,12 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rulec.mismatch import stores
+from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search.refit import climbed, refitted
 from rulec.mismatch.search.segments import Segments, apart
-from rulec.mismatch.search.settled import refit
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import climbed
+from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming
 
 
@@ -36,9 +38,9 @@ def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatc
     rows = rows_at(alone(), recorded(alone(), given, {}))
     start = fit(rows, Configuration(), rows.system.data.open)
     steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
-    monkeypatch.setattr(refit, "_evaluated", lambda *_: steep)
+    monkeypatch.setattr(Geometry, "evaluated", lambda *_: steep)
     with pytest.raises(np.linalg.LinAlgError, match="no finite slopes"):
-        refit.refitted(Geometry(start.rows), start.setting)
+        refitted(Geometry(start.rows), start.setting)
 
 
 def test_a_slope_without_a_number_counts_for_nothing() -> None:
@@ -50,3 +52,15 @@ def test_a_slope_without_a_number_counts_for_nothing() -> None:
     steep = rows.column(maps, {0: np.where(np.arange(len(ones)) == 3, np.inf, ones)})
     assert np.isfinite(steep).all()
     assert np.abs(steep).max() <= np.abs(rows.column(maps, {0: ones})).max()
+
+
+def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sentence with a remedy instead of a traceback."""
+
+    def runs_away(*args: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(stores, "search", runs_away)
+    found = analyse(made(128), *tanks())
+    assert "cannot judge" == found.verdict
+    assert "runs away" in found.headline

@@ -13,14 +13,11 @@ from rulec.effects.adopted_plant import trial
 from rulec.mismatch.answer.public import row_errors, simulated
 from rulec.mismatch.answer.writable import told, writable
 from rulec.mismatch.evidence.steady.settle import _ranges
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.search.stores.search import Found
-from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.mismatch.stores import explanation
-from tests.runtime.mismatch.dynamic.benches import bench, made, tanks
+from tests.runtime.mismatch.dynamic.benches import as_found, bench, made, tanks
 
 ZERO = 1.0
 """V by which the level reading is off: twenty times its class."""
@@ -32,13 +29,9 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
     recording = replace(clean, values={**clean.values, "lower.y": off})
     place, (rules, builder) = bench(recording), tanks()
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 1)
-    plain = searcher.plain()
-    explained = explanation(
-        recording,
-        model_of(place, plain, searcher.judged, {}),
-        Found(plain, plain, searcher.judged, 0, {}),
-    )
+    ends, plain = plain_end(place, {})
+    model = model_of(place, plain, ends.judged, {})
+    explained = explanation(recording, model, as_found(ends, plain, plain))
     refits = writable(explained)
     shown = told(explained, refits, explained.proofs(()))
     assert shown.plants is not None

@@ -10,15 +10,12 @@ import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.writable import writable
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
-from rulec.mismatch.search.stores.search import Found
-from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.mismatch.stores import explanation
-from tests.runtime.mismatch.dynamic.benches import bench, made
+from tests.runtime.mismatch.dynamic.benches import as_found, bench, made
 from tests.runtime.mismatch.made import columns
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
@@ -50,10 +47,9 @@ def test_plants_that_store_have_the_same_table() -> None:
     """No residual is solved there; errors follow from the table all the same."""
     recording = made(n=256)
     place = bench(recording)
-    judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
-    plain = Searcher(place, judged, 1).plain()
-    model = model_of(place, plain, judged, {})
-    explained = explanation(recording, model, Found(plain, plain, judged, 0, {}))
+    ends, plain = plain_end(place, {})
+    model = model_of(place, plain, ends.judged, {})
+    explained = explanation(recording, model, as_found(ends, plain, plain))
     (reading,) = explained.readings(None, writable(explained), explained.proofs(()))
     signal = place.ruleset.signal_by_id[reading.fit.signal]
     course = course_of(signal, reading.measured, reading.predicted)

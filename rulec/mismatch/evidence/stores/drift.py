@@ -74,7 +74,11 @@ def drift_of(
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
         if size < limits.NOTABLE_DRIFT:
             continue
-        for shape in _hats(bench.time) if size > limits.LARGE_DRIFT else [np.ones(len(bench.time))]:
+        for shape in (
+            _hats(bench.time, limits.DRIFT_KNOTS)
+            if size > limits.LARGE_DRIFT
+            else [np.ones(len(bench.time))]
+        ):
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
             shapes.append((name, u * shape))
@@ -117,7 +121,26 @@ def _stacked(
     return np.concatenate([said.shown[n] for n in bench.signals])
 
 
-def _hats(time: Array) -> list[Array]:
-    """Piecewise linear shapes that add up to one."""
-    knots = np.linspace(time[0], time[-1], limits.DRIFT_KNOTS)
-    return [np.interp(time, knots, row) for row in np.eye(limits.DRIFT_KNOTS)]
+def _hats(over: Array, knots: int) -> list[Array]:
+    """Piecewise linear shapes over the range of something that add up to one, shape (n,)."""
+    ends = np.linspace(over.min(), over.max(), knots)
+    return [np.interp(over, ends, row) for row in np.eye(knots)]
+
+
+def errors_of_sensors(
+    bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
+) -> Array:
+    """What errors of sensors within their class do to readings, stacked, shape (signals * samples,
+    errors), SI. Those that move over a recording wander, as all else that a model is off by."""
+    record, count = bench.record, len(bench.time)
+    plain = _stacked(bench, ids, values, record.inputs)
+    found = []
+    for name in (n for n in record.inputs if n in bench.balances(ids).inputs):
+        course = record.inputs[name]
+        u = systematic_u(bench.ruleset.signal_by_id[name], course)
+        found.append(_stacked(bench, ids, values, {**record.inputs, name: course + u}) - plain)
+    for i, (name, course) in enumerate(record.measured.items()):
+        own = np.zeros((len(record.measured), count))
+        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
+        found.append(own.ravel())
+    return np.stack(found, axis=1)

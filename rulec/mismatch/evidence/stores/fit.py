@@ -197,18 +197,6 @@ class Fitter:
         finally:
             self._low, self._high = low, high
 
-    def scattered(self, at: Array, random: np.random.Generator, share: float) -> Array:
-        """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
-        moved = at.copy()
-        moved[: self._count] += share * self._u * random.standard_normal(self._count)
-        return np.clip(moved, self._low, self._high)
-
-    def stated(self, at: Array) -> Array:
-        """The same with all plain parameters as they are stated."""
-        moved = at.copy()
-        moved[: self._count] = self._mean
-        return np.clip(moved, self._low, self._high)
-
     def values(self, at: Array) -> dict[str, float]:
         """Values by id, SI, with what is fixed."""
         found = self._coordinates.values(at)
@@ -258,41 +246,6 @@ class Fitter:
         total = np.sum(_projected(column, basis, judged.slow) ** 2)
         total += np.sum(self._strains(at)[0] ** 2)
         return 0.5 * float(total)
-
-    def gentle(self, at: Array, known: Mapping[str, float]) -> Array:
-        """The point with strengths that are not known yet nearly at their null.
-
-        There a model is linear in them, whatever their sign.
-        """
-        near = at.copy()
-        for i, unknown in enumerate(self._unknowns, self._count):
-            if unknown.null is not None and unknown.id not in known:
-                near[i] = unknown.null + common.GENTLE * self._scale[i]
-        return np.asarray(np.clip(near, self._low, self._high))
-
-    def ahead(self, at: Array, judged: Judged, basis: Array) -> Array:
-        """The optimum of the model made linear at a point, thresholds and times held there."""
-        try:
-            residual, slopes = self.residual(at, judged, basis)
-        except RanAway:
-            return at
-        shaping = [i for i, u in enumerate(self._unknowns, self._count) if u.null is None]
-        slopes[:, shaping] = 0.0
-        step = -np.linalg.lstsq(slopes, residual, rcond=1e-9)[0] * self._scale
-        return np.asarray(np.clip(at + step, self._low, self._high))
-
-    def changes(
-        self, at: Array, judged: Judged, basis: Array, candidate: Candidate
-    ) -> tuple[Array, Array, Array]:
-        """What strengths of a candidate change in weighted errors, per scaled step, shape (errors,
-        strengths); and the ends of their ranges in such steps from their null, shape (strengths,).
-        """
-        residual, slopes = self.residual(at, judged, basis)
-        own = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
-        places = [self.free.index(name) for name in own]
-        null, scale = np.array(list(own.values())), self._scale[places]
-        columns = slopes[: len(residual) - self._belief.rows, places]
-        return columns, (self._low[places] - null) / scale, (self._high[places] - null) / scale
 
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
         """A local optimum near a point."""

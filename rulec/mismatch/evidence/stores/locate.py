@@ -65,23 +65,6 @@ def _suspects(
     return sorted(found, key=lambda s: -s.gain)
 
 
-def smooth_gain(
-    bench: SimulationProblem, fitted: Fitted, judged: Judged, spot: Spot, count: int
-) -> float:
-    """What as many free parameters without physics would gain at a place: a smooth course in time.
-
-    By linear response, in log likelihood with the size of the noise unknown.
-    """
-    answer = response(bench, fitted, spot, count)
-    if answer is None:
-        return 0.0
-    flags, weights, left = _left(bench, fitted, judged)
-    columns = answer[0][flags] / weights[:, None]
-    found = np.linalg.lstsq(columns, left, rcond=None)[0]
-    before, after = float(np.sum(left**2)), float(np.sum((left - columns @ found) ** 2))
-    return 0.5 * before * float(np.log(before / max(after, 1e-300)))
-
-
 def _left(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, Array]:
     """Samples that count, all signals stacked; what errors there are divided by, and those errors
     over that, shape (counting samples,)."""

@@ -81,10 +81,11 @@ def record_of(
     inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < limits.BLOCKS:
         return None
-    measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > limits.BLOCKS}
+    part = _split(time, inputs, heldout)
+    open_ = part != HELDOUT
+    measured = {n: v for n, v in measured.items() if np.isfinite(v[open_]).sum() > limits.BLOCKS}
     if not measured:
         return None
-    part = _split(time, inputs, heldout)
     steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
     sample = np.where(rows < len(time) * factor, rows // factor, -1)

@@ -20,8 +20,8 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import Model, refitted
 
 
 def clear_states(system: System, clear: np.ndarray) -> Rows:

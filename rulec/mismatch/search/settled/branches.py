@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column, suspect_at
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.branches import gap_between, visits_on_branches, ways_there
 from rulec.mismatch.search.curve_found import Branches, CurveFound
-from rulec.mismatch.search.settled.geometry import Functions
+from rulec.mismatch.search.evidence import Functions
 
 
 def branches_of(

@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.evidence.steady.rows import Rows
 
 
-def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
+def forms_of_effects(rows: Rows, seen: NDArray[np.bool_], now: Fitted) -> Array:
     """Each effect's own term times smooth functions of its drivers, shape (rows, functions).
 
     What grows does not do so in proportion to time either: its driver is how far it has grown. A
     driver that the model predicts counts as predicted: over a reading, functions would explain that
     reading's own noise.
     """
-    rows, setting = geometry.rows, now.setting
+    setting = now.setting
     values = {**rows.system.inputs, **now.predicted}
     columns = []
     for candidate in setting.joined:
@@ -34,8 +35,8 @@ def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
         term = _term(now, candidate)
         for shape in shapes:
             column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
-            columns.append(column[geometry.seen])
-    return np.stack(columns, axis=1) if columns else np.zeros((int(geometry.seen.sum()), 0))
+            columns.append(column[seen])
+    return np.stack(columns, axis=1) if columns else np.zeros((int(seen.sum()), 0))
 
 
 def _term(now: Fitted, candidate: Candidate) -> dict[int, Array]:

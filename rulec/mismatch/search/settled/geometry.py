@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,16 @@ from scipy.special import gammaln
 from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
+from rulec.mismatch.evidence.steady.fit import Fitted, Prior, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.sizes import Size, size_of
+from rulec.mismatch.search.evidence import Evidence, Functions, Noise, Point, Term
+from rulec.mismatch.search.prior import prior_with_sizes, range_over
+from rulec.mismatch.search.settled.effect_forms import forms_of_effects
+from rulec.mismatch.search.sizes import Size, share_of, size_of
 
 
 def driver_of(system: System, name: str) -> Array:
@@ -66,44 +69,6 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
     return np.concatenate(found, axis=1)
 
 
-class Functions(Protocol):
-    """Functions of a driver; `length` tells smooth ones of one name apart, `says` what switches the
-    others. `price` is what it takes to tell them, nats."""
-
-    @property
-    def length(self) -> float: ...
-
-    @property
-    def says(self) -> str: ...
-
-    @property
-    def price(self) -> float: ...
-
-    def at(self, values: Array) -> Array:
-        """The functions at values of the driver, shape (n, functions)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Term:
-    """A change at a place that follows a driver in a way without a name.
-
-    `spot` is the id of the place, `changed` that place, or the parameter of its law that changes.
-    `slopes`, shape (seen rows,), are those of the residuals by `changed`, SI. `columns`, shape
-    (seen rows, functions), are the functions of `basis`, each as it shows, over their `norm`; how
-    large they are is found with the errors of form.
-    """
-
-    name: str
-    spot: str
-    changed: Spot
-    driver: str
-    slopes: Array
-    basis: Functions
-    norm: float
-    columns: Array
-
-
 def term_of(
     geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str, basis: Functions
 ) -> Term | None:
@@ -131,67 +96,29 @@ def term_of(
 
 
 @dataclass(frozen=True)
-class Sizes:
-    """How large random columns are: errors of sensors that move as share of their class, terms
-    without a name in units of the noise of a point.
+class SettledPoint:
+    """A fit to settled points, as its `seen` rows, shape (all rows,), show it."""
 
-    `laws` says how many times the error that its accuracy allows each law has, by the id of its
-    place: it is known within a factor of two."""
-
-    moving: float
-    terms: tuple[float, ...]
-    laws: Mapping[str, float] = field(default_factory=dict)
+    fitted: Fitted
+    seen: NDArray[np.bool_]
 
     @property
-    def odds(self) -> float:
-        """Log density of all but terms, before the recording."""
-        far = [np.log(self.moving / limits.USUAL_MOVING) / np.log(limits.MOVING_KNOWN)]
-        far += [np.log(times) / np.log(limits.FORM_KNOWN) for times in self.laws.values()]
-        return -0.5 * float(np.sum(np.square(far)))
+    def setting(self) -> Configuration:
+        """What is joined, and all values."""
+        return self.fitted.setting
 
-    def of(self, laws: Sequence[str]) -> Array:
-        """Size of the error of form of each law, in those that its accuracy allows."""
-        return np.array([self.laws.get(name, 1.0) for name in laws])
+    @cached_property
+    def residual(self) -> Array:
+        """Residual, shape (rows,), in units of its noise."""
+        return self.fitted.residual[self.seen]
 
-
-USUAL = Sizes(limits.USUAL_MOVING, ())
-"""Sizes before the recording."""
-
-
-@dataclass(frozen=True)
-class Random:
-    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of
-    errors of sensors that move within their class, and of terms without a name are found; those of
-    held inputs are known."""
-
-    forms: Array
-    law: tuple[str, ...]
-    moving: Array
-    held: Array
-    terms: tuple[Term, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of columns."""
-        count: int = self.columns.shape[1]
-        return count
-
-    def ratio(self, sizes: Sizes) -> Array:
-        """Standard deviation of each column's number, shape (columns,)."""
-        parts = [sizes.of(self.law)]
-        parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
-        own = zip(self.terms, sizes.terms, strict=True)
-        parts += [np.full(t.columns.shape[1], size) for t, size in own]
-        return np.concatenate(parts)
-
-    @property
-    def columns(self) -> Array:
-        """All columns, each of unit size, shape (rows, columns)."""
-        own = [t.columns for t in self.terms]
-        return np.concatenate([self.forms, self.moving, self.held, *own], axis=1)
+    @cached_property
+    def jacobian(self) -> Array:
+        """Slopes of the residual, shape (rows, values)."""
+        return self.fitted.jacobian[self.seen]
 
 
-class Geometry:
+class Geometry(Evidence):
     """What stays the same for all models of one recording; `rows` are those that may be seen.
 
     Where laws and sensors are `exact`, the first have no error of form and the others do not move.
@@ -222,10 +149,70 @@ class Geometry:
         )
         self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
 
+    usual_noise: Noise = (1.0,)
+
+    @property
+    def noises(self) -> tuple[tuple[float, ...], ...]:
+        """Sizes of the noise, in units of what was expected."""
+        return (limits.NOISE_SCALES,)
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(self.seen.sum())
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """What may be missing."""
+        return self.rows.system.candidates
+
+    def prior(self, setting: Configuration) -> Prior:
+        """What is known of all values."""
+        return prior_with_sizes(
+            prior_of(self.rows.system, setting), setting, self.size, self._range
+        )
+
+    def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
+        data, driver = self.rows.system.data, None
+        if unknown.driver is not None:
+            driver = data.clock if unknown.driver == TIME else data.values[unknown.driver]
+        return range_over(unknown, start, driver)
+
+    def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> SettledPoint:
+        """The model at some coordinates."""
+        used = self.rows.system.data.open
+        return SettledPoint(evaluated(self.rows, setting, prior, at, used), self.seen)
+
+    def effect_forms(self, now: Point) -> Array:
+        """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
+        assert isinstance(now, SettledPoint)
+        return forms_of_effects(self.rows, self.seen, now.fitted)
+
+    def whitener(self, columns: Array) -> Callable[[Noise], Array]:
+        """Rows whose noise is independent: here it is."""
+        return lambda noise: columns
+
+    def likely_noises(self, residual: Array) -> list[Noise]:
+        """What noise may be like by what is left, shape (rows,), to begin with."""
+        return []
+
+    def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
+        """The same noise: with all rows alike, what is large and rare shows."""
+        return [noise]
+
+    def alike(self, noise: Noise) -> Array:
+        """Weights of rows if none is odd, shape (rows,)."""
+        return np.full(self.count, noise[0] ** -2)
+
+    def noise_odds(self, noise: Noise) -> float:
+        """Log density of what noise is like, before the recording."""
+        return -0.5 * float(np.log(noise[0]) / np.log(limits.NOISE_KNOWN)) ** 2
+
     def size(self, candidate: Candidate, unknown: Unknown) -> Size:
         """The prior of an amplitude."""
         if unknown.id not in self._sizes:
-            self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
+            system = self.rows.system
+            self._sizes[unknown.id] = size_of(unknown, lambda: share_of(system, candidate, unknown))
         return self._sizes[unknown.id]
 
     def _forms(self, plain: Fitted, laws: Sequence[Spot]) -> tuple[Array, tuple[str, ...]]:
@@ -307,9 +294,9 @@ class Geometry:
         distance: Array = np.bincount(self.group, residual**2) / scale**2
         return distance
 
-    def likelihood(self, residual: Array, scale: float) -> float:
+    def likelihood(self, residual: Array, noise: Noise) -> float:
         """Log likelihood of the seen rows."""
-        return self.constant - float(self.lost(residual, scale).sum())
+        return self.constant - float(self.lost(residual, noise[0]).sum())
 
     def lost(self, residual: Array, scale: float) -> Array:
         """What each group of rows takes from the log likelihood, shape (groups,)."""
@@ -317,8 +304,9 @@ class Geometry:
         lost: Array = self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far
         return lost
 
-    def weights(self, residual: Array, scale: float) -> Array:
+    def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of the rows in the normal matrix."""
-        each = (limits.STUDENT + self.rank) / (limits.STUDENT + self._distance(residual, scale))
-        weights: Array = each[self.group] / scale**2
+        far = self._distance(residual, noise[0])
+        each = (limits.STUDENT + self.rank) / (limits.STUDENT + far)
+        weights: Array = each[self.group] / noise[0] ** 2
         return weights

@@ -7,9 +7,10 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.region import where_most
 from rulec.mismatch.search.curve_found import Lost
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 from rulec.mismatch.search.settled.posterior_curve import solved
-from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.sets import Posterior, without
 
 

@@ -15,8 +15,9 @@ from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import basis_over
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of, term_of
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of, term_of
 from rulec.mismatch.search.settled.switching import by_the_way
 from rulec.mismatch.search.time_varying import wandering
 

@@ -9,8 +9,8 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.geometry import Term
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
 
 
 def holds(terms: Iterable[Term], slopes: Array) -> bool:

@@ -10,8 +10,9 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import CurveFound
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 
 
 def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:

@@ -21,11 +21,11 @@ from rulec.mismatch.evidence.steady.screen import (
     references,
     starts,
 )
-from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
+from rulec.mismatch.search.evidence import Evidence
 from rulec.mismatch.search.periods import coming_and_going, in_periods
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.refit import Model
 
 COMES, GROWS = "!", "/"
 """Marks behind the id of a candidate that begins or comes and goes, and of one that grows."""
@@ -225,7 +225,7 @@ def _at_means(trial: InitialCandidate, times: Array) -> Found | None:
 
 
 def scan(
-    geometry: Geometry,
+    geometry: Evidence,
     model: Model,
     every: Sequence[Column],
     alike: Alike,
@@ -239,14 +239,17 @@ def scan(
     the only candidates that count.
     """
     every = [c for c in every if of is None or c.candidate.id in of]
-    level = replace(model, weights=np.full(len(model.left), model.scale**-2))
-    views = [(model, most), (level, most // 2), (_by_sheet(model), most // 2)]
+    alone = not model.setting.joined and not model.terms
+    noises = geometry.levels(model.noise, model.rest, alone=alone)
+    levels = [model.under(geometry, noise) for noise in noises]
+    views = [(model, most), *((level, most // 2) for level in levels)]
+    views.append((_by_sheet(model), most // 2))
     # Far from the model a slope says little of what a large effect would gain: at first each one
     # that may gain is tried.
     found = [f for view, count in views for f in _scanned(geometry, view, every, count)]
-    if not model.setting.joined and not model.terms:
-        alone = _scanned(geometry, level, every, limits.FIRST_SETS, 0)
-        found += alone
+    if alone:
+        count = limits.FIRST_SETS if len(levels) == 1 else most
+        found += _scanned(geometry, levels[0], every, count, 0)
         found += _scanned(geometry, _stiff(geometry, model), every, most, 0)
     found = [f for f in found if not _twice(f, alike)]
     return sorted(found, key=lambda f: -f.gain)
@@ -258,7 +261,7 @@ def _twice(found: Found, alike: Alike) -> bool:
     return any(b in alike.get(a, ()) for i, a in enumerate(ids) for b in ids[i + 1 :])
 
 
-def _stiff(geometry: Geometry, model: Model) -> Model:
+def _stiff(geometry: Evidence, model: Model) -> Model:
     """A model whose laws err less, with calibrations as firm as stated: where something large is
     missing these take its place, and then no explanation gains anything beside them."""
     table, n = model.table.copy(), len(model.at)
@@ -279,7 +282,7 @@ def _by_sheet(model: Model) -> Model:
 
 
 def _scanned(
-    geometry: Geometry,
+    geometry: Evidence,
     model: Model,
     every: Sequence[Column],
     most: int,
@@ -290,7 +293,7 @@ def _scanned(
         return []
     usual = [geometry.size(c.candidate, c.amplitude) for c in every]
     scale = np.array([u.scale for u in usual])
-    rows = np.stack([c.rows for c in every], axis=1) * scale
+    rows = geometry.whitened(np.stack([c.rows for c in every], axis=1), model.noise) * scale
     normal = table.T @ (table * weights[:, None]) + model.precision
     unit = np.sqrt(np.diag(normal))
     factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
@@ -319,7 +322,10 @@ def _scanned(
     for score, members in sorted(sets, key=lambda s: -s[0]):
         chosen = np.array(members)
         inner = np.eye(len(chosen)) + gram[np.ix_(chosen, chosen)]
-        amplitudes = np.clip(-np.linalg.solve(inner, moment[chosen]), low[chosen], high[chosen])
+        try:
+            amplitudes = np.clip(-np.linalg.solve(inner, moment[chosen]), low[chosen], high[chosen])
+        except np.linalg.LinAlgError:  # Two that coincide are no pair.
+            continue
         begins = tuple(
             (every[i], float(null[i] + a * size[i]))
             for i, a in zip(members, amplitudes, strict=True)
@@ -380,16 +386,17 @@ def _odds(every: Sequence[Column]) -> Array:
     return odds
 
 
-def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> Configuration:
-    """A setting with columns joined."""
-    time = system.data.time
+def joined(
+    setting: Configuration, begins: Sequence[Start], time: Array | None = None
+) -> Configuration:
+    """A setting with columns joined; `time` is that of settled points, s, shape (n,)."""
     for column, value in begins:
         candidate, name = column.candidate, column.amplitude.id
         if candidate.id in {c.id for c in setting.joined}:
             setting = replace(setting, values={**setting.values, name: value})
         elif column.course is not None:
             setting = setting.joining(candidate, column.values, column.fixed, column.course)
-        elif column.since is None:
+        elif column.since is None or time is None:
             setting = setting.joining(candidate, {**column.values, name: value}, column.fixed)
         else:
             course = lasting(name, column.since, time, grows=column.grows)

@@ -16,10 +16,11 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_re
 from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.evidence import Evidence, Term
+from rulec.mismatch.search.refit import Model, refitted
+from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nameless import nameless, smooth, terms
 from rulec.mismatch.search.settled.nested import beside, holds
-from rulec.mismatch.search.settled.refit import Model, refitted
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
@@ -43,10 +44,16 @@ Progress = Callable[[str], None]
 class Posterior:
     """Models of the sets that were refitted, their log odds, nats, and their probabilities."""
 
-    geometry: Geometry
+    geometry: Evidence
     models: Mapping[Names, Model]
     odds: Mapping[Names, float]
     sets: Mapping[Names, float]
+
+    @property
+    def settled(self) -> Geometry:
+        """What stays the same for all models of settled points."""
+        assert isinstance(self.geometry, Geometry)
+        return self.geometry
 
     @property
     def best(self) -> Names:
@@ -84,10 +91,10 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Search:
-    """Refits sets of explanations, and keeps them; `every` has all settled points."""
+    """Refits sets of explanations, and keeps them; `points` are all settled ones."""
 
-    geometry: Geometry
-    every: Rows
+    geometry: Evidence
+    points: Rows | None = None
     alike: dict[str, frozenset[str]] = field(default_factory=dict)
     models: dict[Names, Model] = field(default_factory=dict)
     odds: dict[Names, float] = field(default_factory=dict)
@@ -107,7 +114,7 @@ class Search:
     def score(self, model: Model) -> float:
         """Evidence and what was expected before the recording, nats."""
         setting = model.setting
-        number = max(len({c.id for c in self.geometry.rows.system.candidates}), 1)
+        number = max(len({c.id for c in self.geometry.candidates}), 1)
         expected = sum(
             limits.MISSING_ODDS + limits.SORT_ODDS[c.sort] - np.log(number) for c in setting.joined
         )
@@ -121,6 +128,18 @@ class Search:
         return model.evidence + float(expected)
 
     @property
+    def every(self) -> Rows:
+        """All settled points."""
+        assert self.points is not None
+        return self.points
+
+    @property
+    def settled(self) -> Geometry:
+        """What stays the same for all models of settled points."""
+        assert isinstance(self.geometry, Geometry)
+        return self.geometry
+
+    @property
     def likeliest(self) -> Names:
         """The set with the most evidence."""
         return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
@@ -131,7 +150,7 @@ class Search:
 
 
 def posterior(
-    geometry: Geometry, models: Mapping[Names, Model], odds: Mapping[Names, float]
+    geometry: Evidence, models: Mapping[Names, Model], odds: Mapping[Names, float]
 ) -> Posterior:
     """What some refitted sets say together."""
     weight = np.exp(np.array(list(odds.values())) - max(odds.values()))
@@ -140,7 +159,7 @@ def posterior(
 
 
 def _coming(search: Search, model: Model) -> list[Found]:
-    return coming(search.every, model, search.alike, search.geometry.rows.system.data.time)
+    return coming(search.every, model, search.alike, search.settled.rows.system.data.time)
 
 
 def begun(every: Rows) -> Search:
@@ -148,7 +167,7 @@ def begun(every: Rows) -> Search:
     search = _plain(every, np.zeros(0))
     cuts = _ends(_coming(search, search.models[frozenset()]))
     search = _plain(every, cuts) if len(cuts) else search
-    search.alike.update(alike_faults(columns(search.geometry, search.models[frozenset()], {})))
+    search.alike.update(alike_faults(columns(search.settled, search.models[frozenset()], {})))
     return search
 
 
@@ -176,8 +195,8 @@ def with_laws(every: Rows, laws: Sequence[Collection[str]]) -> Posterior:
     names: Names = frozenset()
     for ids in laws:
         model = search.models[names]
-        own = columns(search.geometry, model, search.alike)
-        found = scan(search.geometry, model, own, search.alike, limits.SETS_REFITTED, set(ids))
+        own = columns(search.settled, model, search.alike)
+        found = scan(search.settled, model, own, search.alike, limits.SETS_REFITTED, set(ids))
         come = _coming(search, model)
         for one in [*found, *(f for f in come if f.ids <= set(ids))]:
             _join(search, names, one)
@@ -190,7 +209,7 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     """Terms without a name at some places alone: how likely what has no name is there."""
     search = begun(every)
     spots = {s.id for s in every.system.builder.spots if f"{s.module}.{s.place}" in places}
-    every_term = terms(search.geometry, search.models[frozenset()])
+    every_term = terms(search.settled, search.models[frozenset()])
     here = [t for t in every_term if t.spot in spots]
     _join_terms(search, frozenset(), here)
     return search.posterior()
@@ -204,30 +223,35 @@ def explain(every: Rows, progress: Progress, stood: Sequence[Posterior] = ()) ->
     search = begun(every)
     for part in stood:
         _take_up(search, part)
-    grown: set[Names] = set()
-    for number in range(1, limits.SEARCH_ROUNDS + 1):
-        best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
-        todo = [names for names in best if names not in grown]
-        if not todo:
-            break
-        for names in todo:
-            grown.add(names)
-            progress(f"round {number}: {len(search.odds)} sets of explanations refitted")
-            _sharpen(search, names)
-            _grow(search, names)
-            _prune(search, names)
-            _otherwise(search, names)
+    grown(search, progress, (_sharpen, _grow, _prune, _otherwise))
     _sharpen_rivals(search)
     _switch(search)
     _challenge(search)
     return search.posterior()
 
 
+def grown(
+    search: Search, progress: Progress, steps: Sequence[Callable[[Search, Names], None]]
+) -> None:
+    """Grow the best sets, each by some steps, until nothing gains."""
+    done: set[Names] = set()
+    for number in range(1, limits.SEARCH_ROUNDS + 1):
+        best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
+        todo = [names for names in best if names not in done]
+        if not todo:
+            break
+        for names in todo:
+            done.add(names)
+            progress(f"round {number}: {len(search.odds)} sets of explanations refitted")
+            for step in steps:
+                step(search, names)
+
+
 def _take_up(search: Search, part: Posterior) -> None:
     """Refit the sets that stand in a part of the recordings: the way that the search goes among all
     of them may miss one."""
-    plain, time = search.models[frozenset()], search.geometry.rows.system.data.time
-    known = {(t.name, t.basis.length): t for t in smooth(terms(search.geometry, plain))}
+    plain, time = search.models[frozenset()], search.settled.rows.system.data.time
+    known = {(t.name, t.basis.length): t for t in smooth(terms(search.settled, plain))}
     likely = sorted(part.sets, key=lambda names: (-part.sets[names], sorted(names)))
     for names in likely[: limits.SETS_STANDING]:
         model = part.models[names]
@@ -252,7 +276,7 @@ def _switch(search: Search) -> None:
                 continue
             place = (fault.module, fault.place)
             near = search.models[rest]
-            for term in with_set_points(search.every, search.geometry, model, course, place):
+            for term in with_set_points(search.every, search.settled, model, course, place):
                 own = (*near.terms, term)
                 search.keep(rest | {term.name}, search.refit(near.setting, near, own))
 
@@ -263,13 +287,13 @@ def _challenge(search: Search) -> None:
     names = search.likeliest
     for term in search.models[names].terms:
         rest = names - {term.name}
-        ids = {c.id for c in in_its_place(search.geometry.rows.system, term)}
+        ids = {c.id for c in in_its_place(search.settled.rows.system, term)}
         if rest not in search.models or not ids:
             continue
         model = search.models[rest]
-        own = columns(search.geometry, model, search.alike)
+        own = columns(search.settled, model, search.alike)
         own = [c for c in own if not holds(model.terms, c.rows)]
-        for one in scan(search.geometry, model, own, search.alike, common.LOST_TOLD, ids):
+        for one in scan(search.settled, model, own, search.alike, common.LOST_TOLD, ids):
             if len(one.starts) == 1 and rest | one.names not in search.odds:
                 _join(search, rest, one)
 
@@ -286,7 +310,7 @@ def _grow(search: Search, names: Names) -> None:
     """Refit a set with what would gain most beside it."""
     if len(names) >= limits.LARGEST_SET:
         return
-    geometry, model = search.geometry, search.models[names]
+    geometry, model = search.settled, search.models[names]
     every = columns(geometry, model, search.alike)
     every = [c for c in every if not holds(model.terms, c.rows)]
     found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
@@ -311,10 +335,10 @@ def _join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
 def _join(search: Search, names: Names, found: Found) -> None:
     """As it stands, and with laws that hold at other conditions: the better one is kept."""
     model = search.models[names]
-    setting = joined(search.geometry.rows.system, model.setting, found.starts)
+    setting = joined(model.setting, found.starts, search.settled.rows.system.data.time)
     new = [column.candidate for column, _ in found.starts]
     ways = [setting]
-    elsewhere = _with_open_references(search.geometry.rows.system, setting, new)
+    elsewhere = _with_open_references(search.settled.rows.system, setting, new)
     ways += [elsewhere] if elsewhere is not None else []
     for way in ways:
         try:
@@ -359,7 +383,7 @@ def _otherwise(search: Search, names: Names) -> None:
         rest = without(names, candidate)
         if candidate.sort != "fault" or rest not in search.models:
             continue
-        geometry, model = search.geometry, search.models[rest]
+        geometry, model = search.settled, search.models[rest]
         own = columns(geometry, model, search.alike, {candidate.id})
         for one in scan(geometry, model, own, search.alike, limits.SETS_REFITTED):
             if len(one.starts) == 1 and rest | one.names not in search.odds:
@@ -374,7 +398,7 @@ def without(names: Names, candidate: Candidate) -> Names:
 def _sharpen(search: Search, names: Names) -> None:
     """Find periods anew beside all else, and move onsets as long as that is likelier: those that
     were tried lie far apart."""
-    time = search.geometry.rows.system.data.time
+    time = search.settled.rows.system.data.time
     setting = search.models[names].setting
     for course in (c for c in setting.courses if not c.grows):
         again = coming_again(search.every, setting, setting.candidate_of(course), time)
@@ -382,7 +406,7 @@ def _sharpen(search: Search, names: Names) -> None:
             ((column, _),) = again.starts
             bare = setting.leaving(column.candidate.id)
             model = search.models[names]
-            there = joined(search.geometry.rows.system, bare, again.starts)
+            there = joined(bare, again.starts, search.settled.rows.system.data.time)
             search.keep(names, search.refit(there, model, model.terms))
     for number, course in enumerate(search.models[names].setting.courses):
         steps = (*limits.ONSET_STEPS, *(limits.GROWING_STEPS if course.grows else ()))

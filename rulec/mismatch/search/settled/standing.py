@@ -12,9 +12,10 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nameless import smooth, terms
-from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 from rulec.mismatch.search.settled.told import candidates_of, titled_with_module
 from rulec.mismatch.standing import Presence, Standing
@@ -75,18 +76,18 @@ def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
     """
     search = begun(every)
     plain = search.models[frozenset()]
-    named = {(t.name, t.basis.length): t for t in smooth(terms(search.geometry, plain))}
+    named = {(t.name, t.basis.length): t for t in smooth(terms(search.settled, plain))}
     kept, models = [], []
     for one in sets:
         if any(not length for _, length in one.terms):
             continue
         own = tuple(named[name] for name in one.terms)
-        first = search.refit(_setting(search.geometry, one), plain, own)
+        first = search.refit(_setting(search.settled, one), plain, own)
         # With the sizes of errors of the plain model, which are large where something is missing,
         # values end where those errors explain a part of it; with their own sizes they do not.
         models.append(search.refit(first.setting, first, own))
         kept.append(one)
-    return Again(search.geometry, tuple(kept), tuple(models))
+    return Again(search.settled, tuple(kept), tuple(models))
 
 
 def _setting(geometry: Geometry, one: Standing) -> Configuration:

@@ -23,8 +23,9 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.search.branches import ways_there
-from rulec.mismatch.search.settled.geometry import Geometry, Term, term_of
-from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry, term_of
 from rulec.mismatch.search.time_varying import wandering
 
 

@@ -18,13 +18,14 @@ from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve import curve_at
+from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.latent_input import free_course, switched_course
+from rulec.mismatch.search.prior import known_of
 from rulec.mismatch.search.settled.branches import branches_of
-from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.lost import lost_to
 from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
-from rulec.mismatch.search.settled.prior import known_of
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.settled.sharpened import sharpened
@@ -55,7 +56,7 @@ def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> S
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.told]
     fitted, candidates = _on_all_points(rows, posterior)
-    geometry = posterior.geometry
+    geometry = posterior.settled
     curves = {}
     for term in (t for t in model.terms if t.name in candidates):
         curve = curve_of(geometry, model, term)
@@ -69,13 +70,13 @@ def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> S
             lost=lost_to(geometry, posterior, term),
         )
     accepted = tuple(
-        replace(_accepted(posterior, name, c), curve=curves.get(name))
+        replace(accepted_of(posterior, name, c), curve=curves.get(name))
         for name, c in candidates.items()
     )
     return Search(fitted, accepted, posterior)
 
 
-def _told(posterior: Posterior) -> Names:
+def told_of(posterior: Posterior) -> Names:
     """Members of the best set that are likelier there than not, by any of their names.
 
     Of several that fit about equally, each may be unlikely, and one of them is there all the same.
@@ -95,7 +96,7 @@ def _told(posterior: Posterior) -> Names:
 
 def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
-    model, told = posterior.models[posterior.told], _told(posterior)
+    model, told = posterior.models[posterior.told], told_of(posterior)
     was = model.setting
     for candidate in was.joined:
         if name_of(was, candidate) not in told:
@@ -210,7 +211,7 @@ def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[st
     return tuple(spots[id_] for id_ in near if id_ in spots)
 
 
-def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
+def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
     """How sure an explanation of the best set is, and what may be in its place."""
     best, sets = posterior.told, posterior.sets
     alike = _alike(posterior, name)

@@ -19,11 +19,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Spot
+from rulec.mismatch.evidence.stores.ends import Ends, kept
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import Basis
-from rulec.mismatch.search.stores.searcher import Searcher
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,12 @@ class System:
     own: Array
 
 
-def place_of(searcher: Searcher, model: Fitted, spot: Spot, driver: str) -> Place | None:
+def place_of(ends: Ends, model: Fitted, spot: Spot, driver: str) -> Place | None:
     """A place with the range of a driver in a model; None where that hardly moves.
 
     All of the range counts: a curve that is level beyond an end is bent by samples that pass it.
     """
-    bench = searcher.bench
+    bench = ends.bench
     course = bench.trajectory(model.ids, model.values, driver, model.inputs)[bench.record.open]
     low, high = float(np.min(course)), float(np.max(course))
     if not high - low > limits.HARDLY_MOVES * float(np.max(np.abs(course))):
@@ -118,27 +118,27 @@ def place_of(searcher: Searcher, model: Fitted, spot: Spot, driver: str) -> Plac
     return Place(spot, driver, low, high)
 
 
-def _fitter(searcher: Searcher, bare: Fitted, place: Place) -> Fitter:
+def _fitter(ends: Ends, bare: Fitted, place: Place) -> Fitter:
     """What fits a curve beside all that a model holds."""
-    bench = searcher.bench
+    bench = ends.bench
     parts = bench.builder.bent_line(place.spot.id, place.driver, len(place.knots))
     fixed = [u.id for part in parts for u in part.unknowns if u.fixed]
     knots = dict(zip(fixed, place.knots.tolist(), strict=True))
-    return Fitter(bench, (*bare.joined, *parts), {**searcher.kept(bare), **knots})
+    return Fitter(bench, (*bare.joined, *parts), {**kept(bare), **knots})
 
 
-def promise(searcher: Searcher, bare: Fitted, place: Place) -> float:
+def promise(ends: Ends, bare: Fitted, place: Place) -> float:
     """What a curve would gain beside a model, made linear there."""
-    fitter = _fitter(searcher, bare, place)
-    judged = replace(searcher.judged, noise=bare.noise, slow=bare.slow, drift=bare.drift)
+    fitter = _fitter(ends, bare, place)
+    judged = replace(ends.judged, noise=bare.noise, slow=bare.slow, drift=bare.drift)
     try:
         system = system_at(fitter, fitter.vector(bare.values), place, judged)
     except RanAway:
         return 0.0
-    return _likeliest(system, place, searcher.news(bare))[0]
+    return _likeliest(system, place, ends.news(bare))[0]
 
 
-def drawn(searcher: Searcher, bare: Fitted, spot: Spot, driver: str) -> Drawn | None:
+def drawn(ends: Ends, bare: Fitted, spot: Spot, driver: str) -> Drawn | None:
     """A curve fitted beside all that a model holds; None where nothing comes of it.
 
     Beside a curve a state may run through another range, over which the curve is then drawn anew.
@@ -147,10 +147,10 @@ def drawn(searcher: Searcher, bare: Fitted, spot: Spot, driver: str) -> Drawn | 
     with contextlib.suppress(RanAway):
         for _ in range(limits.REDRAWN):
             last = found[-1] if found else None
-            place = place_of(searcher, last.fitted if last else bare, spot, driver)
+            place = place_of(ends, last.fitted if last else bare, spot, driver)
             if place is None or (last is not None and _as_wide(place, last.place)):
                 break
-            found.append(_drawn(searcher, bare, place, last))
+            found.append(_drawn(ends, bare, place, last))
     return max(found, key=lambda d: d.gain, default=None)
 
 
@@ -159,11 +159,11 @@ def _as_wide(place: Place, other: Place) -> bool:
     return off < limits.AS_WIDE * (other.high - other.low)
 
 
-def _drawn(searcher: Searcher, bare: Fitted, place: Place, before: Drawn | None) -> Drawn:
+def _drawn(ends: Ends, bare: Fitted, place: Place, before: Drawn | None) -> Drawn:
     """A curve with knots where they stand, from nothing or from one with others."""
-    fitter = _fitter(searcher, bare, place)
+    fitter = _fitter(ends, bare, place)
     near = bare if before is None else before.fitted
-    judged = replace(searcher.judged, noise=near.noise, slow=near.slow, drift=bare.drift)
+    judged = replace(ends.judged, noise=near.noise, slow=near.slow, drift=bare.drift)
     values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
     at = fitter.vector(near.values)
     count = len(at) - len(place.bends)
@@ -171,7 +171,7 @@ def _drawn(searcher: Searcher, bare: Fitted, place: Place, before: Drawn | None)
     for _ in range(limits.CURVE_ROUNDS):
         system = system_at(fitter, at, place, judged)
         noise = judged.noise
-        _, form, share = _likeliest(system, place, _news(searcher, judged))
+        _, form, share = _likeliest(system, place, _news(ends, judged))
         judged = replace(judged, noise=_less(noise, share))
         amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
         at[count:] = place.bends @ form.table @ amounts
@@ -183,13 +183,13 @@ def _drawn(searcher: Searcher, bare: Fitted, place: Place, before: Drawn | None)
     fitted = fitter.as_fitted(at, errors, slow, judged)
     inverse = inverse_of(*rows_of(system_at(fitter, at, place, judged), form))
     told = len(amounts) - float(np.trace(inverse[count:, count:]))
-    gained = _gained(searcher, fitted, bare, told)
+    gained = _gained(ends, fitted, bare, told)
     return Drawn(place, form, amounts, fitter, fitted, judged, gained)
 
 
-def _news(searcher: Searcher, judged: Judged) -> float:
+def _news(ends: Ends, judged: Judged) -> float:
     """Independent pieces of news in the recording, as samples count."""
-    return sum(searcher.samples[n] / noise.memory for n, noise in judged.noise.items())
+    return sum(ends.samples[n] / noise.memory for n, noise in judged.noise.items())
 
 
 def _less(noise: Mapping[str, Noise], share: float) -> dict[str, Noise]:
@@ -202,12 +202,12 @@ def _same(before: float, after: float) -> bool:
     return abs(before - after) < limits.NOISE_STAYS * before
 
 
-def _gained(searcher: Searcher, fitted: Fitted, bare: Fitted, values: float) -> float:
+def _gained(ends: Ends, fitted: Fitted, bare: Fitted, values: float) -> float:
     """What a curve gains over the model without it; as many values as the recording tells of it
     are paid for, as if each had been found alone."""
-    found = sum(gain(bare.noise[n], fitted.noise[n], searcher.samples[n]) for n in bare.noise)
+    found = sum(gain(bare.noise[n], fitted.noise[n], ends.samples[n]) for n in bare.noise)
     found += bare.negative_log_prior - fitted.negative_log_prior
-    each = 0.5 * float(np.log(max(searcher.news(fitted), 2.0)))
+    each = 0.5 * float(np.log(max(ends.news(fitted), 2.0)))
     return found - each * values - limits.RARITY["free"]
 
 

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME
 
-from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.candidate import Spot
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.region import where_most
+from rulec.mismatch.evidence.stores.ends import Ends
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import CurveFound, Lost
 from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn, place_of, promise
 from rulec.mismatch.search.stores.posterior_curve import axis_of, course_of, curve_of
-from rulec.mismatch.search.stores.price import needed
-from rulec.mismatch.search.stores.search import Found
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.told import Found
 
 Way = tuple[Spot, str]
 """A place and what it may follow."""
@@ -35,29 +33,20 @@ class Unnamed:
     share: float
 
 
-def followed(searcher: Searcher, found: Found) -> Unnamed | None:
+def followed(found: Found) -> Unnamed | None:
     """The place and the driver whose curve explains most beside the plain model, if any does so
     beyond doubt."""
-    bench = searcher.bench
+    ends, bench = found.ends, found.ends.bench
     ways = [(spot, driver) for spot in _spots(bench) for driver in _drivers(bench)]
-    curves = _drawn(searcher, found.plain, ways)
+    curves = _drawn(ends, found.plain, ways)
     if not curves or curves[0].gain < needed(len(ways)):
         return None
-    return _told(searcher, found, curves[0], curves)
+    return _told(found, curves[0], curves)
 
 
-def curve_in_place_of(searcher: Searcher, found: Found, candidate: Candidate) -> Unnamed | None:
-    """A curve of a few values drawn in full, beside the plain model: it says where it acts and
-    what it follows."""
-    bench = searcher.bench
-    (driver,) = candidate.drivers.values()
-    spots = _spots(bench)
-    own = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
-    first = drawn(searcher, found.plain, own, driver)
-    if first is None or first.gain < needed(len(spots)):
-        return None
-    others = [(spot, driver) for spot in spots if spot is not own]
-    return _told(searcher, found, first, _drawn(searcher, found.plain, others))
+def needed(tried: int) -> float:
+    """Gain that is worth telling, of so many ways."""
+    return limits.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
 
 
 def _spots(bench: SimulationProblem) -> list[Spot]:
@@ -74,56 +63,54 @@ def _drivers(bench: SimulationProblem) -> list[str]:
     return [*drivers, TIME] if bench.record.timed else drivers
 
 
-def _drawn(searcher: Searcher, plain: Fitted, ways: Sequence[Way]) -> list[Drawn]:
+def _drawn(ends: Ends, plain: Fitted, ways: Sequence[Way]) -> list[Drawn]:
     """The curves that promise most, fitted; that with the largest gain first."""
 
     def promised(way: Way) -> float:
-        place = place_of(searcher, plain, *way)
-        return 0.0 if place is None else promise(searcher, plain, place)
+        place = place_of(ends, plain, *way)
+        return 0.0 if place is None else promise(ends, plain, place)
 
-    with ThreadPoolExecutor(searcher.workers) as pool:
-        seen = list(pool.map(promised, ways))
-        order = sorted(range(len(ways)), key=lambda i: -seen[i])
-        best = [ways[i] for i in order[: common.DRAWN] if seen[i] > 0.0]
-        curves = list(pool.map(lambda way: drawn(searcher, plain, *way), best))
+    seen = [promised(way) for way in ways]
+    order = sorted(range(len(ways)), key=lambda i: -seen[i])
+    best = [ways[i] for i in order[: common.DRAWN] if seen[i] > 0.0]
+    curves = [drawn(ends, plain, *way) for way in best]
     return sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
 
 
-def _told(searcher: Searcher, found: Found, first: Drawn, others: Sequence[Drawn]) -> Unnamed:
+def _told(found: Found, first: Drawn, others: Sequence[Drawn]) -> Unnamed:
     """A curve with other places that are not told from its own, and names that lost to it."""
-    bench, own = searcher.bench, first.place
+    ends, own = found.ends, first.place
     least = first.gain + float(np.log(common.MENTIONED))
     alike = [
         f"{o.place.spot.module}.{o.place.spot.place}"
         for o in others
         if o.place.spot is not own.spot and o.place.driver == own.driver and o.gain > least
     ]
-    curve = replace(
-        curve_of(bench, first), elsewhere=tuple(alike), lost=_lost(searcher, found, first)
-    )
-    before, after = (_squares(searcher, f) for f in (found.plain, first.fitted))
+    curve = replace(curve_of(ends.bench, first), elsewhere=tuple(alike), lost=_lost(found, first))
+    before, after = (_squares(ends, f) for f in (found.plain, first.fitted))
     share = 1.0 - float(np.sum(after) / max(np.sum(before), 1e-300))
     return Unnamed(curve, max(share, 0.0))
 
 
-def _squares(searcher: Searcher, fitted: Fitted) -> Array:
+def _squares(ends: Ends, fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
-    total = np.zeros(len(searcher.bench.time))
-    for name, known in searcher.judged.known.items():
-        spread = float(np.nanstd(searcher.bench.record.measured[name])) or 1.0
+    total = np.zeros(len(ends.bench.time))
+    for name, known in ends.judged.known.items():
+        spread = float(np.nanstd(ends.bench.record.measured[name])) or 1.0
         total += np.where(known, fitted.errors[name] / spread, 0.0) ** 2
     return total
 
 
-def _lost(searcher: Searcher, found: Found, first: Drawn) -> tuple[Lost, ...]:
+def _lost(found: Found, first: Drawn) -> tuple[Lost, ...]:
     """Names that were tried alone and gain less than a curve, each where it gains most; the
     nearest first."""
-    driver = axis_of(searcher.bench, first).over(course_of(searcher.bench, first))
-    own = _squares(searcher, first.fitted)
+    ends = found.ends
+    driver = axis_of(ends.bench, first).over(course_of(ends.bench, first))
+    own = _squares(ends, first.fitted)
     lost = []
     for single in found.singles:
         (candidate,) = single.joined
-        nats = first.gain - searcher.gain(single, found.plain)
+        nats = first.gain - ends.gain(single, found.plain)
         if nats > 0.0:
             lost.append((nats, candidate, single))
     lost.sort(key=lambda entry: entry[0])
@@ -133,7 +120,7 @@ def _lost(searcher: Searcher, found: Found, first: Drawn) -> tuple[Lost, ...]:
         Lost(
             candidate,
             float(nats),
-            *where_most(driver, np.maximum(_squares(searcher, single) - own, 0.0)),
+            *where_most(driver, np.maximum(_squares(ends, single) - own, 0.0)),
         )
         for nats, candidate, single in told
     )

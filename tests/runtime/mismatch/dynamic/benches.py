@@ -11,8 +11,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.evidence.stores.ends import Ends, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search.stores.sets import begun
+from rulec.mismatch.search.stores.told import Found
 from tests.conftest import ROOT
 
 STEP = 4.0
@@ -84,3 +88,16 @@ def bench(recording: Recording) -> SimulationProblem:
     record = record_of(recording, ruleset, builder.given)
     assert record is not None
     return SimulationProblem(ruleset, builder, record)
+
+
+def joined_to(
+    place: SimulationProblem, name: str, values: Mapping[str, float]
+) -> tuple[Ends, Fitted, Fitted]:
+    """The plain model and one with a candidate, fitted from some values of that."""
+    ends, plain = plain_end(place, {})
+    return ends, plain, ends.fitted((place.candidate(name),), {**plain.values, **values}, plain)
+
+
+def as_found(ends: Ends, plain: Fitted, best: Fitted) -> Found:
+    """Models as if a search had found them, which has tried nothing else."""
+    return Found(ends, plain, best, (), begun(ends.bench).posterior())

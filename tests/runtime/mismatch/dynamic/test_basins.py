@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitted, Judged
-from rulec.mismatch.search.stores.search import search
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.told import search
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 LAG = "pump.lag-flow@pump"
@@ -35,21 +31,3 @@ def test_what_ends_by_nature_is_no_stand_in() -> None:
     found = search(bench(made(joined=(STOP,), more=values)), quiet)
     assert (STOP,) == found.best.ids
     assert abs(found.best.values[f"{STOP}.s"] - 3.5) < 0.05
-
-
-def test_what_is_said_of_one_tank_can_be_said_of_the_other() -> None:
-    """Values and explanations change places with their namesakes; what has none stays."""
-    there = bench(made())
-    searcher = Searcher(there, Judged(there.known, {}, no_drift(there), np.zeros(0)), 1)
-    body = next(c for c in there.candidates if c.id == "upper.displaced-volume@h")
-    values = {"upper.k": 1.0, "lower.k": 2.0, f"{body.id}.p": 0.3, "pump.g": 4.0}
-    none = np.zeros((0, 0))
-    fitted = Fitted((body,), values, (), {}, {}, 0.0, none, np.zeros(0), {}, no_drift(there))
-    turned = searcher._turned(fitted, {"upper": "lower", "lower": "upper"})
-    assert turned.ids == ("lower.displaced-volume@h",)
-    assert turned.values == {
-        "upper.k": 2.0,
-        "lower.k": 1.0,
-        "lower.displaced-volume@h.p": 0.3,
-        "pump.g": 4.0,
-    }

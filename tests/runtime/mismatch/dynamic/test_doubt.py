@@ -4,22 +4,19 @@ same."""
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
-import numpy as np
 import pytest
 
 from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
-from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.price import needed
-from rulec.mismatch.search.stores.search import Found
+from rulec.mismatch.search.settled.sets import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
-from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made
-
-TRIED = 40
+from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, as_found, bench, made
 
 
 @pytest.fixture
@@ -27,11 +24,10 @@ def plain() -> Explanation:
     """The plain model of a sound plant."""
     recording = made(256)
     place = bench(recording)
-    judged = Judged(place.known, {"lower.y": Noise(NOISE, 1.0)}, no_drift(place), np.zeros(0))
-    fitter = Fitter(place, (), {})
-    fitted = fitter.with_covariance(fitter.finish(fitter.vector(TRUE), judged), judged)
-    found = Found(fitted, fitted, judged, TRIED, {})
-    return explanation(recording, model_of(place, fitted, judged, {}), found)
+    ends, fitted = plain_end(place, TRUE)
+    fitted = Fitter(place, (), {}).with_covariance(fitted, ends.judged)
+    model = model_of(place, fitted, ends.judged, {})
+    return explanation(recording, model, as_found(ends, fitted, fitted))
 
 
 def verdict(said: Explanation, off: float = 0.0) -> str:
@@ -58,6 +54,11 @@ def test_no_tick_where_more_is_left(plain: Explanation) -> None:
 
 @pytest.mark.parametrize(("more", "expected"), [(-3.0, "none"), (0.0, "unsure"), (3.0, "unsure")])
 def test_no_tick_where_an_explanation_gains(plain: Explanation, more: float, expected: str) -> None:
-    """One that gains as much as is needed to be told is as likely as nothing."""
-    found = replace(plain.found, alone={"pump.x": needed(TRIED) + more})
+    """One that shows, and is as likely as nothing."""
+    was = plain.found.posterior
+    none, other = frozenset[str](), frozenset({"pump.x"})
+    shown: Any = SimpleNamespace(shows=lambda geometry: 1.0)
+    odds = {none: was.odds[none], other: was.odds[none] + more}
+    now = posterior(was.geometry, {**was.models, other: shown}, odds)
+    found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))

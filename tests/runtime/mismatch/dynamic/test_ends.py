@@ -8,33 +8,27 @@ import numpy as np
 import pytest
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
-
-
-def searcher() -> Searcher:
-    """For a recording in which nothing is missing."""
-    own = bench(made(200))
-    return Searcher(own, Judged(own.known, {}, no_drift(own), np.zeros(0)), 1)
 
 
 def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
     """At its end, where errors of sensors are seen anew: it loses, and nothing fails."""
-    own = searcher()
-    plain = own.plain()
-    candidate = own.bench.candidates[0]
+    place = bench(made(200))
+    ends, plain = plain_end(place, {})
+    candidate = place.candidates[0]
 
     def away(*_: object, **__: object) -> None:
         raise RanAway
 
     monkeypatch.setattr(Fitter, "finish", away)
-    tried = own.trial(plain, (candidate,))
+    values = {u.id: (*u.starts, 1.0)[0] for u in candidate.unknowns}
+    tried = ends.fitted((candidate,), {**plain.values, **values}, plain)
     assert (candidate,) == tried.joined
-    assert own.standing(tried, plain) < 0.0
-    assert own.polished(plain) is plain
+    assert ends.gain(tried, plain) < 0.0
+    assert ends.polished(plain) is plain
 
 
 def shown(own: SimulationProblem) -> np.ndarray:

@@ -9,17 +9,22 @@ import pytest
 
 from rulec.mismatch.answer.tell import findings_of, location_of
 from rulec.mismatch.answer.writable import writable
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.ends import kept, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
-from rulec.mismatch.search.stores.backward_elimination import doubted
-from rulec.mismatch.search.stores.nested_models import begun_alike
-from rulec.mismatch.search.stores.onset_refinement import sharpened
-from rulec.mismatch.search.stores.search import Found, search
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.sets import begun, grow, prune
+from rulec.mismatch.search.stores.told import search as searched
 from rulec.mismatch.stores import explanation, until_of
-from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
+from tests.runtime.mismatch.dynamic.benches import (
+    NOISE,
+    TRUE,
+    as_found,
+    bench,
+    joined_to,
+    made,
+    tanks,
+)
 
 SINCE, DEGREE = 900.0, 0.15
 FAULTS = ("lower.blockage", "upper.lost-inflow", "pump.u.high", "lower.y.low")
@@ -52,13 +57,13 @@ def test_before_its_onset_a_fault_does_nothing(fault: str) -> None:
 def test_onset_and_degree_are_found(fault: str) -> None:
     """From starts all over the recording, to within a few samples."""
     place = bench(made(n=512, seed=5, joined=(fault,), more=planted(fault)))
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    plain = searcher.plain()
-    candidate = place.candidate(fault)
-    assert searcher.glance(plain, (candidate,)) > searcher.glance(
-        plain, (place.candidate("upper.area-slope@h"),)
-    )
-    found = searcher.polished(searcher.trial(plain, (candidate,)))
+    search = begun(place)
+    grow(search, frozenset(), {fault, "upper.area-slope@h"})
+    prune(search, search.likeliest)
+    assert frozenset({fault}) == search.likeliest
+    ends, plain = plain_end(place, search.models[frozenset()].setting.values)
+    model = search.models[frozenset({fault})].setting
+    found = ends.fitted(model.joined, {**model.values, **model.fixed}, plain)
     assert not found.pressed
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
@@ -69,23 +74,19 @@ def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
     fault, degree = "upper.blockage", 0.8
     sudden = {f"{fault}.x": degree, f"{fault}.since": SINCE + 1.0, f"{fault}.t_half": 20.0}
     place = bench(made(n=2048, seed=4, joined=(fault,), more=sudden))
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    plain = searcher.plain()
-    smooth = searcher.polished(searcher.trial(plain, (place.candidate(fault),)))
-    found = sharpened(searcher, smooth, plain)
+    ends, plain, smooth = joined_to(place, fault, {**sudden, f"{fault}.t_half": 4094.0})
+    found = ends.sharpened(smooth)
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE + 1.0, abs=0.5)
-    fitter = Fitter(place, found.joined, searcher.kept(found))
-    u = fitter.with_covariance(found, searcher.judged).u(f"{fault}.x")
+    fitter = Fitter(place, found.joined, kept(found))
+    u = fitter.with_covariance(found, ends.judged).u(f"{fault}.x")
     assert abs(found.values[f"{fault}.x"] - degree) < 3.0 * u
     assert abs(smooth.values[f"{fault}.x"] - degree) > 10.0 * u
-    assert searcher.standing(found, plain) > searcher.standing(smooth, plain)
+    assert ends.gain(found, plain) > ends.gain(smooth, plain)
 
 
 def test_what_begins_nowhere_stays_as_it_is() -> None:
-    place = bench(made())
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    plain = searcher.plain()
-    assert sharpened(searcher, plain, plain) is plain
+    ends, plain = plain_end(bench(made(256)), {})
+    assert ends.sharpened(plain) is plain
 
 
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
@@ -93,14 +94,9 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     fault = "lower.blockage"
     recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
     place = bench(recording)
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    found = searcher.trial(searcher.plain(), (place.candidate(fault),))
-    plain, judged = searcher.plain(), searcher.judged
-    explained = explanation(
-        recording,
-        model_of(place, found, judged, searcher.kept(found)),
-        Found(plain, found, judged, 1, {}),
-    )
+    ends, plain, found = joined_to(place, fault, planted(fault))
+    model_found = model_of(place, found, ends.judged, kept(found))
+    explained = explanation(recording, model_found, as_found(ends, plain, found))
     model = writable(explained)
     adopted = model.repaired
     until = until_of(place, found, [place.candidate(fault)])
@@ -125,31 +121,17 @@ def test_a_period_is_told_in_the_time_of_the_recording() -> None:
     assert (0.15, 0.01) == (pytest.approx(period.degree), pytest.approx(period.u))
 
 
-def test_faults_begin_when_the_best_of_them_does() -> None:
-    """A fit that starts elsewhere may not find the way there."""
-    first, second = "upper.lost-inflow", "upper.tank-leak@inflow"
-    place = bench(made(n=512, seed=4, joined=(first,), more=planted(first)))
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    plain = searcher.plain()
-    best, lost = (searcher.trial(plain, (place.candidate(f),)) for f in (first, second))
-    lost = replace(lost, values={**lost.values, f"{second}.since": 1600.0, f"{second}.x": 0.01})
-    found = {f.ids: f for f in begun_alike(searcher, [best], [best, lost], plain)}
-    assert found[second,].values[f"{second}.since"] == pytest.approx(SINCE, abs=20.0)
-    assert found[first,] is best
-
-
 @pytest.mark.prove
 def test_a_fault_that_does_the_same_is_told_beside() -> None:
     """Whether a pump delivers less or a line loses it, a level further down says nothing of it."""
     fault = "upper.lost-inflow"
     place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
-    found = search(place, lambda text: None)
-    searcher = Searcher(place, found.judged, 2)
-    best, accepted = doubted(searcher, found)
-    told = {c.id for own in accepted for c in (own.candidate, *(c for c, _ in own.others))}
+    found = searched(place, lambda text: None)
+    told = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= told
-    best = Fitter(place, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
-    model = model_of(place, best, found.judged, searcher.kept(best))
-    (finding,) = findings_of(model, accepted)
+    judged, best = found.ends.judged, found.best
+    best = Fitter(place, best.joined, kept(best)).with_covariance(best, judged)
+    model = model_of(place, best, judged, kept(best))
+    (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

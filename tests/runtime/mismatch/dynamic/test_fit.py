@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.ends import kept, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.locate import suspects
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.search import search
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.sets import begun, grow
+from rulec.mismatch.search.stores.told import search as searched
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     OVERFLOW,
     RIM,
     TRUE,
     bench,
+    joined_to,
     made,
 )
 
@@ -29,7 +30,7 @@ def quiet(text: str) -> None:
 
 def test_a_plain_plant_is_recalibrated_to_its_noise() -> None:
     """The error that remains is white and as large as the noise; nothing is claimed."""
-    found = search(bench(made()), quiet)
+    found = searched(bench(made()), quiet)
     (noise,) = found.plain.noise.values()
     assert not found.best.joined
     assert noise.spread == pytest.approx(NOISE, rel=0.1)
@@ -40,27 +41,28 @@ def test_zero_and_gain_of_a_sensor_are_no_physics() -> None:
     """Errors within the class of a sensor are taken out."""
     recording = made(seed=3)
     y = recording.values["lower.y"] * 1.002 + 0.02
-    found = search(bench(replace(recording, values={**recording.values, "lower.y": y})), quiet)
+    found = searched(bench(replace(recording, values={**recording.values, "lower.y": y})), quiet)
     assert not found.best.joined
 
 
 def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     """With the overflow joined: noise remains, and the truth lies within its uncertainty."""
     place = bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM))
-    candidate = place.candidate(OVERFLOW)
-    judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
-    searcher = Searcher(place, judged, 2)
-    plain = searcher.plain()
-    found = searcher.polished(searcher.trial(plain, (candidate,)))
+    ends, plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
-    drift = drift_of(place, (), plain.values)
-    judged = Judged(place.known, found.noise, drift, np.zeros(drift.count))
-    fitter = Fitter(place, (candidate,), searcher.kept(found))
-    exact = fitter.with_covariance(replace(found, slow=judged.slow, drift=drift), judged)
+    fitter = Fitter(place, found.joined, kept(found))
+    exact = fitter.with_covariance(found, replace(ends.judged, noise=found.noise))
     for name in ("l_o", "f"):
         key = f"{OVERFLOW}.{name}"
         assert abs(found.values[key] - RIM[key]) < 4.0 * exact.u(key), name
+
+
+def test_a_planted_overflow_is_found() -> None:
+    """Where a plant that is recalibrated makes up for much of it."""
+    search = begun(bench(made(n=1024, seed=5, joined=(OVERFLOW,), more=RIM)))
+    grow(search, frozenset(), {OVERFLOW})
+    assert frozenset({OVERFLOW}) == search.likeliest
 
 
 @pytest.mark.parametrize("spot", ["balance:upper.h", "balance:lower.h", "reading:lower.y"])
@@ -69,10 +71,9 @@ def test_the_place_of_an_error_is_found(spot: str) -> None:
     size = 0.5 if spot.startswith("reading") else 2e-4
     course = size * np.sin(np.arange(1024) / 60.0) ** 3
     place = bench(made(n=1024, seed=6, errors={spot: course}))
-    judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
-    plain = Searcher(place, judged, 2).plain()
+    ends, plain = plain_end(place, {})
     sharp = replace(plain, noise={"lower.y": Noise(NOISE, 1.0)})
-    assert spot == suspects(place, sharp, replace(judged, noise=sharp.noise))[0].spot.id
+    assert spot == suspects(place, sharp, replace(ends.judged, noise=sharp.noise))[0].spot.id
 
 
 def test_derivatives_of_the_whole_model_are_exact() -> None:

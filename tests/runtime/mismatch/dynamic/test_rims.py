@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.ends import kept
+from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import (
     OVERFLOW,
     RIM,
     STEP,
     TRUE,
     bench,
+    joined_to,
     made,
     tanks,
     voltage,
@@ -45,11 +45,9 @@ def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
 def test_what_only_a_prior_tells_is_as_uncertain_as_the_prior() -> None:
     """All levels of an unmeasured tank could be larger: flows, outlets and gain go with them."""
     place = bench(made(n=512, seed=6, joined=(OVERFLOW,), more=RIM))
-    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    found = searcher.polished(searcher.trial(searcher.plain(), (place.candidate(OVERFLOW),)))
-    fitter = Fitter(place, found.joined, searcher.kept(found))
-    found = fitter.with_covariance(found, searcher.judged)
-    model = model_of(place, found, searcher.judged, searcher.kept(found))
+    ends, _, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
+    found = Fitter(place, found.joined, kept(found)).with_covariance(found, ends.judged)
+    model = model_of(place, found, ends.judged, kept(found))
     low, high = profile(model.line(f"{OVERFLOW}.l_o"))
     assert low < RIM[f"{OVERFLOW}.l_o"] < high
     assert high - low > 0.3 * RIM[f"{OVERFLOW}.l_o"]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +17,13 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.pictures import pictures_of
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.ends import plain_end
 from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
 from rulec.mismatch.search.stores.posterior_curve import curve_of
-from rulec.mismatch.search.stores.search import Found
-from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.sets import begun, grow
+from rulec.mismatch.search.stores.told import Found
 from rulec.mismatch.search.stores.unnamed import Unnamed, followed
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, tanks
@@ -51,6 +49,7 @@ text: "{module}: {w} of what flows out is held back near {l0}, {d}"
 action: mend the flap
 source: "[assumed]"
 """
+LAW = "lower.outlet-exponent@outflow"
 KEPT = ("outlet-exponent", "pump-roll-off")
 """Entries that the catalogue of a whole analysis keeps: with all of them it takes minutes."""
 
@@ -79,15 +78,12 @@ def flapping(kb: Path, seed: int) -> Recording:
     return recording
 
 
-def searched(recording: Recording) -> tuple[Searcher, Found]:
-    """The plain model, and what is known before any term without a name is tried."""
-    place = bench(recording)
-    first = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
-    plain = first.plain()
-    searcher = Searcher(place, replace(first.judged, noise=plain.noise), 2)
-    law = place.candidate("lower.outlet-exponent@outflow")
-    single = searcher.polished(searcher.trial(plain, (law,)))
-    return searcher, Found(plain, plain, searcher.judged, 5, {}, (single,))
+def searched(recording: Recording) -> Found:
+    """What is known before any term without a name is tried."""
+    search = begun(bench(recording))
+    grow(search, frozenset(), {LAW})
+    ends, plain = plain_end(bench(recording), search.models[frozenset()].setting.values)
+    return Found(ends, plain, plain, (), search.posterior())
 
 
 def left_out(curve: CurveFound, found: Drawn) -> Array:
@@ -108,10 +104,10 @@ def left_out(curve: CurveFound, found: Drawn) -> Array:
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
-    searcher, found = searched(flapping(thin, seed))
-    place = searcher.bench
+    found = searched(flapping(thin, seed))
+    place = found.ends.bench
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
-    term = drawn(searcher, found.plain, spot, "lower.h")
+    term = drawn(found.ends, found.plain, spot, "lower.h")
     assert term is not None
     curve = curve_of(place, term)
     assert "lower.y" == curve.driver
@@ -127,8 +123,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 
 def test_place_and_driver_are_found(thin: Path) -> None:
     """Among all places and all that they may follow; no memory, and the name that lost."""
-    searcher, found = searched(flapping(thin, 1))
-    unnamed = followed(searcher, found)
+    unnamed = followed(searched(flapping(thin, 1)))
     assert isinstance(unnamed, Unnamed)
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
@@ -144,8 +139,7 @@ def test_place_and_driver_are_found(thin: Path) -> None:
 
 def test_a_right_plain_model_follows_nothing() -> None:
     """No curve is drawn through noise."""
-    searcher, found = searched(made(SAMPLES, 1))
-    assert followed(searcher, found) is None
+    assert followed(searched(made(SAMPLES, 1))) is None
 
 
 @pytest.mark.prove
@@ -167,9 +161,6 @@ def test_the_whole_answer(thin: Path) -> None:
     assert not at.shape.monotone
     assert "no" == at.shape.memory
     assert at.shape.beaten
-    (rival,) = found.findings[0].rivals
-    assert rival.gain < found.findings[0].gain
-    assert rival.title.endswith((" in pump", " in upper", " in lower"))
     form = mismatch_form(found, "plant.yaml")
     (told,) = [f for f in form["locations"] if "shape" in f]
     assert {"shape", "memory", "beaten"} <= set(told)

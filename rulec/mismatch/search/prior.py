@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, Unknown
+from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import Prior, prior_of
-from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.sizes import log_inside
+from rulec.mismatch.evidence.steady.fit import Prior
+from rulec.mismatch.search.sizes import Size, log_inside
 
 
-def prior_with_sizes(geometry: Geometry, setting: Configuration) -> Prior:
-    """What is known of the values: those of the plant, amplitudes of effects, their shapes."""
-    rows = geometry.rows
+def prior_with_sizes(
+    plain: Prior,
+    setting: Configuration,
+    size_of: Callable[[Candidate, Unknown], Size],
+    range_of: Callable[[Unknown, float], tuple[float, float]],
+) -> Prior:
+    """What is known of the values: those of the plant, amplitudes of effects, their shapes.
+
+    `size_of` has the prior of an amplitude, `range_of` middle and width of the range in which a
+    shape lies, by where it starts.
+    """
     own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
-    plain = prior_of(rows.system, setting)
     mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
     odds = 0.0
     for i, name in enumerate(plain.names):
@@ -27,7 +34,7 @@ def prior_with_sizes(geometry: Geometry, setting: Configuration) -> Prior:
             continue
         candidate, unknown = own[stem]
         if unknown.null is not None:
-            size = geometry.size(candidate, unknown)
+            size = size_of(candidate, unknown)
             off = setting.values[name] - unknown.null
             freedom[i] = size.freedom
             if np.isfinite(size.width):
@@ -37,7 +44,7 @@ def prior_with_sizes(geometry: Geometry, setting: Configuration) -> Prior:
             else:
                 mean[i], known[i] = unknown.null, size.scale**-2
         else:
-            mean[i], width = _range_of(rows, unknown, setting.values[name])
+            mean[i], width = range_of(unknown, setting.values[name])
             known[i] = 12.0 / width**2
     return replace(plain, mean=mean, known=known, freedom=freedom, odds=odds)
 
@@ -49,12 +56,10 @@ def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, flo
     return {n: (float(m), float(k**-0.5), float(f)) for n, m, k, f in each if n in unknowns and k}
 
 
-def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]:
-    """Middle and width of the range in which a shape lies."""
-    data = rows.system.data
-    if unknown.driver is not None:
-        values = data.clock if unknown.driver == TIME else data.values[unknown.driver]
-        low, high = np.nanquantile(values, [0.02, 0.98])
+def range_over(unknown: Unknown, start: float, driver: Array | None) -> tuple[float, float]:
+    """Middle and width of the range in which a shape lies, by the readings of its driver."""
+    if driver is not None:
+        low, high = np.nanquantile(driver, [0.02, 0.98])
         return float(low + high) / 2, max(float(high - low), 1e-12)
     if unknown.offset:
         # Zero is where somebody put it: the range that the entry states is all that is known.

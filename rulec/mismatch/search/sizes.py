@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,14 +40,17 @@ def log_inside(size: Size, unknown: Unknown) -> float:
     return float(np.log(max(sum(shares), 1e-12)))
 
 
-def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
-    """The prior of an amplitude by what its entry says is usual."""
+def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
+    """The prior of an amplitude by what its entry says is usual.
+
+    `share` is the share by which its place changes per amplitude.
+    """
     usual = unknown.usual
     if usual is None:
         width = unknown.highest - unknown.lowest
         return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
     freedom = 2.0 / float(np.log(usual.factor))
-    median = usual.size / _share(system, candidate, unknown) if usual.of_place else usual.size
+    median = usual.size / share() if usual.of_place else usual.size
     return Size(
         median / float(stdtrit(freedom, 0.75)),
         freedom,
@@ -55,7 +59,7 @@ def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
     )
 
 
-def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:
+def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:
     """The share by which estimates change per amplitude, the most at any shape.
 
     A reading whose zero is arbitrary has no share: there it is the change of the reading, as share

@@ -10,7 +10,7 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 
@@ -23,12 +23,9 @@ from scipy.special import ndtr
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted, Prior, evaluated
-from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.settled.effect_forms import forms_of_effects
-from rulec.mismatch.search.settled.geometry import USUAL, Geometry, Random, Sizes, Term
-from rulec.mismatch.search.settled.prior import prior_with_sizes
+from rulec.mismatch.search.evidence import USUAL, Evidence, Noise, Point, Random, Sizes, Term
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,24 +38,53 @@ class Model:
     of the prior, `weights` those of the rows. `evidence` is the log marginal likelihood.
     """
 
-    fitted: Fitted
+    point: Point
     prior: Prior
     mean: Array
     at: Array
     forms: Array
     terms: tuple[Term, ...]
     sizes: Sizes
-    scale: float
+    noise: Noise
     evidence: float
     table: Array
     left: Array
     precision: Array
     weights: Array
+    raw: Array
+    off: Array
+
+    def under(self, geometry: Evidence, noise: Noise) -> Model:
+        """The same model where it lies, with all rows alike as another noise would show them."""
+        table, left = geometry.whitened(self.raw, noise), geometry.whitened(self.off, noise)
+        return replace(self, noise=noise, table=table, left=left, weights=geometry.alike(noise))
+
+    def rest(self) -> Array:
+        """What it leaves, shape (rows,)."""
+        weights, table = self.weights, self.table
+        normal = table.T @ (table * weights[:, None]) + self.precision
+        size = np.sqrt(np.diag(normal))
+        moment = table.T @ (weights * self.left) / size
+        found = np.linalg.solve(normal / np.outer(size, size), moment) / size
+        rest: Array = self.off - self.raw @ found
+        return rest
 
     @property
     def setting(self) -> Configuration:
         """What is joined, and all values."""
-        return self.fitted.setting
+        return self.point.setting
+
+    @property
+    def fitted(self) -> Fitted:
+        """The settled points as fitted."""
+        fitted = getattr(self.point, "fitted", None)
+        assert isinstance(fitted, Fitted)
+        return fitted
+
+    @property
+    def scale(self) -> float:
+        """Size of the noise in units of what was expected."""
+        return self.noise[0]
 
     @cached_property
     def covariance(self) -> Array:
@@ -70,7 +96,7 @@ class Model:
         covariance: Array = inverse * np.outer(step, step)
         return covariance
 
-    def shows(self, geometry: Geometry) -> float:
+    def shows(self, geometry: Evidence) -> float:
         """Probability that what is joined moves some output by more than `allowed`."""
         null = {u.id: u.null for c in self.setting.joined for u in c.unknowns if not u.fixed}
         allowed, hidden = self.allowed(geometry), 1.0
@@ -79,18 +105,18 @@ class Model:
             start = null.get(name.partition("#")[0])
             if start is None:
                 continue
-            moved = geometry.shown(self.table[:, [i]])
+            moved = geometry.shown(self.point.jacobian[:, [i]] * self.table[:, i].any())
             ends = [allowed[name] / most for name, most in moved.items() if most > 0.0]
             end, off = min(ends, default=np.inf), self.at[i] - start
             hidden = min(hidden, float(np.diff(ndtr((np.array([-end, end]) - off) / u[i]))[0]))
         return 1.0 if self.terms else 1.0 - hidden
 
-    def allowed(self, geometry: Geometry) -> dict[str, float]:
+    def allowed(self, geometry: Evidence) -> dict[str, float]:
         """Error of each output that sensors within their class, and laws within their accuracy,
         explain in 19 of 20 recordings, SI."""
         errors = [i for i, name in enumerate(self.prior.names) if name.startswith(ERROR)]
-        of_sensors = self.table[:, errors]
-        columns = np.concatenate([geometry.forms, of_sensors], axis=1)
+        own = [geometry.forms, self.point.jacobian[:, errors], *geometry.of_class]
+        columns = np.concatenate(own, axis=1)
         return {n: common.NORMAL_95 * u for n, u in geometry.shown(columns).items()}
 
 
@@ -100,16 +126,35 @@ class _Chosen:
 
     score: float
     sizes: Sizes
-    scale: float
+    noise: Noise
     solution: Array
-    weights: Array
+    weighted: _Weighted
     ratio: Array
     spread: tuple[Array, Array]
-    table: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True)
+class _Weighted:
+    """Rows of all numbers, and of what is left without them, as noise of some kind makes them
+    independent; their weights; and the normal matrix and the moment that these give."""
+
+    table: Array
+    left: Array
+    weights: Array
+
+    @cached_property
+    def normal(self) -> Array:
+        normal: Array = self.table.T @ (self.table * self.weights[:, None])
+        return normal
+
+    @cached_property
+    def moment(self) -> Array:
+        moment: Array = self.table.T @ (self.weights * self.left)
+        return moment
 
 
 def refitted(
-    geometry: Geometry,
+    geometry: Evidence,
     setting: Configuration,
     near: Model | None = None,
     terms: tuple[Term, ...] = (),
@@ -122,8 +167,7 @@ def refitted(
 
     Raises `numpy.linalg.LinAlgError` where the model has no slopes in which to begin.
     """
-    rows, seen = geometry.rows, geometry.seen
-    prior = prior_with_sizes(geometry, setting)
+    prior = geometry.prior(setting)
     held = np.isin(prior.names, [ERROR + name for name in without_error])
     low, high = (np.where(held, 0.0, end) for end in (prior.lowest, prior.highest))
     prior = replace(prior, lowest=low, highest=high)
@@ -137,25 +181,26 @@ def refitted(
     sizes = USUAL if near is None else near.sizes
     own = {} if near is None else dict(zip(_names(near.terms), near.sizes.terms, strict=True))
     sizes = replace(sizes, terms=tuple(own.get(name, 1.0) for name in _names(terms)))
-    scale = 1.0 if near is None else near.scale
-    fresh = [2 + i for i, name in enumerate(_names(terms)) if name not in own]
+    noise = geometry.usual_noise if near is None else near.noise
+    first = len(noise) + 1
+    fresh = [first + i for i, name in enumerate(_names(terms)) if name not in own]
     fresh += [0] if near is None else []
-    no_more = np.zeros((int(seen.sum()), 0))
+    no_more = np.zeros((geometry.count, 0))
     pressed = np.zeros(n, dtype=bool)
-    now = _evaluated(rows, setting, prior, at)
-    if not (np.isfinite(now.residual[seen]).all() and np.isfinite(now.jacobian[seen]).all()):
+    now = geometry.evaluated(setting, prior, at)
+    if not (np.isfinite(now.residual).all() and np.isfinite(now.jacobian).all()):
         raise np.linalg.LinAlgError("the model has no finite slopes where the refit begins")
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
-            begin = at, forms, sizes, scale
-            found = _choose(geometry, prior, random, now, begin, no_more, fresh, held)
-            sizes, scale, forms, fresh = found.sizes, found.scale, found.solution[n:], []
+            begin = at, forms, sizes, noise
+            found = _choose(geometry, prior, random, now, begin, no_more, fresh, held, anew=True)
+            sizes, noise, forms, fresh = found.sizes, found.noise, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
-            cost = _cost(geometry, prior, now, at, forms, loads, scale)
-        residual = now.residual[seen] + loads @ forms
-        table = np.concatenate([now.jacobian[seen], loads], axis=1)
-        weights = geometry.weights(residual, scale)
+            cost = _cost(geometry, prior, now, at, forms, loads, noise)
+        residual = geometry.whitened(now.residual + loads @ forms, noise)
+        table = geometry.whitened(np.concatenate([now.jacobian, loads], axis=1), noise)
+        weights = geometry.weights(residual, noise)
         known, precision = prior.near(at), np.eye(table.shape[1])
         precision[:n, :n] = known.precision
         normal = table.T @ (table * weights[:, None]) + precision
@@ -175,124 +220,128 @@ def refitted(
             change[free] = -np.linalg.solve(damped, slope[free] / size) / size
             there = np.clip(at + change[:n], prior.lowest, prior.highest)
             moved = forms + change[n:]
-            trial = _evaluated(rows, setting, prior, there)
-            after = _cost(geometry, prior, trial, there, moved, loads, scale)
+            trial = geometry.evaluated(setting, prior, there)
+            after = _cost(geometry, prior, trial, there, moved, loads, noise)
             gain = cost - after if np.isfinite(after) else -1.0
             if gain >= -1e-9:
                 at, forms, now, cost = there, moved, trial, after
                 damping = max(damping / 8.0, 1e-9)
                 break
             damping = max(damping, 1e-6) * 8.0
-        if gain < 1e-2:
+        if gain < geometry.ended:
             break
-    return _weighed(geometry, prior, random, now, (at, forms, sizes, scale), pressed)
+    return _weighed(geometry, prior, random, now, (at, forms, sizes, noise), pressed)
 
 
 def _names(terms: Sequence[Term]) -> list[str]:
     return [term.name for term in terms]
 
 
-def _evaluated(rows: Rows, setting: Configuration, prior: Prior, at: Array) -> Fitted:
-    return evaluated(rows, setting, prior, at, rows.system.data.open)
-
-
 def _cost(
-    geometry: Geometry,
+    geometry: Evidence,
     prior: Prior,
-    now: Fitted,
+    now: Point,
     at: Array,
     forms: Array,
     loads: Array,
-    scale: float,
+    noise: Noise,
 ) -> float:
-    residual = now.residual[geometry.seen] + loads @ forms
-    likelihood = geometry.likelihood(residual, scale)
+    residual = geometry.whitened(now.residual + loads @ forms, noise)
+    likelihood = geometry.likelihood(residual, noise)
     return -likelihood - prior.near(at).density + 0.5 * float(forms @ forms)
 
 
-Begin = tuple[Array, Array, Sizes, float]
-"""Values, random numbers, their sizes, and the scale of the noise to begin with."""
-
-Weighted = tuple[Array, Array, Array]
-"""Normal matrix, moment, and the weights of the rows that they hold."""
+Begin = tuple[Array, Array, Sizes, Noise]
+"""Values, random numbers, their sizes, and the noise to begin with."""
 
 Place = tuple[int, ...]
-"""Indices of the scale of the noise and of all sizes."""
+"""Indices of what the noise is like, and of all sizes."""
 
 
 def _choose(
-    geometry: Geometry,
+    geometry: Evidence,
     prior: Prior,
     random: Random,
-    now: Fitted,
+    now: Point,
     begin: Begin,
     more: Array,
     fresh: Collection[int],
     pressed: NDArray[np.bool_] | None = None,
+    *,
+    anew: bool = False,
 ) -> _Chosen:
     """Sizes of random columns and noise under which the recording is most probable.
 
-    `more` are columns of errors of the effects' own forms; `fresh` axes whose sizes are not known
-    from a model that is much alike: these are tried throughout, the others climbed. Values that are
-    `pressed` to an end of their range stay there.
+    What noise is like is climbed from where it was or, `anew`, from what is likely by what is
+    left, if that is likelier. `more` are columns of errors of the effects' own forms; `fresh` axes
+    whose sizes are not known from a model that is much alike: these are tried throughout, the
+    others climbed. Values that are `pressed` to an end of their range stay there.
     """
     at, forms, sizes, noise = begin
     n = len(at)
-    jacobian = now.jacobian[geometry.seen]
+    jacobian = now.jacobian
     known = prior.near(at)
     off = at - known.mean
     if pressed is not None:
         jacobian, off = jacobian * ~pressed, off * ~pressed
-    left = now.residual[geometry.seen] - jacobian @ off
+    left = now.residual - jacobian @ off
     table = np.concatenate([jacobian, random.columns, more], axis=1)
     precision = _joint(known.precision, random.count, more.shape[1])
     start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
-    axes: list[tuple[float, ...]] = [limits.NOISE_SCALES, limits.MOVING_SHARES]
+    moves = random.moving.shape[1] > 0
+    axes: list[tuple[float, ...]] = [*geometry.noises]
+    axes += [limits.MOVING_SHARES if moves else (limits.USUAL_MOVING,)]
     axes += [limits.TERM_SIZES] * len(sizes.terms)
 
-    def solved(sizes: Sizes, scale: float, weighted: Weighted) -> _Chosen:
-        normal, moment, weights = weighted
+    whole_of, left_of = geometry.whitener(table), geometry.whitener(left)
+
+    def solved(sizes: Sizes, noise: Noise, weighted: _Weighted) -> _Chosen:
         ratio = np.ones(len(precision))
         ratio[n : n + random.count] = random.ratio(sizes)
         ratio[n + random.count :] = limits.EFFECT_FORM
-        whole = ratio[:, None] * normal * ratio + precision
+        whole = ratio[:, None] * weighted.normal * ratio + precision
         size = np.sqrt(np.diag(whole))
         whole /= size[:, None] * size
         whole[np.diag_indices(len(size))] += 1e-13
         factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
-        solution = -cho_solve(factor, moment * ratio / size, check_finite=False) / size
-        residual = left + table @ (ratio * solution)
-        score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
+        moment = weighted.moment * ratio / size
+        solution = -cho_solve(factor, moment, check_finite=False) / size
+        residual = weighted.left + weighted.table @ (ratio * solution)
+        score = geometry.likelihood(residual, noise) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        score += sizes.odds - 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
-        return _Chosen(score, sizes, scale, solution, weights, ratio, spread=(factor[0], size))
-
-    def weighted_by(weights: Array) -> Weighted:
-        return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
+        score += sizes.odds + geometry.noise_odds(noise)
+        return _Chosen(score, sizes, noise, solution, weighted, ratio, spread=(factor[0], size))
 
     @cache
-    def weighted_at(scale: float) -> Weighted:
-        return weighted_by(geometry.weights(left + table @ start, scale))
+    def weighted_at(noise: Noise) -> _Weighted:
+        whole, rest = whole_of(noise), left_of(noise)
+        return _Weighted(whole, rest, geometry.weights(rest + whole @ start, noise))
 
     @cache
     def at_place(place: Place) -> _Chosen:
-        scale, moving, *own = (axis[i] for axis, i in zip(axes, place, strict=True))
-        return solved(Sizes(moving, tuple(own), sizes.laws), scale, weighted_at(scale))
+        values = [axis[i] for axis, i in zip(axes, place, strict=True)]
+        own = tuple(values[: len(noise)])
+        moving, *of_terms = values[len(noise) :]
+        return solved(Sizes(moving, tuple(of_terms), sizes.laws), own, weighted_at(own))
 
-    first = (noise, sizes.moving, *sizes.terms)
-    begins = tuple(_nearest(axis, value) for axis, value in zip(axes, first, strict=True))
-    place = climbed(lambda p: at_place(p).score, begins, [len(axis) for axis in axes], fresh)
+    rest = left + table @ start
+    likely = (noise, *(geometry.likely_noises(rest) if anew else ()))
+    ways = [(*each, sizes.moving, *sizes.terms) for each in likely]
+    first = max((tuple(map(_nearest, axes, way)) for way in ways), key=lambda p: at_place(p).score)
+    place = climbed(lambda p: at_place(p).score, first, [len(axis) for axis in axes], fresh)
     best = at_place(place)
     for _ in range(limits.SIZES_STEPS):
-        weights = geometry.weights(left + table @ (best.ratio * best.solution), best.scale)
+        own = best.weighted
+        residual = own.left + own.table @ (best.ratio * best.solution)
+        own = _Weighted(own.table, own.left, geometry.weights(residual, best.noise))
         law = _by_law(best, random.law, n)
-        again = solved(replace(best.sizes, laws=law), best.scale, weighted_by(weights))
+        again = solved(replace(best.sizes, laws=law), best.noise, own)
         if again.score <= best.score:
             break
         gain, best = again.score - best.score, again
         if gain < limits.SIZES_GAIN:
             break
-    return replace(best, table=table * best.ratio)
+    return best
 
 
 def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
@@ -355,34 +404,36 @@ def _joint(values: Array, forms: int, more: int) -> Array:
 
 
 def _weighed(
-    geometry: Geometry,
+    geometry: Evidence,
     prior: Prior,
     random: Random,
-    now: Fitted,
+    now: Point,
     begin: Begin,
     pressed: NDArray[np.bool_],
 ) -> Model:
     at = begin[0]
-    more = forms_of_effects(geometry, now)
+    more = geometry.effect_forms(now)
     found = _choose(geometry, prior, random, now, begin, more, (), pressed)
     known = prior.near(at)
     off = (at - known.mean) * ~pressed
-    jacobian = now.jacobian[geometry.seen]
+    left = now.residual - now.jacobian @ off
     # The normal density of the linear solution gives way to that of the Student distribution.
     evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
     evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
     return Model(
-        fitted=now,
+        point=now,
         prior=prior,
         mean=known.mean,
         at=at,
         forms=begin[1],
         terms=random.terms,
         sizes=found.sizes,
-        scale=found.scale,
+        noise=found.noise,
         evidence=evidence,
-        table=found.table,
-        left=now.residual[geometry.seen] - jacobian @ off,
+        table=found.weighted.table * found.ratio,
+        left=geometry.whitened(left, found.noise),
+        raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1) * found.ratio,
+        off=left,
         precision=_joint(known.precision, random.count, more.shape[1]),
-        weights=found.weights,
+        weights=found.weighted.weights,
     )

@@ -1,0 +1,487 @@
+"""A plant that stores as the search sees it: errors of a simulation, and what any may be off by.
+
+Noise of a reading is white, as its third differences show it; beside that an error may wander, as
+large and as long as makes the recording most likely. A model of a plant that stores is off for long
+stretches: rows are what each sample says that those before it did not.
+
+Source: Anderson and Moore 1979, chapter 4 (innovations of a first-order process under noise).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.simulation.balances import TIME, RanAway
+from scipy.linalg import solve_discrete_are, toeplitz
+from scipy.linalg.lapack import dtbtrs
+
+from rulec.effects.candidate import MEDIAN, Candidate, Unknown
+from rulec.knowledge.belief import Belief, Coordinates, belief_in
+from rulec.mismatch.evidence import limits as of_evidence
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Prior
+from rulec.mismatch.evidence.stores.allowed import errors_of_form
+from rulec.mismatch.evidence.stores.drift import errors_of_sensors
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.evidence import Evidence, Noise, Point
+from rulec.mismatch.search.prior import prior_with_sizes, range_over
+from rulec.mismatch.search.refit import climbed
+from rulec.mismatch.search.sizes import Size, size_of
+
+
+@dataclass(frozen=True)
+class StoredPoint:
+    """A simulation with some values, in the noise of readings: see `Point`."""
+
+    setting: Configuration
+    residual: Array
+    jacobian: Array
+
+
+class StoresGeometry(Evidence):
+    """What stays the same for all models of one recording of a plant that stores.
+
+    Errors of form and of sensors are those about a model, `near`.
+    """
+
+    def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
+        self.bench = bench
+        self._sizes: dict[str, Size] = {}
+        self._beliefs: dict[tuple[str, ...], Belief] = {}
+        near = near or Configuration()
+        ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
+        law, forms = [], [np.zeros((self.count, 0))]
+        for spot, moved in errors_of_form(bench, ids, values):
+            own = _compressed(self._table(moved), limits.FORM_KNOWN)
+            forms.append(own)
+            law += [spot.id] * own.shape[1]
+        self.forms, self.law = np.concatenate(forms, axis=1), tuple(law)
+        self.held = self._table(errors_of_sensors(bench, ids, values))
+        self.of_class = (self.held,)
+        self.usual_noise = tuple(axis[len(axis) // 2] for axis in self.noises)
+        self.moving = np.zeros((self.count, 0))
+
+    def _table(self, moved: Array) -> Array:
+        """What moves readings, shape (signals * samples, columns), SI, as rows in their noise."""
+        return np.stack([self._rows(c) for c in moved.T], axis=1)
+
+    @cached_property
+    def _known(self) -> dict[str, NDArray[np.bool_]]:
+        """Samples that count, with gaps of a few: what lasts is the same behind them."""
+        record = self.bench.record
+        return {n: _bridged(np.isfinite(v)) & record.open for n, v in record.measured.items()}
+
+    @cached_property
+    def _measured(self) -> dict[str, Array]:
+        time, found = self.bench.time, {}
+        for name, values in self.bench.record.measured.items():
+            seen = np.isfinite(values)
+            found[name] = np.interp(time, time[seen], values[seen])
+        return found
+
+    @cached_property
+    def white(self) -> dict[str, float]:
+        """Standard deviation of the noise of each reading, SI."""
+        record, found = self.bench.record, {}
+        for name, values in record.measured.items():
+            seen = values[np.isfinite(values)]
+            found[name] = max(white_noise(np.diff(seen, 3), 3), record.resolution[name], 1e-12)
+        return found
+
+    @cached_property
+    def _runs(self) -> list[list[slice]]:
+        """Rows without a gap between them, for each signal."""
+        found, first = [], 0
+        for known in self._known.values():
+            ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+            own = []
+            for a, b in ends.reshape(-1, 2).tolist():
+                own.append(slice(first, first + b - a))
+                first += b - a
+            found.append(own)
+        return found
+
+    terms = 0
+    ended = limits.STORES_ENDED
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """What may be missing."""
+        return self.bench.candidates
+
+    @cached_property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(sum(known.sum() for known in self._known.values()))
+
+    def _rows(self, stacked: Array) -> Array:
+        """What moves readings, stacked, SI, in the noise of each, shape (rows,)."""
+        own = np.split(stacked, len(self._known))
+        each = zip(self._known.items(), own, strict=True)
+        return np.concatenate([v[known] / self.white[n] for (n, known), v in each])
+
+    @cached_property
+    def noises(self) -> tuple[tuple[float, ...], ...]:
+        """For each signal sizes of an error that wanders, in noise, and how long it lasts."""
+        n = len(self.bench.time)
+        axes = []
+        for name, known in self._known.items():
+            span = float(np.std(self._measured[name][known])) / self.white[name]
+            steps = int(np.ceil(np.log2(12.0 * max(span, 1.0))))
+            sizes = [limits.NO_WANDER, *(0.25 * 2.0 ** np.arange(1 + steps)).tolist()]
+            lasts = (2.0 ** np.arange(int(np.log2(n / 2.0)) + 1)).tolist()
+            axes += [tuple(sizes), tuple(lasts), limits.SMOOTHNESS]
+        return tuple(axes)
+
+    def likely_noises(self, residual: Array) -> list[Noise]:
+        """What noise may be like by what is left, shape (rows,): the likeliest size and how long it
+        lasts, for each smoothness and for the likeliest of each signal."""
+        of_signals = [self._likely(residual, number) for number in range(len(self._runs))]
+        alike = [[own[i][1] for own in of_signals] for i in range(len(limits.SMOOTHNESS))]
+        best = [max(own)[1] for own in of_signals]
+        return [tuple(itertools.chain(*each)) for each in (*alike, best)]
+
+    def _likely(self, residual: Array, number: int) -> list[tuple[float, Noise]]:
+        """For each smoothness the likeliest noise of one signal, with its log likelihood."""
+        runs = self._runs[number]
+        sizes, lasts, smoothnesses = self.noises[3 * number : 3 * number + 3]
+        seen = residual[runs[0].start : runs[-1].stop]
+        spread = float(np.sqrt(np.mean(seen**2)))
+        begin = int(np.argmin(np.abs(np.array(sizes) - spread))), len(lasts) // 2
+        found: list[tuple[float, Noise]] = []
+        for smoothness in smoothnesses:
+
+            @cache
+            def score(place: tuple[int, ...], smoothness: float = smoothness) -> float:
+                own = innovations(sizes[place[0]], lasts[place[1]], smoothness)
+                return -0.5 * float(np.sum(own.of(seen, runs) ** 2)) - own.logs(runs)
+
+            place = climbed(score, begin, [len(sizes), len(lasts)], ())
+            found.append((score(place), (sizes[place[0]], lasts[place[1]], smoothness)))
+        return found
+
+    def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
+        """As if errors were new in each sample, and for each smoothness: beside an explanation that
+        stands it is known what noise is like."""
+        left = rest()
+        return [self.new_in_each(left), *(self.likely_noises(left) if alone else ())]
+
+    def alike(self, noise: Noise) -> Array:
+        """Weights of innovations."""
+        return np.ones(self.count)
+
+    def shown(self, columns: Array) -> dict[str, float]:
+        """By how much some errors, one a column, shape (rows, errors), move each reading: root of
+        their summed mean squares, SI."""
+        own = zip(self.white, self._runs, strict=True)
+        return {
+            name: self.white[name]
+            * float(np.sqrt(np.mean(np.sum(columns[r[0].start : r[-1].stop] ** 2, axis=1))))
+            for name, r in own
+        }
+
+    def new_in_each(self, residual: Array) -> Noise:
+        """Noise as large as what is left, as if that were new in each row."""
+        found: list[float] = []
+        for runs in self._runs:
+            own = residual[runs[0].start : runs[-1].stop]
+            found += [float(np.sqrt(np.mean(own**2))), limits.AT_ONCE_GONE, 1.0]
+        return tuple(found)
+
+    def spread(self, residual: Array) -> float:
+        """How much is left, shape (rows,): logarithms of its size in each reading, in nats."""
+        parts = [residual[runs[0].start : runs[-1].stop] for runs in self._runs]
+        return sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in parts)
+
+    def noise_odds(self, noise: Noise) -> float:
+        """Log density of what noise is like, before the recording."""
+        axes = self.noises
+        odds = 0.0
+        for i, size in enumerate(noise[::3]):
+            if size > limits.NO_WANDER:
+                odds -= float(np.sum([np.log(len(axis)) for axis in axes[3 * i : 3 * i + 3]]))
+        return odds
+
+    def whitener(self, columns: Array) -> Callable[[Noise], Array]:
+        """What `whitened` gives of columns, each signal found once for its noise."""
+
+        @cache
+        def part(number: int, size: float, lasts: float, smoothness: float) -> Array:
+            runs = self._runs[number]
+            own = innovations(size, lasts, smoothness)
+            return own.of(columns[runs[0].start : runs[-1].stop], runs)
+
+        def whitened(noise: Noise) -> Array:
+            each = zip(noise[::3], noise[1::3], noise[2::3], strict=True)
+            return np.concatenate([part(i, *own) for i, own in enumerate(each)])
+
+        return whitened
+
+    def likelihood(self, residual: Array, noise: Noise) -> float:
+        """Log likelihood of whitened rows."""
+        filters = [
+            innovations(*own) for own in zip(noise[::3], noise[1::3], noise[2::3], strict=True)
+        ]
+        whole = -0.5 * float(residual @ residual)
+        return whole - sum(f.logs(runs) for f, runs in zip(filters, self._runs, strict=True))
+
+    def weights(self, residual: Array, noise: Noise) -> Array:
+        """Weights of innovations: none is odd, as single odd readings are set aside."""
+        return np.ones(self.count)
+
+    def prior(self, setting: Configuration) -> Prior:
+        """What is known of all values."""
+        plain = self._plain(setting)
+        return prior_with_sizes(plain, setting, self.size, self._range)
+
+    def _plain(self, setting: Configuration) -> Prior:
+        bench = self.bench
+        names = bench.free(setting.joined)
+        unknowns = {u.id: u for c in setting.joined for u in c.unknowns}
+        of_plant = tuple(n for n in names if n not in unknowns)
+        belief = self._belief(of_plant)
+        k, n = len(of_plant), len(names)
+        mean, scale = np.zeros(n), np.ones(n)
+        mean[:k] = belief.mean
+        scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
+        positive = belief.coordinates.positive
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        low[:k] = np.where(positive, mean[:k] - of_evidence.FARTHEST, -np.inf)
+        high[:k] = np.where(positive, mean[:k] + of_evidence.FARTHEST, np.inf)
+        for i, name in enumerate(names[k:], start=k):
+            low[i], high[i] = self.ends(unknowns[name])
+            width = high[i] - low[i]
+            scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
+        return Prior(
+            names=names,
+            coordinates=Coordinates(np.concatenate([positive, np.zeros(n - k, dtype=bool)])),
+            belief=belief,
+            mean=mean,
+            known=np.zeros(n),
+            freedom=np.full(n, np.inf),
+            lowest=low,
+            highest=high,
+            size=scale,
+        )
+
+    def ends(self, unknown: Unknown) -> tuple[float, float]:
+        """What is possible; what is there nearly from the first sample on, or to the last, no
+        recording can tell from what always is, or never."""
+        if unknown.driver != TIME:
+            return unknown.lowest, unknown.highest
+        duration = float(self.bench.time[-1])
+        return of_evidence.EDGE * duration, (1.0 - of_evidence.EDGE) * duration
+
+    def _belief(self, names: tuple[str, ...]) -> Belief:
+        if names not in self._beliefs:
+            base = self.bench.base
+            place = {n: i for i, n in enumerate(base.ids)}
+            rows = [place[n] for n in names]
+            self._beliefs[names] = belief_in(
+                names,
+                base.positive[rows],
+                base.values[rows],
+                base.covariance[np.ix_(rows, rows)],
+                base.sheet,
+            )
+        return self._beliefs[names]
+
+    def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
+        driver = None if unknown.driver is None else self.course(Configuration(), unknown.driver)
+        return range_over(unknown, start, driver)
+
+    def size(self, candidate: Candidate, unknown: Unknown) -> Size:
+        """The prior of an amplitude."""
+        if unknown.id not in self._sizes:
+            self._sizes[unknown.id] = size_of(unknown, lambda: self._share(candidate, unknown))
+        return self._sizes[unknown.id]
+
+    def _share(self, candidate: Candidate, unknown: Unknown) -> float:
+        """The share by which flows or readings change per amplitude, the most at any shape."""
+        fixed, shares = self.references(Configuration(), candidate), []
+        null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+        for shape in self.starts(Configuration(), candidate):
+            values = {**self.bench.plain_values, **fixed, **null, **shape}
+            null_ = unknown.null or 0.0
+            values[unknown.id] = null_ + 1e-3 * (usual(unknown) - null_)
+            try:
+                said = self.bench.simulate((candidate.id,), values, [unknown.id])
+            except RanAway:
+                continue
+            names = self.bench.balances((candidate.id,)).outputs
+            slopes, course = said.course.slopes[:, :, 0], said.course.shown
+            sizes = np.sqrt(np.mean(course**2, axis=0))
+            moved = np.sqrt(np.mean(slopes**2, axis=0)) / np.maximum(sizes, 1e-300)
+            of_flow = [
+                i for i, n in enumerate(names) if n.partition(":")[0] in ("inflow", "outflow")
+            ]
+            own = [i for i in of_flow if names[i].partition(":")[2] in candidate.modules]
+            of_reading = [
+                i for i, n in enumerate(names) if n == f"shown:{candidate.module}.{candidate.place}"
+            ]
+            for places in (of_reading, own, of_flow):
+                best = max((float(moved[i]) for i in places), default=0.0)
+                if best > 0.0:
+                    shares.append(best)
+                    break
+        return max(shares, default=0.0) or 1.0 / abs(usual(unknown) - (unknown.null or 0.0))
+
+    def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> StoredPoint:
+        """The model at some coordinates; infinitely far off where it runs away."""
+        values = {**setting.values, **prior.values(at)}
+        there = replace(setting, values=values)
+        residual, slopes = self.simulated(there, prior.names)
+        return StoredPoint(there, residual, slopes * prior.coordinates.slopes(at))
+
+    def simulated(self, setting: Configuration, names: Sequence[str] = ()) -> tuple[Array, Array]:
+        """Errors of a model in the noise of readings, shape (rows,), and their slopes by some of
+        its values, SI, shape (rows, names)."""
+        values = {**setting.fixed, **setting.values}
+        try:
+            with np.errstate(all="ignore"):
+                said = self.bench.simulate(setting.ids, values, names)
+        except RanAway:
+            return np.full(self.count, np.inf), np.zeros((self.count, len(names)))
+        residual, slopes = [], []
+        for name, known in self._known.items():
+            off = said.shown[name] - self._measured[name]
+            residual.append(off[known] / self.white[name])
+            slopes.append(said.slopes[name][known] / self.white[name])
+        whole = np.concatenate(slopes)
+        # Where a tank runs empty its slopes overflow: such a sample tells nothing to first order.
+        whole[~np.all(np.abs(whole) < limits.RUNAWAY, axis=1)] = 0.0
+        return np.concatenate(residual), whole
+
+    def effect_forms(self, now: Point) -> Array:
+        """Effects' own laws count as exact."""
+        return np.zeros((self.count, 0))
+
+    def course(self, setting: Configuration, name: str) -> Array:
+        """Course of a driver, shape (n,), SI."""
+        values = {**self.bench.plain_values, **setting.values, **setting.fixed}
+        return self.bench.trajectory(setting.ids, values, name, self.bench.record.inputs)
+
+    def references(self, setting: Configuration, candidate: Candidate) -> dict[str, float]:
+        """Typical readings that parameters stay at."""
+        found = {}
+        for unknown in (u for u in candidate.unknowns if u.fixed):
+            course = self.course(setting, unknown.driver or TIME)
+            ends = np.nanquantile(course, unknown.quantiles or MEDIAN)
+            found[unknown.id] = 0.5 * float(ends[1] - ends[0]) if len(ends) == 2 else float(ends[0])
+        return found
+
+    def starts(self, setting: Configuration, candidate: Candidate) -> Iterator[dict[str, float]]:
+        """Combinations of the starts of shapes."""
+        names, options = [], []
+        for unknown in candidate.unknowns:
+            if unknown.fixed or unknown.null is not None:
+                continue
+            names.append(unknown.id)
+            if unknown.quantiles:
+                course = self.course(setting, unknown.driver or TIME)
+                options.append(np.nanquantile(course, unknown.quantiles).tolist())
+            else:
+                options.append(list(unknown.starts))
+        for chosen in itertools.product(*options):
+            yield dict(zip(names, chosen, strict=True))
+
+
+def usual(unknown: Unknown, sign: float = 0.0) -> float:
+    """The smallest amplitude that an entry starts from, SI, of a sign if there is one."""
+    null = unknown.null or 0.0
+    starts = [s for s in unknown.starts if s != null and (not sign or np.sign(s - null) == sign)]
+    span = unknown.highest - unknown.lowest
+    step = 0.1 * span if np.isfinite(span) else unknown.factor
+    other = min((abs(s - null) for s in unknown.starts if s != null), default=step)
+    nearest = min(starts, key=lambda s: abs(s - null), default=null + (sign or 1.0) * other)
+    return float(np.clip(nearest, unknown.lowest, unknown.highest))
+
+
+def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples with gaps of a few between them."""
+    at = np.flatnonzero(known)
+    found = known.copy()
+    for a, b in itertools.pairwise(at.tolist()):
+        if b - a <= limits.BRIDGED:
+            found[a:b] = True
+    return found
+
+
+def _compressed(table: Array, times: float) -> Array:
+    """As few columns with the same sum of squares, but for what does not show at so many times its
+    size."""
+    left, size, _ = np.linalg.svd(table, full_matrices=False)
+    kept = (size * times > limits.FORM_NOT_SEEN) & (size > limits.FORM_RANK * size.max(initial=0.0))
+    columns: Array = left[:, kept] * size[kept]
+    return columns
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What each sample says that those before it did not, over its standard deviation.
+
+    The first ones by `first`, shape (m, m); all others by a filter (`above` over `below`), and over
+    `spread`.
+    """
+
+    first: Array
+    above: Array
+    below: Array
+    spread: float
+
+    def of(self, columns: Array, runs: Sequence[slice]) -> Array:
+        """Those of rows of one signal, shape (n,) or (n, columns), each run by itself."""
+        rows = np.zeros((len(columns), columns[0].size))
+        wide = columns.reshape(rows.shape)
+        with np.errstate(all="ignore"):
+            for back, share in enumerate(self.above):
+                rows[back:] += share * wide[: len(wide) - back]
+            band = np.repeat(self.below[:, None], len(rows), axis=1)
+            found: Array = dtbtrs(band, rows, uplo="L")[0].reshape(columns.shape) / self.spread
+            for run in runs:
+                m = min(len(self.first), run.stop - run.start)
+                own = slice(run.start - runs[0].start, run.start - runs[0].start + m)
+                found[own] = self.first[:m, :m] @ columns[own]
+        return found
+
+    def logs(self, runs: Sequence[slice]) -> float:
+        """Sum of the logarithms of standard deviations."""
+        own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
+        for rows in runs:
+            m = min(len(self.first), rows.stop - rows.start)
+            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - float(own[m])
+        return total
+
+
+@lru_cache(maxsize=4096)
+def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
+    """Innovations of white noise of unit variance, with an error on it that wanders.
+
+    `smoothness` is 1 where it does so in steps, and 3 where its slope lasts too: what is stored
+    integrates errors of flows (Matern 1/2 and 3/2). `lasts` is in samples.
+    """
+    rate = float(np.sqrt(smoothness)) / lasts
+    gap = np.arange(limits.FIRST_INNOVATIONS, dtype=float)
+    if smoothness > 1.0:
+        alike = size**2 * (1.0 + rate * gap) * np.exp(-rate * gap)
+        step = np.exp(-rate) * np.array([[1.0 + rate, 1.0], [-(rate**2), 1.0 - rate]])
+        known = np.diag([size**2, (rate * size) ** 2])
+    else:
+        alike = size**2 * np.exp(-rate * gap)
+        step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
+    shown = np.eye(1, len(step))
+    first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
+    news = known - step @ known @ step.T
+    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
+    whole = float(ahead[0, 0]) + 1.0
+    seen = step @ ahead[:, :1] / whole @ shown
+    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - seen))
+    return Innovations(first, above, below, float(np.sqrt(whole)))

@@ -1,0 +1,220 @@
+"""Sets of explanations of a plant that stores, grown from the best ones."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Sequence, Set
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.simulation.balances import RanAway
+
+from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.refit import Model, refitted
+from rulec.mismatch.search.settled.scan import Column, Found, joined, scan
+from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, Search, grown
+from rulec.mismatch.search.stores.geometry import StoresGeometry, usual
+
+
+def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:
+    """Columns for each amplitude of each candidate at several shapes: its slope near its null, and
+    what it changes from there to each strength that is usual, as laws bend.
+
+    `of` are ids of the only candidates that count.
+    """
+    found: list[Column] = []
+    taken = {(c.name, c.place, m) for c in model.setting.joined for m in c.modules}
+    plain, _ = geometry.simulated(model.setting)
+    for candidate in geometry.candidates:
+        if of is not None and candidate.id not in of:
+            continue
+        if taken & {(candidate.name, candidate.place, m) for m in candidate.modules}:
+            continue
+        amplitudes = amplitudes_of(candidate)
+        null = {u.id: n for u, n in amplitudes.items()}
+        near = {u.id: n + common.GENTLE * (usual(u) - n) for u, n in amplitudes.items()}
+        fixed = geometry.references(model.setting, candidate)
+        for shape in geometry.starts(model.setting, candidate):
+            start = {**null, **shape}
+            there = model.setting.joining(candidate, {**near, **shape}, fixed)
+            _, slopes = geometry.simulated(there, [u.id for u in amplitudes])
+            changes = list(zip(amplitudes, slopes.T, strict=True))
+            strengths = ((u, s) for u, n in amplitudes.items() for s in u.starts if s != n)
+            for unknown, strength in strengths:
+                there = model.setting.joining(candidate, {**start, unknown.id: strength}, fixed)
+                change = geometry.simulated(there)[0] - plain
+                changes.append((unknown, change / (strength - null[unknown.id])))
+            found += [
+                Column(candidate=candidate, amplitude=u, values=start, fixed=fixed, rows=rows)
+                for u, rows in changes
+                if np.isfinite(rows).all() and rows.any()
+            ]
+    return found
+
+
+def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list[Configuration]:
+    """Where a refit of a set may begin: the best point with strengths as they were foreseen, and
+    those with usual ones at any shape, with the other values as they are and as they are stated."""
+    foreseen = [joined(model.setting, found.starts) for found in every]
+    new = {c.candidate.id: c.candidate for c, _ in every[0].starts}.values()
+    fixed = {c.id: geometry.references(model.setting, c) for c in new}
+    shapes = itertools.product(*(geometry.starts(model.setting, c) for c in new))
+    signs = {
+        tuple((c.amplitude, np.sign(v - (c.amplitude.null or 0.0))) for c, v in found.starts)
+        for found in every
+    }
+    others = []
+    for each in itertools.islice(shapes, limits.SHAPES):
+        for ahead in signs:
+            there, own = model.setting, {u.id: usual(u, sign) for u, sign in ahead}
+            for candidate, shape in zip(new, each, strict=True):
+                rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
+                there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
+            others.append(replace(there, values={**there.values, **own}))
+    # Beside an explanation that stands, values are where they belong.
+    alone = not model.setting.joined
+    kinds = (foreseen, others, [_as_stated(there) for there in others] if alone else [])
+    best = (_cheapest(geometry, kind) for kind in kinds)
+    return [way for way in best if way is not None]
+
+
+def _as_stated(setting: Configuration) -> Configuration:
+    """The same with the values of the plant as they are stated."""
+    own = {u.id for c in setting.joined for u in c.unknowns}
+    return replace(setting, values={n: v for n, v in setting.values.items() if n in own})
+
+
+def amplitudes_of(candidate: Candidate) -> dict[Unknown, float]:
+    """Amplitudes of a candidate with their nulls."""
+    return {u: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+
+
+def _cheapest(geometry: StoresGeometry, every: Sequence[Configuration]) -> Configuration | None:
+    """The one that leaves least, of those that do not run away."""
+    found: list[tuple[float, Configuration]] = []
+    for setting in every:
+        prior = geometry.prior(setting)
+        at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
+        there = replace(setting, values={**setting.values, **prior.values(at)})
+        residual, _ = geometry.simulated(there)
+        if np.isfinite(residual).all():
+            found.append((geometry.spread(residual), there))
+    return min(found, key=lambda one: one[0])[1] if found else None
+
+
+def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
+    """The sets of explanations of a recording, with their odds."""
+    search = begun(bench)
+    grown(search, progress, (grow, prune))
+    progress("refitting the likeliest sets, with errors as they are about the best one")
+    return about_the_best(bench, search).posterior()
+
+
+def begun(bench: SimulationProblem) -> Search:
+    """A search that has refitted the plain model, with errors as they are about that."""
+    first = StoresGeometry(bench)
+    near = refitted(first, from_afar(first, Configuration()))
+    search = Search(StoresGeometry(bench, near.setting))
+    search.keep(frozenset(), search.refit(near.setting, near))
+    return search
+
+
+def about_the_best(bench: SimulationProblem, search: Search) -> Search:
+    """The likeliest sets refitted with errors of form and of sensors as they show in the best one:
+    a model that is far off shows others."""
+    again = Search(StoresGeometry(bench, search.models[search.likeliest].setting))
+    likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
+    for names in dict.fromkeys((*likely, frozenset())):
+        model = search.models[names]
+        with contextlib.suppress(np.linalg.LinAlgError):
+            again.keep(names, again.refit(model.setting, model))
+    return again
+
+
+def with_laws(bench: SimulationProblem, laws: Sequence[Set[str]]) -> Posterior:
+    """One of some candidates after the other, by their ids: how likely known laws are."""
+    search = begun(bench)
+    names: Names = frozenset()
+    for ids in laws:
+        grow(search, names, ids)
+        more = [n for n in search.odds if n > names]
+        names = max(more, key=lambda n: search.odds[n], default=names)
+    return about_the_best(bench, search).posterior()
+
+
+def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
+    """Refit a set with what would gain most beside it."""
+    geometry, model = search.geometry, search.models[names]
+    assert isinstance(geometry, StoresGeometry)
+    if len(names) >= limits.DEEPEST:
+        return
+    every = columns(geometry, model, of)
+    groups: dict[Names, list[Found]] = {}
+    for one in scan(geometry, model, every, {}, limits.SETS_REFITTED):
+        groups.setdefault(one.names, []).append(one)
+    begins = {new: ways(geometry, model, found) for new, found in groups.items()}
+    if not model.setting.joined:
+        begins |= _singles(geometry, model, every, begins.keys())
+    for new, own in begins.items():
+        if names | new in search.odds:
+            continue
+        near = [from_afar(geometry, way, limits.EVALUATIONS_OF_EACH) for way in own]
+        if best := _cheapest(geometry, near):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                search.keep(names | new, search.refit(from_afar(geometry, best), model))
+
+
+def _singles(
+    geometry: StoresGeometry, model: Model, every: Sequence[Column], known: Set[Names]
+) -> dict[Names, list[Configuration]]:
+    """Where single explanations lead that slopes do not propose, the best ones: far from a model a
+    slope says little of what a large effect would gain."""
+    first = {frozenset({c.name}): c for c in reversed(every)}
+    found = []
+    for name, column in first.items():
+        if name not in known:
+            begin = ((column, usual(column.amplitude)),)
+            own = ways(geometry, model, [Found(0.0, begin)])
+            near = [from_afar(geometry, way, limits.EVALUATIONS_OF_EACH) for way in own[1:]]
+            if best := _cheapest(geometry, near):
+                found.append((geometry.spread(geometry.simulated(best)[0]), name, best))
+    found.sort(key=lambda one: one[0])
+    return {name: [best] for _, name, best in found[: limits.SETS_REFITTED]}
+
+
+def from_afar(
+    geometry: StoresGeometry, setting: Configuration, evaluations: int = limits.EVALUATIONS
+) -> Configuration:
+    """Values to which simulation errors lead from some way off, each error counted as new: what
+    lasts in a model that is far off makes a rough landscape."""
+    bench, measured = geometry.bench, geometry.bench.record.measured
+    fitter = Fitter(bench, setting.joined, setting.fixed)
+    at = fitter.vector(setting.values)
+    noise = {n: limits.FAR_OFF * float(np.nanstd(v)) + 1e-12 for n, v in measured.items()}
+    for _ in range(limits.FITS_FROM_AFAR):
+        new = {n: Noise(spread, 1.0) for n, spread in noise.items()}
+        judged = Judged(bench.known, new, no_drift(bench), np.zeros(0))
+        at = fitter.descend(at, judged, judged.basis(), evaluations)
+        with contextlib.suppress(RanAway):
+            errors, _ = fitter.errors(at, judged)
+            noise = {n: float(np.sqrt(np.mean(e[bench.known[n]] ** 2))) for n, e in errors.items()}
+    values = fitter.values(at)
+    return replace(setting, values={n: values[n] for n in fitter.free})
+
+
+def prune(search: Search, names: Names) -> None:
+    """A set without each of its members."""
+    model = search.models[names]
+    for candidate in model.setting.joined if len(names) > 1 else ():
+        # From here a set that stands already may be met better.
+        with contextlib.suppress(np.linalg.LinAlgError):
+            less = search.refit(model.setting.leaving(candidate.id), model)
+            search.keep(names - {candidate.id}, less)

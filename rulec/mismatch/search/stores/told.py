@@ -1,0 +1,64 @@
+"""The most probable set of explanations of a plant that stores, fitted to the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rulec.mismatch.evidence.stores.ends import Ends, plain_end
+from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search import limits
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.settled.sets import Posterior, Progress
+from rulec.mismatch.search.settled.told import accepted_of, told_of
+from rulec.mismatch.search.stores.sets import explain
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found: the plain model and the one with explanations, which may be the same,
+    as `ends` fitted them; what it says, and all that was weighed."""
+
+    ends: Ends
+    plain: Fitted
+    best: Fitted
+    accepted: tuple[Accepted, ...]
+    posterior: Posterior
+
+    @property
+    def tried(self) -> int:
+        """Sets of explanations that were refitted."""
+        return len(self.posterior.models)
+
+    @property
+    def alone(self) -> Mapping[str, float]:
+        """What each explanation gains by itself, nats, by its id."""
+        odds = self.posterior.odds
+        own = {name: odds[names] for names in odds if len(names) == 1 for name in names}
+        return {name: gain - odds[frozenset()] for name, gain in own.items()}
+
+    @property
+    def singles(self) -> Sequence[Fitted]:
+        """Models with one explanation, the likeliest first."""
+        alone, models = self.alone, self.posterior.models
+        names = sorted(alone, key=lambda n: -alone[n])[: limits.WEIGHED]
+        settings = (models[frozenset({name})].setting for name in names)
+        return [self.ends.fitted(s.joined, {**s.values, **s.fixed}, self.plain) for s in settings]
+
+
+def search(bench: SimulationProblem, progress: Progress) -> Found:
+    """Find the sets of explanations that fit a recording, and tell the most probable one."""
+    posterior = explain(bench, progress)
+    progress("fitting the most probable explanation to the end")
+    ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)
+    names = told_of(posterior)
+    setting = posterior.models[posterior.told].setting
+    for candidate in setting.joined:
+        setting = setting if candidate.id in names else setting.leaving(candidate.id)
+    best = plain
+    if setting.joined:
+        best = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, plain)
+        best = ends.sharpened(best)
+    accepted = tuple(accepted_of(posterior, c.id, c) for c in setting.joined)
+    return Found(ends, plain, best, accepted, posterior)
