@@ -68,9 +68,8 @@ DRAWN = 4
 # Intervals and held-out blocks.
 
 DROP = 1.92
-"""Fall of the log likelihood at the ends of a 95 % interval, and the gain beyond an end of its
-range from which on a value is pressed there. Origin: distribution (chi-square with one degree,
-95 %, half)."""
+"""Fall of the log likelihood at the ends of a 95 % interval. Origin: distribution (chi-square with
+one degree, 95 %, half)."""
 
 NORMAL_95 = 1.96
 """Standard uncertainties on either side in a 95 % interval. Origin: distribution (normal, 97.5

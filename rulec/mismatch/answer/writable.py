@@ -21,7 +21,6 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import course_of
 from rulec.mismatch.result import Fit, Series
-from rulec.mismatch.search.accepted import Accepted
 from rulec.simulation.equations import SimulationRefused
 
 UNDRIVEN = "what drives it is not recorded"
@@ -36,7 +35,7 @@ def writable(found: Explained[F]) -> Refits[F]:
     """
     taken: list[Candidate] = []
     left_out = []
-    sure = {a.candidate.id for a in found.accepted if _class_probability(a) >= limits.CERTAIN}
+    sure = {a.candidate.id for a in found.accepted if a.class_probability >= limits.CERTAIN}
     for candidate in found.model.joined:
         if sure and candidate.id not in sure:
             left_out.append((candidate, UNSURE))
@@ -49,12 +48,6 @@ def writable(found: Explained[F]) -> Refits[F]:
             same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
             left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
     return found.refitted(taken, left_out)
-
-
-def _class_probability(own: Accepted) -> float:
-    """Probability of an explanation or of one that shows the same."""
-    same = sum(odds for candidate, odds in own.others if candidate.id in own.same)
-    return own.probability * (1.0 + same + own.shapeless)
 
 
 def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:

@@ -113,17 +113,6 @@ assumed."""
 
 # Fits to plants that store.
 
-AT_END = 0.01
-"""Share of its range by which a value may be off an end and still count as there. Origin:
-numerical."""
-
-INWARD = 0.1
-"""Share of the way back from an end whose cost is looked at: see `PRESSING`. Origin: assumed."""
-
-PRESSING = 0.5
-"""Log likelihood that `INWARD` must cost for a value to be pressed to an end of its range.
-Origin: assumed."""
-
 EDGE = 0.02
 """Share of the recording before which, and this much before whose end, nothing begins. Origin:
 assumed."""

@@ -37,3 +37,9 @@ class Accepted:
         """Against all others that would do, and against what has no name, or nothing."""
         others = sum(odds for _, odds in self.others)
         return 1.0 / (1.0 + self.unnamed + self.shapeless + others)
+
+    @property
+    def class_probability(self) -> float:
+        """That it is this one or one that shows the same."""
+        same = sum(odds for candidate, odds in self.others if candidate.id in self.same)
+        return self.probability * (1.0 + same + self.shapeless)

@@ -11,7 +11,7 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.stores.drift import _hats
+from rulec.mismatch.evidence.stores.drift import hats
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, SimulationProblem
 
@@ -54,7 +54,7 @@ def errors_of_form(
             continue
         share = common.FORM_U * spot.accuracy
         moved = [np.zeros(len(bench.signals) * len(zero))]
-        for shape in _hats(value, 1 + round(1.0 / common.FORM_LENGTH)):
+        for shape in hats(value, 1 + round(1.0 / common.FORM_LENGTH)):
             try:
                 there = _with_error(bench, ids, values, spot, share * value * shape)
             except RanAway:

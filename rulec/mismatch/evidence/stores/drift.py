@@ -75,7 +75,7 @@ def drift_of(
         if size < limits.NOTABLE_DRIFT:
             continue
         for shape in (
-            _hats(bench.time, limits.DRIFT_KNOTS)
+            hats(bench.time, limits.DRIFT_KNOTS)
             if size > limits.LARGE_DRIFT
             else [np.ones(len(bench.time))]
         ):
@@ -121,7 +121,7 @@ def _stacked(
     return np.concatenate([said.shown[n] for n in bench.signals])
 
 
-def _hats(over: Array, knots: int) -> list[Array]:
+def hats(over: Array, knots: int) -> list[Array]:
     """Piecewise linear shapes over the range of something that add up to one, shape (n,)."""
     ends = np.linspace(over.min(), over.max(), knots)
     return [np.interp(over, ends, row) for row in np.eye(knots)]

@@ -16,8 +16,7 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.knowledge.belief import Coordinates, belief_in
-from rulec.mismatch import limits as common
+from rulec.knowledge.belief import Coordinates
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of
@@ -37,7 +36,7 @@ class Fitted:
     signal, shape (n,); `noise` is what they show. `negative_log_prior` is half the
     squares of what the priors cost, those of sensors too. `slow` holds errors within the class of
     sensors, in their uncertainties, `inputs` what was given, put right by them, and `drift` what
-    they do. `pressed` names unknowns that stand at an end of what is possible and would go on.
+    they do.
     """
 
     joined: tuple[Candidate, ...]
@@ -50,7 +49,6 @@ class Fitted:
     slow: Array
     inputs: Mapping[str, Array]
     drift: Drift
-    pressed: tuple[str, ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -108,17 +106,9 @@ class Fitter:
         self.bench, self.joined, self.fixed = bench, joined, dict(fixed)
         self.ids = tuple(c.id for c in joined)
         self.free = bench.free(joined)
-        base = bench.base
-        place = {n: i for i, n in enumerate(base.ids)}
-        self._count = sum(n in place for n in self.free)
-        rows = [place[n] for n in self.free[: self._count]]
-        self._belief = belief_in(
-            self.free[: self._count],
-            base.positive[rows],
-            base.values[rows],
-            base.covariance[np.ix_(rows, rows)],
-            base.sheet,
-        )
+        known = set(bench.base.ids)
+        self._count = sum(n in known for n in self.free)
+        self._belief = bench.belief(self.free[: self._count])
         self._mean = self._belief.mean
         self._u = 1.0 / np.sqrt(np.diag(self._belief.near(self._mean).precision))
         self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
@@ -134,19 +124,11 @@ class Fitter:
         positive = self._belief.coordinates.positive
         low = np.where(positive, self._mean - limits.FARTHEST, -np.inf)
         high = np.where(positive, self._mean + limits.FARTHEST, np.inf)
-        ends = [self._ends(u) for u in self._unknowns]
+        ends = [self.bench.ends(u) for u in self._unknowns]
         return (
             np.concatenate([low, [end[0] for end in ends]]),
             np.concatenate([high, [end[1] for end in ends]]),
         )
-
-    def _ends(self, unknown: Unknown) -> tuple[float, float]:
-        """What is possible; what is there nearly from the first sample on, or to the last, no
-        recording can tell from what always is, or never."""
-        if unknown.driver != TIME:
-            return unknown.lowest, unknown.highest
-        duration = float(self.bench.time[-1])
-        return limits.EDGE * duration, (1.0 - limits.EDGE) * duration
 
     @property
     def scale(self) -> Array:
@@ -338,33 +320,7 @@ class Fitter:
             judged.slow,
             judged.drift.put_right(self.bench.record.inputs, judged.slow),
             judged.drift,
-            self._pressed(at, judged),
         )
-
-    def _pressed(self, at: Array, judged: Judged) -> tuple[str, ...]:
-        """Unknowns at an end of their range, other than their null, that the data push there."""
-        at_end = [
-            (self._count + i, unknown, end)
-            for i, unknown in enumerate(self._unknowns)
-            for end in (unknown.lowest, unknown.highest)
-            if unknown.null is not None and end != unknown.null
-            if abs(at[self._count + i] - end) < limits.AT_END * (unknown.highest - unknown.lowest)
-        ]
-        for i, unknown in enumerate(self._unknowns):
-            low, high = self._ends(unknown)
-            if unknown.driver == TIME and not low < at[self._count + i] < high:
-                return (unknown.id,)
-        if not at_end:
-            return ()
-        residual, slopes = self.residual(at, judged, judged.basis())
-        open_ = np.diag(np.linalg.pinv(slopes.T @ slopes))
-        found = []
-        for i, unknown, end in at_end:
-            back = limits.INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
-            steep = abs(float(slopes[:, i] @ residual))
-            if steep * back > limits.PRESSING and 0.5 * steep**2 * open_[i] > common.DROP:
-                found.append(unknown.id)
-        return tuple(found)
 
     def _noise(self, errors: Mapping[str, Array], judged: Judged) -> dict[str, Noise]:
         """The noise that errors show, per signal."""

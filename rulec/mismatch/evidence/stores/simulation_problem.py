@@ -14,6 +14,8 @@ from rulec_runtime.simulation.balances import TIME, Balances, Course
 
 from rulec.effects.candidate import BaseParameters, Candidate, Unknown
 from rulec.effects.model_builder import ModelBuilder
+from rulec.knowledge.belief import Belief, belief_in
+from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.record import Record
 
 SHOWN = "shown:"
@@ -39,6 +41,7 @@ class SimulationProblem:
     def __init__(self, ruleset: Ruleset, builder: ModelBuilder, record: Record) -> None:
         self.ruleset, self.builder, self.record = ruleset, builder, record
         self.signals = tuple(record.measured)
+        self._beliefs: dict[tuple[str, ...], Belief] = {}
         self.time: Array = record.time - record.time[0]
         # Noise and fits may see samples that are open; a reading at the end of its range counts.
         self.known: Mapping[str, Flags] = {
@@ -54,6 +57,29 @@ class SimulationProblem:
     def base(self) -> BaseParameters:
         """Parameters of the plain plant."""
         return self.builder.parameters
+
+    def belief(self, names: tuple[str, ...]) -> Belief:
+        """What is known of some parameters of the plain plant."""
+        if names not in self._beliefs:
+            base = self.base
+            place = {n: i for i, n in enumerate(base.ids)}
+            rows = [place[n] for n in names]
+            self._beliefs[names] = belief_in(
+                names,
+                base.positive[rows],
+                base.values[rows],
+                base.covariance[np.ix_(rows, rows)],
+                base.sheet,
+            )
+        return self._beliefs[names]
+
+    def ends(self, unknown: Unknown) -> tuple[float, float]:
+        """What is possible; what is there nearly from the first sample on, or to the last, no
+        recording can tell from what always is, or never."""
+        if unknown.driver != TIME:
+            return unknown.lowest, unknown.highest
+        duration = float(self.time[-1])
+        return limits.EDGE * duration, (1.0 - limits.EDGE) * duration
 
     def balances(self, joined: tuple[str, ...]) -> Balances:
         """The balances with candidates built in."""

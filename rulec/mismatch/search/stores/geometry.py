@@ -3,8 +3,6 @@
 Noise of a reading is white, as its third differences show it; beside that an error may wander, as
 large and as long as makes the recording most likely. A model of a plant that stores is off for long
 stretches: rows are what each sample says that those before it did not.
-
-Source: Anderson and Moore 1979, chapter 4 (innovations of a first-order process under noise).
 """
 
 from __future__ import annotations
@@ -12,18 +10,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
-from scipy.linalg import solve_discrete_are, toeplitz
-from scipy.linalg.lapack import dtbtrs
 
 from rulec.effects.candidate import MEDIAN, Candidate, Unknown
-from rulec.knowledge.belief import Belief, Coordinates, belief_in
+from rulec.knowledge.belief import Coordinates
 from rulec.mismatch.evidence import limits as of_evidence
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior
@@ -35,6 +31,7 @@ from rulec.mismatch.search.evidence import Evidence, Noise, Point
 from rulec.mismatch.search.prior import prior_with_sizes, range_over
 from rulec.mismatch.search.refit import climbed
 from rulec.mismatch.search.sizes import Size, size_of
+from rulec.mismatch.search.stores.innovations import innovations
 
 
 @dataclass(frozen=True)
@@ -52,10 +49,12 @@ class StoresGeometry(Evidence):
     Errors of form and of sensors are those about a model, `near`.
     """
 
+    terms = 0
+    ended = limits.STORES_ENDED
+
     def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
         self.bench = bench
         self._sizes: dict[str, Size] = {}
-        self._beliefs: dict[tuple[str, ...], Belief] = {}
         near = near or Configuration()
         ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
@@ -108,9 +107,6 @@ class StoresGeometry(Evidence):
                 first += b - a
             found.append(own)
         return found
-
-    terms = 0
-    ended = limits.STORES_ENDED
 
     @property
     def candidates(self) -> Sequence[Candidate]:
@@ -220,18 +216,15 @@ class StoresGeometry(Evidence):
             return own.of(columns[runs[0].start : runs[-1].stop], runs)
 
         def whitened(noise: Noise) -> Array:
-            each = zip(noise[::3], noise[1::3], noise[2::3], strict=True)
-            return np.concatenate([part(i, *own) for i, own in enumerate(each)])
+            return np.concatenate([part(i, *own) for i, own in enumerate(_of_signals(noise))])
 
         return whitened
 
     def likelihood(self, residual: Array, noise: Noise) -> float:
         """Log likelihood of whitened rows."""
-        filters = [
-            innovations(*own) for own in zip(noise[::3], noise[1::3], noise[2::3], strict=True)
-        ]
-        whole = -0.5 * float(residual @ residual)
-        return whole - sum(f.logs(runs) for f, runs in zip(filters, self._runs, strict=True))
+        each = zip(_of_signals(noise), self._runs, strict=True)
+        logs = sum(innovations(*own).logs(runs) for own, runs in each)
+        return -0.5 * float(residual @ residual) - logs
 
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of innovations: none is odd, as single odd readings are set aside."""
@@ -247,7 +240,7 @@ class StoresGeometry(Evidence):
         names = bench.free(setting.joined)
         unknowns = {u.id: u for c in setting.joined for u in c.unknowns}
         of_plant = tuple(n for n in names if n not in unknowns)
-        belief = self._belief(of_plant)
+        belief = bench.belief(of_plant)
         k, n = len(of_plant), len(names)
         mean, scale = np.zeros(n), np.ones(n)
         mean[:k] = belief.mean
@@ -257,7 +250,7 @@ class StoresGeometry(Evidence):
         low[:k] = np.where(positive, mean[:k] - of_evidence.FARTHEST, -np.inf)
         high[:k] = np.where(positive, mean[:k] + of_evidence.FARTHEST, np.inf)
         for i, name in enumerate(names[k:], start=k):
-            low[i], high[i] = self.ends(unknowns[name])
+            low[i], high[i] = bench.ends(unknowns[name])
             width = high[i] - low[i]
             scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
         return Prior(
@@ -272,28 +265,6 @@ class StoresGeometry(Evidence):
             size=scale,
         )
 
-    def ends(self, unknown: Unknown) -> tuple[float, float]:
-        """What is possible; what is there nearly from the first sample on, or to the last, no
-        recording can tell from what always is, or never."""
-        if unknown.driver != TIME:
-            return unknown.lowest, unknown.highest
-        duration = float(self.bench.time[-1])
-        return of_evidence.EDGE * duration, (1.0 - of_evidence.EDGE) * duration
-
-    def _belief(self, names: tuple[str, ...]) -> Belief:
-        if names not in self._beliefs:
-            base = self.bench.base
-            place = {n: i for i, n in enumerate(base.ids)}
-            rows = [place[n] for n in names]
-            self._beliefs[names] = belief_in(
-                names,
-                base.positive[rows],
-                base.values[rows],
-                base.covariance[np.ix_(rows, rows)],
-                base.sheet,
-            )
-        return self._beliefs[names]
-
     def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
         driver = None if unknown.driver is None else self.course(Configuration(), unknown.driver)
         return range_over(unknown, start, driver)
@@ -307,11 +278,11 @@ class StoresGeometry(Evidence):
     def _share(self, candidate: Candidate, unknown: Unknown) -> float:
         """The share by which flows or readings change per amplitude, the most at any shape."""
         fixed, shares = self.references(Configuration(), candidate), []
+        plain = unknown.null or 0.0
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
         for shape in self.starts(Configuration(), candidate):
             values = {**self.bench.plain_values, **fixed, **null, **shape}
-            null_ = unknown.null or 0.0
-            values[unknown.id] = null_ + 1e-3 * (usual(unknown) - null_)
+            values[unknown.id] = plain + 1e-3 * (usual(unknown) - plain)
             try:
                 said = self.bench.simulate((candidate.id,), values, [unknown.id])
             except RanAway:
@@ -332,7 +303,7 @@ class StoresGeometry(Evidence):
                 if best > 0.0:
                     shares.append(best)
                     break
-        return max(shares, default=0.0) or 1.0 / abs(usual(unknown) - (unknown.null or 0.0))
+        return max(shares, default=0.0) or 1.0 / abs(usual(unknown) - plain)
 
     def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> StoredPoint:
         """The model at some coordinates; infinitely far off where it runs away."""
@@ -394,6 +365,11 @@ class StoresGeometry(Evidence):
             yield dict(zip(names, chosen, strict=True))
 
 
+def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
+    """Size of the error that wanders, how long it lasts and how smoothly, for each signal."""
+    return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
+
+
 def usual(unknown: Unknown, sign: float = 0.0) -> float:
     """The smallest amplitude that an entry starts from, SI, of a sign if there is one."""
     null = unknown.null or 0.0
@@ -422,66 +398,3 @@ def _compressed(table: Array, times: float) -> Array:
     kept = (size * times > limits.FORM_NOT_SEEN) & (size > limits.FORM_RANK * size.max(initial=0.0))
     columns: Array = left[:, kept] * size[kept]
     return columns
-
-
-@dataclass(frozen=True)
-class Innovations:
-    """What each sample says that those before it did not, over its standard deviation.
-
-    The first ones by `first`, shape (m, m); all others by a filter (`above` over `below`), and over
-    `spread`.
-    """
-
-    first: Array
-    above: Array
-    below: Array
-    spread: float
-
-    def of(self, columns: Array, runs: Sequence[slice]) -> Array:
-        """Those of rows of one signal, shape (n,) or (n, columns), each run by itself."""
-        rows = np.zeros((len(columns), columns[0].size))
-        wide = columns.reshape(rows.shape)
-        with np.errstate(all="ignore"):
-            for back, share in enumerate(self.above):
-                rows[back:] += share * wide[: len(wide) - back]
-            band = np.repeat(self.below[:, None], len(rows), axis=1)
-            found: Array = dtbtrs(band, rows, uplo="L")[0].reshape(columns.shape) / self.spread
-            for run in runs:
-                m = min(len(self.first), run.stop - run.start)
-                own = slice(run.start - runs[0].start, run.start - runs[0].start + m)
-                found[own] = self.first[:m, :m] @ columns[own]
-        return found
-
-    def logs(self, runs: Sequence[slice]) -> float:
-        """Sum of the logarithms of standard deviations."""
-        own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
-        for rows in runs:
-            m = min(len(self.first), rows.stop - rows.start)
-            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - float(own[m])
-        return total
-
-
-@lru_cache(maxsize=4096)
-def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
-    """Innovations of white noise of unit variance, with an error on it that wanders.
-
-    `smoothness` is 1 where it does so in steps, and 3 where its slope lasts too: what is stored
-    integrates errors of flows (Matern 1/2 and 3/2). `lasts` is in samples.
-    """
-    rate = float(np.sqrt(smoothness)) / lasts
-    gap = np.arange(limits.FIRST_INNOVATIONS, dtype=float)
-    if smoothness > 1.0:
-        alike = size**2 * (1.0 + rate * gap) * np.exp(-rate * gap)
-        step = np.exp(-rate) * np.array([[1.0 + rate, 1.0], [-(rate**2), 1.0 - rate]])
-        known = np.diag([size**2, (rate * size) ** 2])
-    else:
-        alike = size**2 * np.exp(-rate * gap)
-        step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
-    shown = np.eye(1, len(step))
-    first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
-    news = known - step @ known @ step.T
-    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
-    whole = float(ahead[0, 0]) + 1.0
-    seen = step @ ahead[:, :1] / whole @ shown
-    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - seen))
-    return Innovations(first, above, below, float(np.sqrt(whole)))

@@ -64,7 +64,6 @@ def test_onset_and_degree_are_found(fault: str) -> None:
     ends, plain = plain_end(place, search.models[frozenset()].setting.values)
     model = search.models[frozenset({fault})].setting
     found = ends.fitted(model.joined, {**model.values, **model.fixed}, plain)
-    assert not found.pressed
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
 

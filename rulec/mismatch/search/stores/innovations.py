@@ -1,0 +1,81 @@
+"""What each sample says that those before it did not, where noise has an error on it that wanders.
+
+Source: Anderson and Moore 1979, chapter 4 (the Kalman filter that has settled); Hartikainen and
+Sarkka 2010 (Matern covariances as its models).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from scipy.linalg import solve_discrete_are, toeplitz
+from scipy.linalg.lapack import dtbtrs
+
+from rulec.mismatch.search import limits
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What each sample says that those before it did not, over its standard deviation.
+
+    The first ones by `first`, shape (m, m); all others by a filter (`above` over `below`), and over
+    `spread`.
+    """
+
+    first: Array
+    above: Array
+    below: Array
+    spread: float
+
+    def of(self, columns: Array, runs: Sequence[slice]) -> Array:
+        """Those of rows of one signal, shape (n,) or (n, columns), each run by itself."""
+        rows = np.zeros((len(columns), columns[0].size))
+        wide = columns.reshape(rows.shape)
+        with np.errstate(all="ignore"):
+            for back, share in enumerate(self.above):
+                rows[back:] += share * wide[: len(wide) - back]
+            band = np.repeat(self.below[:, None], len(rows), axis=1)
+            found: Array = dtbtrs(band, rows, uplo="L")[0].reshape(columns.shape) / self.spread
+            for run in runs:
+                m = min(len(self.first), run.stop - run.start)
+                own = slice(run.start - runs[0].start, run.start - runs[0].start + m)
+                found[own] = self.first[:m, :m] @ columns[own]
+        return found
+
+    def logs(self, runs: Sequence[slice]) -> float:
+        """Sum of the logarithms of standard deviations."""
+        own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
+        for rows in runs:
+            m = min(len(self.first), rows.stop - rows.start)
+            total += (rows.stop - rows.start - m) * float(np.log(self.spread)) - float(own[m])
+        return total
+
+
+@lru_cache(maxsize=4096)
+def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
+    """Innovations of white noise of unit variance, with an error on it that wanders.
+
+    `smoothness` is 1 where it does so in steps, and 3 where its slope lasts too: what is stored
+    integrates errors of flows (Matern 1/2 and 3/2). `lasts` is in samples.
+    """
+    rate = float(np.sqrt(smoothness)) / lasts
+    gap = np.arange(limits.FIRST_INNOVATIONS, dtype=float)
+    if smoothness > 1.0:
+        alike = size**2 * (1.0 + rate * gap) * np.exp(-rate * gap)
+        step = np.exp(-rate) * np.array([[1.0 + rate, 1.0], [-(rate**2), 1.0 - rate]])
+        known = np.diag([size**2, (rate * size) ** 2])
+    else:
+        alike = size**2 * np.exp(-rate * gap)
+        step, known = np.array([[np.exp(-rate)]]), np.array([[size**2]])
+    shown = np.eye(1, len(step))
+    first = np.linalg.inv(np.linalg.cholesky(toeplitz(alike) + np.eye(len(gap))))
+    news = known - step @ known @ step.T
+    ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
+    whole = float(ahead[0, 0]) + 1.0
+    seen = step @ ahead[:, :1] / whole @ shown
+    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - seen))
+    return Innovations(first, above, below, float(np.sqrt(whole)))
