@@ -408,18 +408,15 @@ def _seen_by_stages(
 
 @compiled(inline="always")
 def _next_pieces(
-    stiff: bool, pieces: int, lively: bool, error: float, bent: float, growing: bool
+    pieces: int, lively: bool, error: float, bent: float, growing: bool
 ) -> tuple[bool, bool, int]:
     """Whether a sample's step is taken again, whether implicitly, and in how many pieces."""
     # What grows by itself must not be damped: it is followed until it runs away.
     most = GROWN if growing else PIECES
     switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
     more = (lively and pieces < most) or ((error > EXACT or bent > ROUGH) and pieces < PIECES)
-    if stiff and error > ROUGH and pieces < FINEST:
-        return True, True, 2 * pieces
-    if not stiff and (switch or more):
-        return True, switch, min(PIECES if switch else 2 * pieces, most)
-    return False, stiff, pieces
+    again = switch or more
+    return again, switch, min(2 * pieces, most) if again else pieces
 
 
 class Room(NamedTuple):
@@ -721,6 +718,24 @@ def _implicit(
 
 
 @compiled(inline="always")
+def _keep(room: Room) -> None:
+    """Remember states and slopes as they are."""
+    for i in range(room.x.shape[0]):
+        room.old[i] = room.x[i]
+        for c in range(room.dx.shape[1]):
+            room.d_old[i, c] = room.dx[i, c]
+
+
+@compiled(inline="always")
+def _back(room: Room) -> None:
+    """States and slopes as they were remembered."""
+    for i in range(room.x.shape[0]):
+        room.x[i] = room.old[i]
+        for c in range(room.dx.shape[1]):
+            room.dx[i, c] = room.d_old[i, c]
+
+
+@compiled(inline="always")
 def _step(
     tape: Tape,
     kernel: Kernel,
@@ -736,70 +751,84 @@ def _step(
     stiff: bool,
     pieces: int,
 ) -> tuple[int, bool, int]:
-    """From one sample to the next, in as many pieces as it takes.
+    """From one sample to the next: explicitly in even pieces, implicitly in pieces as long as each
+    may be, as what is given jumps at a sample and soon after that all is smooth.
 
     Returns how many steps were taken, and by which method and in how many pieces to go on.
     """
-    x, dx, k, peak = room.x, room.dx, room.k, room.peak
-    length, taken = time[s + 1] - time[s], 0
+    x, k, peak, lates = room.x, room.k, room.peak, past.late.shape[0]
+    length, taken, first = time[s + 1] - time[s], 0, 0
     for i in range(x.shape[0]):
         peak[i] = max(peak[i], abs(x[i]))
-        room.old[i] = x[i]
-        for c in range(dx.shape[1]):
-            room.d_old[i, c] = dx[i, c]
-    while True:
-        if past.late.shape[0]:
+    # Places and sizes of pieces in the finest ones.
+    at, size = 0, FINEST // pieces
+    rate, error, bent, growing = 0.0, 0.0, 0.0, False
+    while at < FINEST:
+        # What is late follows the mean of a whole step.
+        if at == 0 or (stiff and lates == 0):
+            _keep(room)
+        if lates and at == 0:
             _put(past.mean, past.mean_slopes, 0, False, past.mean, past.mean_slopes)
-        step = length / pieces
-        rate, error, bent, growing = 0.0, 0.0, 0.0, False
-        for p in range(pieces):
-            if stiff:
-                fastest, apart = _implicit(
-                    tape, kernel, values, slopes, room, past, held, time, inputs, s, (p, pieces)
-                )
-                rate, error = max(rate, fastest), max(error, apart)
+        pieces = FINEST // size
+        step, again = length / pieces, False
+        if stiff:
+            fastest, error = _implicit(
+                tape, kernel, values, slopes, room, past, held, time, inputs, s, (at // size, pieces)
+            )
+        else:
+            _explicit(
+                tape,
+                kernel,
+                values,
+                slopes,
+                room,
+                past,
+                held,
+                time,
+                inputs,
+                s,
+                (at // size, pieces),
+                fresh,
+            )
+            fastest, there, turn, bend = _seen_by_stages(k, peak, step)
+        rate = max(rate, fastest)
+        fresh = False
+        taken += 1
+        # Fixed limits hold within a step too; moving ones are seen at the next sample.
+        _confine(values, slopes, tape.lows, tape.highs, tape.first + tape.begin, x, room.dx)
+        if stiff:
+            again = error > ROUGH and size > 1
+            longer = 2 * size if error < ROUGH / 8.0 and size < FINEST // PIECES else size
+            if again:
+                size //= 2
+                at = 0 if lates else at
+                first = first if at else 0
             else:
-                _explicit(
-                    tape,
-                    kernel,
-                    values,
-                    slopes,
-                    room,
-                    past,
-                    held,
-                    time,
-                    inputs,
-                    s,
-                    (p, pieces),
-                    fresh,
+                at += size
+                first = longer if first == 0 else first
+                size = longer if at % longer == 0 and lates == 0 else size
+        else:
+            at += size
+            bent = max(bent, bend)
+            growing = growing or (turn > 0.0 and rate * step > LIVELY)
+            # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
+            # z**5/120 of it.
+            error = max(error, (rate * step) ** 3 / 30.0 * there)
+            if at == FINEST:
+                again, stiff, pieces = _next_pieces(
+                    pieces, rate * step > LIVELY, error, bent, growing
                 )
-                fastest, there, turn, bend = _seen_by_stages(k, peak, step)
-                rate, bent = max(rate, fastest), max(bent, bend)
-                growing = growing or (turn > 0.0 and rate * step > LIVELY)
-                # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
-                # z**5/120 of it.
-                error = max(error, (rate * step) ** 3 / 30.0 * there)
-            fresh = False
-            taken += 1
-            # Fixed limits hold within a step too; moving ones are seen at the next sample.
-            _confine(values, slopes, tape.lows, tape.highs, tape.first + tape.begin, x, dx)
-        again, stiff, pieces = _next_pieces(
-            stiff, pieces, rate * step > LIVELY, error, bent, growing
-        )
-        if not again:
-            break
-        for i in range(x.shape[0]):
-            x[i] = room.old[i]
-            for c in range(dx.shape[1]):
-                dx[i, c] = room.d_old[i, c]
+            if again:
+                at, size = 0, FINEST // pieces
+                rate, error, bent, growing = 0.0, 0.0, 0.0, False
+        if again:
+            _back(room)
     if stiff:
-        if error < ROUGH / 8.0 and pieces > PIECES:
-            pieces //= 2
         stiff = rate * length > 0.5 * LIVELY * PIECES
-        pieces = pieces if stiff else PIECES
+        pieces = FINEST // first if stiff else PIECES
     elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
         pieces //= 2
-    if past.late.shape[0]:
+    if lates:
         _put(past.values, past.slopes, s + 1, True, past.mean, past.mean_slopes)
     return taken, stiff, pieces
 
