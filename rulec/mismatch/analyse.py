@@ -31,6 +31,7 @@ from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.interval import confounded
+from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, SelfProof, Series
 from rulec.mismatch.structure import told as structure
@@ -44,9 +45,6 @@ NO_CLOCK = (
     "goes or begins, was looked for"
 )
 """What is said where effects of time cannot be told."""
-
-NOT_REPLAYED = "--power: plants that store are not replayed yet"
-"""What is said where replays were asked for."""
 
 Progress = Callable[[str], None]
 
@@ -103,7 +101,7 @@ def analyse(
     recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
     instead = all(strain.is_believable for strain in recalibrated)
     refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead)
-    replayed = None if power is None else _replayed(found, power, tell)
+    replayed = None if power is None else _replayed(found, builder, power, tell)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
@@ -135,7 +133,6 @@ def analyse(
         noise=found.noise,
         tried=found.tried,
         notes=(
-            *([NOT_REPLAYED] if power is not None and replayed is None else []),
             *_read_so(misread),
             *before,
             *_clock(found),
@@ -161,10 +158,12 @@ def analyse(
     )
 
 
-def _replayed(found: Explained[Any], asked: Sequence[str], tell: Progress) -> SelfProof | None:
-    """What replays say, where there can be some."""
+def _replayed(
+    found: Explained[Any], builder: ModelBuilder, asked: Sequence[str], tell: Progress
+) -> SelfProof:
+    """What replays of the recording say."""
     tell("replaying the recording")
-    return found.power(asked)
+    return self_proof(found.posterior, builder.candidates, asked)
 
 
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:

@@ -38,16 +38,14 @@ from rulec.mismatch.evidence.steady.settle import (
     with_sensors_as_they_are,
 )
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, SelfProof
+from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.as_written import as_written, clear_states
 from rulec.mismatch.search.settled.by_recording import ByRecording, alone, by_recording
-from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
@@ -168,22 +166,16 @@ class Explanation(Explained[Fitted]):
     """By errors in variables; `fitted` is the model with all that was accepted.
 
     `latent` are courses of what nobody recorded. `within` is the error of each output that sensors
-    within their class, and laws within their accuracy, explain, SI. `posterior` is what the search
-    says.
+    within their class, and laws within their accuracy, explain, SI.
     """
 
     fitted: Fitted
     latent: tuple[Reconstruction, ...]
     within: Mapping[str, float]
-    posterior: Posterior
 
     def allowed(self, signal: str) -> float:
         """What sensors and laws explain; a reading that no output is has no such number."""
         return self.within.get(signal, np.inf)
-
-    def power(self, asked: Sequence[str]) -> SelfProof:
-        """How often replays of the settled points tell what they hold."""
-        return self_proof(self.posterior, asked)
 
     @property
     def _system(self) -> System:

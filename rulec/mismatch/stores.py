@@ -37,9 +37,10 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
+from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.told import Found, search
-from rulec.mismatch.search.stores.unnamed import followed, needed
+from rulec.mismatch.search.stores.unnamed import followed
 
 
 def explain(
@@ -83,8 +84,8 @@ def explain(
     left = suspects(bench, _sharp(bench, best), judged)
     model = model_of(bench, best, judged, kept(best))
     nameless = nameless_places(model, left, len(bench.candidates))
-    if nameless and not accepted:
-        tell("looking for what drives what is left")
+    if found.nameless or (nameless and not accepted):
+        tell("drawing what has no name")
         unnamed = followed(found)
         if unnamed is not None:
             nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
@@ -109,9 +110,10 @@ def explanation(
         model=model,
         accepted=accepted,
         failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
-        places=() if model.joined else nameless,
+        places=nameless if found.nameless or not model.joined else (),
         hidden=None,
         tried=found.tried,
+        posterior=found.posterior,
         noise="noise from third differences of the readings; errors of the repaired model are "
         f"correlated ({correlated}) and count once per correlation time",
         untimed="files, each with a clock of its own,",
@@ -365,7 +367,8 @@ def nameless_places(
 ) -> tuple[Location, ...]:
     """The place where the final model is still wrong, if it is so beyond doubt, with all that are
     not told from it."""
-    if not left or left[0].gain < needed(tried):
+    least = of_search.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
+    if not left or left[0].gain < least:
         return ()
     bench, noise = model.bench, model.fitted.noise
     floors = _floors(bench)

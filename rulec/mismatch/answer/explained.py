@@ -25,10 +25,10 @@ from rulec.mismatch.result import (
     Location,
     OfRecording,
     Repair,
-    SelfProof,
     Update,
 )
 from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.standing import Standing
 
 F = TypeVar("F")
@@ -77,7 +77,8 @@ class Explained(ABC, Generic[F]):
     says how large noise is, `untimed` what has no common time, where that is so. `standing` are
     the sets of explanations that are still possible, the likeliest first. Of several recordings
     `recordings` has each, and `changed` what each further one changed. `nothing` is the probability
-    that nothing is left out, `believed` are the values of parameters with what was found, SI.
+    that nothing is left out by `posterior`, what all sets say; `believed` are the values of
+    parameters with what was found, SI.
     """
 
     recording: Recording
@@ -87,6 +88,7 @@ class Explained(ABC, Generic[F]):
     places: tuple[Location, ...]
     hidden: HiddenDriver | None
     tried: int
+    posterior: Posterior
     noise: str
     untimed: str
     standing: tuple[Standing, ...] = ()
@@ -99,11 +101,6 @@ class Explained(ABC, Generic[F]):
         """Error of a reading that sensors within their class, and laws within their accuracy,
         explain in 19 of 20 recordings, SI; infinite where it is not known."""
         return float("inf")
-
-    def power(self, asked: Sequence[str]) -> SelfProof | None:
-        """How often replays by the plant's own model tell what they hold; None where nothing can be
-        replayed yet. `asked` are ids of candidates; without any, what stands."""
-        return None
 
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:

@@ -23,9 +23,8 @@ from scipy.special import gammainc, log_ndtr
 from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.scan import Column
 
 
@@ -49,7 +48,7 @@ class Judge:
     `candidates` is how many there are in the plant.
     """
 
-    geometry: Geometry
+    geometry: Evidence
     model: Model
     columns: Sequence[Column]
     terms: Sequence[Term]
@@ -57,9 +56,16 @@ class Judge:
 
     @cached_property
     def rows(self) -> Array:
-        """All columns, shape (rows, columns)."""
-        empty = np.zeros((len(self.model.table), 0))
-        return np.stack([c.rows for c in self.columns], axis=1) if self.columns else empty
+        """All columns, whitened, shape (rows, columns)."""
+        if not self.columns:
+            return np.zeros((len(self.model.table), 0))
+        every = np.stack([c.rows for c in self.columns], axis=1)
+        return self.geometry.whitened(every, self.model.noise)
+
+    @cached_property
+    def _terms(self) -> list[Array]:
+        """Functions of each term, whitened, shape (rows, functions)."""
+        return [self.geometry.whitened(t.columns, self.model.noise) for t in self.terms]
 
     @cached_property
     def owner(self) -> NDArray[np.str_]:
@@ -78,17 +84,16 @@ class Judge:
         )
         return solved
 
-    @cached_property
-    def _free(self) -> Array:
-        """Weights of the rows less what all values take up, shape (rows, rows)."""
-        weights = self.model.weights
-        free: Array = np.diag(weights) + weights[:, None] * (self.model.table @ self._solved)
-        return 0.5 * (free + free.T)
+    def _free(self, columns: Array) -> Array:
+        """Columns, shape (rows, columns), weighted, with what values imitate taken off."""
+        imitated = self.model.table @ (self._solved @ columns)
+        free: Array = self.model.weights[:, None] * (columns + imitated)
+        return free
 
     @cached_property
     def _shown(self) -> Array:
         """The columns with what values imitate taken off, weighted, shape (rows, columns)."""
-        shown: Array = self._free @ self.rows
+        shown: Array = self._free(self.rows)
         return shown
 
     @cached_property
@@ -115,8 +120,8 @@ class Judge:
         """Terms that hold a column as a special case, shape (columns, terms)."""
         size = np.sum(self.rows**2, axis=0)
         held = np.zeros((len(self.columns), len(self.terms)), dtype=bool)
-        for i, term in enumerate(self.terms):
-            inside = np.sum((np.linalg.qr(term.columns)[0].T @ self.rows) ** 2, axis=0)
+        for i, columns in enumerate(self._terms):
+            inside = np.sum((np.linalg.qr(columns)[0].T @ self.rows) ** 2, axis=0)
             held[:, i] = size - inside < of_search.EFFECT_FORM**2 * size
         return held
 
@@ -214,19 +219,14 @@ class Judge:
     def _fitted(self, replays: Array, shift: Array) -> tuple[Array, Array]:
         """Replays with residuals replaced by their score where `shift`, of the same shape, is
         added, and their log likelihood with all values fitted, shape (replays,)."""
-        geometry, scale, weights = self.geometry, self.model.scale, self.model.weights[:, None]
-        rank, clean, likely = geometry.rank[:, None], replays, np.zeros(0)
-        member = np.zeros((len(rank), len(replays)))
-        member[geometry.group, np.arange(len(replays))] = 1.0
+        model, clean, likely = self.model, replays, np.zeros(0)
         for _ in range(limits.SCORED):
             values = self._solved @ (clean + shift)
-            off = replays + shift + self.model.table @ values
-            far = member @ off**2 / scale**2
-            each = (of_search.STUDENT + rank) / (of_search.STUDENT + far) / scale**2
-            clean = replays - off + off * each[geometry.group] / weights
-            lost = (of_search.STUDENT + rank) * np.log1p(far / of_search.STUDENT)
-            strained = np.sum(values * (self.model.precision @ values), axis=0)
-            likely = -0.5 * (np.sum(lost, axis=0) + strained)
+            off = replays + shift + model.table @ values
+            each, lost = self.geometry.scored(off, model.noise)
+            clean = replays - off + off * each / model.weights[:, None]
+            strained = np.sum(values * (model.precision @ values), axis=0)
+            likely = -0.5 * (lost + strained)
         return clean, likely
 
     def _evidence(self, moment: Array) -> Array:
@@ -258,9 +258,9 @@ class Judge:
         what the rows tell of each, shape (directions, 1), the first one of each term, and log odds
         of the terms before the recording, shape (terms, 1)."""
         ways, shown, own, odds = Counter((t.spot, t.driver) for t in self.terms), [], [], []
-        for term in self.terms:
-            free = self._free @ term.columns
-            known, turned = np.linalg.eigh(term.columns.T @ free)
+        for term, columns in zip(self.terms, self._terms, strict=True):
+            free = self._free(columns)
+            known, turned = np.linalg.eigh(columns.T @ free)
             shown.append(free @ turned)
             own.append(np.maximum(known, 0.0))
             count = len(of_search.TERM_SIZES) * max(self.geometry.terms, 1)

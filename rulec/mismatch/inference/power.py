@@ -19,12 +19,17 @@ from rulec.mismatch.inference.judge import Judge, told_in
 from rulec.mismatch.inference.replay import Replayer, without_explanations
 from rulec.mismatch.result import Seen, SelfProof
 from rulec.mismatch.search import limits as of_search
+from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.nested import places_of
 from rulec.mismatch.search.settled.scan import Column, columns, id_of
 from rulec.mismatch.search.settled.sets import Posterior
 from rulec.mismatch.search.settled.told import titled_with_module
+from rulec.mismatch.search.stores import nameless
+from rulec.mismatch.search.stores import sets as of_stores
+from rulec.mismatch.search.stores.geometry import StoresGeometry
 
 NAMELESS = "something without a name"
 
@@ -101,11 +106,11 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
 
 def _as_found(model: Model, candidate: Candidate) -> tuple[Column, float] | None:
     """What an explanation changes in a model that has it, as one column of its first amplitude."""
-    shift, size, first = np.zeros(len(model.left)), 0.0, None
+    shift, size, first = np.zeros(len(model.raw)), 0.0, None
     for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
         for i in places_of(model, unknown.id):
             off = float(model.at[i] - (unknown.null or 0.0))
-            shift = shift + model.table[:, i] * off
+            shift = shift + model.raw[:, i] * off
             first = first or unknown
             size = off if unknown is first and abs(off) > abs(size) else size
     if first is None or size == 0.0 or not shift.any():
@@ -125,22 +130,34 @@ def _as_found(model: Model, candidate: Candidate) -> tuple[Column, float] | None
 
 def judge_of(posterior: Posterior) -> Judge:
     """Who judges replays of a recording."""
-    geometry = posterior.settled
+    geometry = posterior.geometry
     model = without_explanations(geometry, posterior.models[posterior.told])
     found = [column for column, _ in found_columns(posterior).values()]
+    every, terms = _tried(geometry, model)
     return Judge(
         geometry=geometry,
         model=model,
-        columns=[*found, *columns(geometry, model, {})],
-        terms=terms(geometry, model),
-        candidates=len({c.id for c in geometry.rows.system.candidates}),
+        columns=[*found, *every],
+        terms=terms,
+        candidates=len({c.id for c in geometry.candidates}),
     )
 
 
-def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
+def _tried(geometry: Evidence, model: Model) -> tuple[list[Column], list[Term]]:
+    """What a search would try beside a model."""
+    if isinstance(geometry, StoresGeometry):
+        return of_stores.columns(geometry, model), nameless.terms(geometry, model)
+    assert isinstance(geometry, Geometry)
+    return columns(geometry, model, {}), terms(geometry, model)
+
+
+def self_proof(
+    posterior: Posterior, every: Sequence[Candidate], asked: Sequence[str] = ()
+) -> SelfProof:
     """How often something is told in replays: with nothing missing, and with effects concealed.
 
-    `asked` are ids of candidates; without any, what stands with a probability that is mentioned.
+    `asked` are ids of some of `every` candidate of the plant; without any, what stands with a
+    probability that is mentioned.
     """
     names = posterior.names
     likely = [n for n in sorted(names, key=lambda n: -names[n]) if names[n] >= common.MENTIONED]
@@ -150,7 +167,8 @@ def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
     sizes = {id_: size for id_, (_, size) in found.items() if id_ in possible}
     none = np.zeros((len(judge.model.left), 1))
     replays = Replayer(judge.geometry, judge.model).drawn(limits.REPLAYS, none)
-    effects = [_seen(judge, id_, sizes) for id_ in ids]
+    titles = {c.id: titled_with_module(c) for c in every}
+    effects = [_seen(judge, id_, sizes, titles.get(id_, id_)) for id_ in ids]
     return SelfProof(
         replays=limits.REPLAYS,
         called_missing=called_missing(judge, replays),
@@ -158,12 +176,11 @@ def self_proof(posterior: Posterior, asked: Sequence[str] = ()) -> SelfProof:
     )
 
 
-def _seen(judge: Judge, id_: str, found: Mapping[str, float]) -> Seen:
+def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Seen:
     """How often one effect is told; what no reading shows has no size."""
     own = [i for i, c in enumerate(judge.columns) if c.candidate.id == id_]
     if not own:
-        every = judge.geometry.rows.system.builder.candidates
-        return Seen(id=id_, title=next((titled_with_module(c) for c in every if c.id == id_), id_))
+        return Seen(id=id_, title=title)
     first = judge.columns[own[0]]
     size = found.get(id_)
     # What was found comes first.

@@ -11,13 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Random
+from rulec.mismatch.search.evidence import Evidence, Random
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.geometry import Geometry
 
 
-def without_explanations(geometry: Geometry, model: Model) -> Model:
+def without_explanations(geometry: Evidence, model: Model) -> Model:
     """A model with its values and its sizes of errors, but with nothing that explains.
 
     What is believed once something was found is what replays: without it the same errors would
@@ -31,8 +29,8 @@ def without_explanations(geometry: Geometry, model: Model) -> Model:
     now = geometry.evaluated(setting, prior, at)
     random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, ())
     sizes = replace(model.sizes, terms=())
-    table = np.concatenate([now.jacobian, random.columns * random.ratio(sizes)], axis=1)
-    precision = np.eye(table.shape[1])
+    raw = np.concatenate([now.jacobian, random.columns * random.ratio(sizes)], axis=1)
+    precision = np.eye(raw.shape[1])
     precision[: len(at), : len(at)] = prior.near(at).precision
     return replace(
         model,
@@ -42,25 +40,20 @@ def without_explanations(geometry: Geometry, model: Model) -> Model:
         at=at,
         terms=(),
         sizes=sizes,
-        table=table,
-        left=np.zeros(len(table)),
+        table=geometry.whitened(raw, model.noise),
+        left=np.zeros(len(raw)),
+        raw=raw,
+        off=np.zeros(len(raw)),
         precision=precision,
-        weights=_information(geometry, model.scale),
+        weights=geometry.expected_weights(model.noise),
     )
-
-
-def _information(geometry: Geometry, scale: float) -> Array:
-    """What a row tells on average, shape (rows,): Fisher information of the Student noise."""
-    rank = geometry.rank
-    each: Array = (limits.STUDENT + rank) / (limits.STUDENT + rank + 2.0) / scale**2
-    return each[geometry.group]
 
 
 @dataclass(frozen=True)
 class Replayer:
-    """Draws replays of the seen rows by a model without explanations."""
+    """Draws replays of the whitened rows by a model without explanations."""
 
-    geometry: Geometry
+    geometry: Evidence
     model: Model
 
     def drawn(self, count: int, shift: Array, seed: int = 0) -> Array:
@@ -68,15 +61,13 @@ class Replayer:
 
         `shift`, shape (rows, 1) or (rows, count), is what a concealed effect changes in them.
         """
-        geometry, model = self.geometry, self.model
+        model = self.model
         rng = np.random.default_rng(seed)
         # Parameters of a plant have very different units: their precision is scaled first.
         unit = np.sqrt(np.diag(model.precision))
         lower = np.linalg.cholesky(model.precision / np.outer(unit, unit))
         normal = rng.standard_normal((len(unit), count))
         values = np.linalg.solve(lower.T, normal) / unit[:, None]
-        noise = rng.standard_normal((len(model.table), count))
-        square = rng.chisquare(limits.STUDENT, (len(geometry.rank), count))
-        wide = np.sqrt(limits.STUDENT / square)[geometry.group]
-        residuals: Array = model.scale * noise * wide - model.table @ values - shift
+        noise = self.geometry.drawn(model.noise, count, rng)
+        residuals: Array = noise - model.table @ values - shift
         return residuals

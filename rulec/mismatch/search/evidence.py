@@ -147,15 +147,13 @@ class Evidence(ABC):
     `forms` are rows of errors of form, shape (rows, errors), each of the law that `law` names;
     `moving` and `held` those of errors of sensors that move within their class, and of all others.
     `of_class` are rows of errors of sensors that are no values. A refit has ended where a step
-    gains less than `ended`, nats. `terms` is the number of terms without a name that may be joined;
-    `usual_noise` is where a search for what noise is like begins.
+    gains less than `ended`, nats; `usual_noise` is where a search for what noise is like begins.
     """
 
     forms: Array
     law: tuple[str, ...]
     moving: Array
     held: Array
-    terms: int
     usual_noise: Noise
     ended: float = 1e-2
     of_class: tuple[Array, ...] = ()
@@ -169,6 +167,11 @@ class Evidence(ABC):
     @abstractmethod
     def candidates(self) -> Sequence[Candidate]:
         """What may be missing."""
+
+    @property
+    @abstractmethod
+    def terms(self) -> int:
+        """How many terms without a name there may be."""
 
     @property
     @abstractmethod
@@ -206,6 +209,19 @@ class Evidence(ABC):
     @abstractmethod
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of whitened rows in the normal matrix, shape (rows,)."""
+
+    @abstractmethod
+    def expected_weights(self, noise: Noise) -> Array:
+        """What each whitened row tells on average, shape (rows,)."""
+
+    @abstractmethod
+    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
+        """Noise of whitened rows as often as asked, shape (rows, count)."""
+
+    @abstractmethod
+    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
+        """Weights of whitened rows in the normal matrix, shape (rows, n), and twice what they lose
+        of the log likelihood, shape (n,); `residuals` has shape (rows, n)."""
 
     @abstractmethod
     def noise_odds(self, noise: Noise) -> float:

@@ -348,6 +348,9 @@ EVALUATIONS = 25
 EVALUATIONS_OF_EACH = 5
 """The same from each point where one may begin, of which the best goes on. Origin: numerical."""
 
+SAMPLES_TRIED = 320
+"""Samples at most on which ways to begin are tried. Origin: numerical."""
+
 FITS_FROM_AFAR = 2
 """Such fits, each with errors as large as the last left them. Origin: numerical."""
 

@@ -7,22 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from rulec.mismatch import steady, stores
-from rulec.mismatch.analyse import NOT_REPLAYED, analyse
-from rulec.mismatch.answer.explained import Explained
 from rulec.mismatch.inference.judge import Judge, told_in
 from rulec.mismatch.inference.power import asked_of, called_missing, judge_of, self_proof
 from rulec.mismatch.inference.replay import Replayer
 from rulec.mismatch.search.settled.sets import Posterior, begun, with_laws
+from rulec.mismatch.search.stores import sets as of_stores
 from tests.conftest import ROOT
+from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
 from tests.runtime.mismatch.made import (
     USUAL,
     Built,
     alone,
-    opened,
     recorded,
     rows_at,
     tour,
@@ -144,13 +141,14 @@ def test_what_was_found_is_concealed_at_its_size() -> None:
     """As the set that has it says; what has no column in the recording is never told."""
     found = warm({SLIP: {"b": 0.03, "T0": USUAL}})
     values = found.models[frozenset({SLIP})].setting.values
-    (seen,) = self_proof(found).effects
+    every = found.settled.rows.system.builder.candidates
+    (seen,) = self_proof(found, every).effects
     assert (SLIP, "1/K", True) == (seen.id, seen.unit, seen.found)
     assert seen.size == pytest.approx(values[f"{SLIP}.b"])
     assert seen.told > 190
     assert seen.seen_from is not None
     assert seen.seen_from < seen.size
-    (unseen,) = self_proof(found, ["A.cannot-be"]).effects
+    (unseen,) = self_proof(found, every, ["A.cannot-be"]).effects
     assert (0, None) == (unseen.told, unseen.seen_from)
     assert np.isnan(unseen.size)
 
@@ -189,13 +187,14 @@ def test_ids_that_nothing_has_are_refused(capsys: pytest.CaptureFixture[str]) ->
     assert said in capsys.readouterr().err
 
 
-def test_plants_that_store_say_that_they_are_not_replayed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A note, and nothing else; here by a plant that settles, whose search is short."""
-    assert stores.Explanation.power is Explained.power
-    monkeypatch.setattr(steady.Explanation, "power", Explained.power)
-    ruleset, builder = opened("abc")
-    recording = read_recording(ABC / "examples" / "healthy.csv", ruleset)
-    found = analyse(recording, ruleset, builder, power=())
-    assert found.power is None
-    assert NOT_REPLAYED in found.notes
-    assert NOT_REPLAYED not in analyse(recording, ruleset, builder).notes
+def test_plants_that_store_are_replayed_too() -> None:
+    """A strong overflow is told, and nothing is called missing where nothing is."""
+    place = bench(made())
+    found = of_stores.begun(place).posterior()
+    proof = self_proof(found, place.candidates, [OVERFLOW])
+    assert proof.called_missing < 10
+    (seen,) = proof.effects
+    assert "Overflow, a part caught by what lies below in upper" == seen.title
+    assert seen.told > 100
+    assert seen.seen_from is not None
+    assert 0 < seen.seen_from < seen.usual

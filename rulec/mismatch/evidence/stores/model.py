@@ -12,8 +12,9 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.stores.effect_forms import changes
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, SimulationProblem
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.result import Estimate, Period
 
 
@@ -56,28 +57,14 @@ class StoresModel(Model):
         Shape (n,), each part over its scatter; zero where the candidate stores something itself, as
         then it cannot be switched off at a moment.
         """
-        bench, fitted = self.bench, self.fitted
-        balances = bench.balances(fitted.ids)
-        said = bench.simulate(fitted.ids, fitted.values, inputs=fitted.inputs)
-        values = {**bench.plain_values, **fitted.values, "time": bench.time}
-        known = {n: np.asarray(values[n]) for n in balances.plan.inputs if n in values}
-        known |= {n: fitted.inputs[n] for n in balances.inputs}
-        courses = said.course.states
-        known |= {n: np.ascontiguousarray(courses[:, i]) for i, n in enumerate(balances.states)}
-        off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
-        outputs = [n for n in balances.plan.outputs if n.startswith(("der:", SHOWN))]
-        plan = balances.plan.select(outputs)
-        here, there = (plan.run({**known, **extra}) for extra in ({}, off))
-        total = np.zeros(len(bench.time))
-        for name in outputs:
-            # A lag that is switched off at a moment has no rate.
-            with np.errstate(all="ignore"):
-                change = here[name] - there[name]
-            change = np.where(np.isfinite(change), change, 0.0)
-            scatter, size = float(np.nanstd(here[name])), float(np.nanmax(np.abs(here[name])))
+        own = self.fitted
+        found = changes(self.bench, own.ids, own.values, own.inputs, candidate)
+        total = np.zeros(len(self.bench.time))
+        for here, change in found.values():
+            scatter, size = float(np.nanstd(here)), float(np.nanmax(np.abs(here)))
             if scatter > 1e-12 * size:
                 total += (change / scatter) ** 2
-        return np.asarray(np.broadcast_to(total, bench.time.shape))
+        return total
 
     @cached_property
     def _courses(self) -> dict[str, Variable]:

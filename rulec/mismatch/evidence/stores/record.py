@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +106,14 @@ def record_of(
         odd=odd,
         timed=timed,
     )
+
+
+def coarser(record: Record, most: int) -> Record:
+    """The same over at most so many samples, neighbours averaged."""
+    factor = -(-len(record.time) // most)
+    time, inputs, measured = thinned(record.time, record.inputs, record.measured, factor)
+    part = record.part[::factor][: len(time)]
+    return replace(record, time=time, inputs=inputs, measured=measured, part=part)
 
 
 def without_odd(signal: SignalSpec, values: Array) -> Array:

@@ -12,6 +12,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.stores.effect_forms import bends
 
 
 def forms_of_effects(rows: Rows, seen: NDArray[np.bool_], now: Fitted) -> Array:
@@ -57,11 +58,5 @@ def _grown(setting: Configuration, candidate: Candidate) -> list[Array | float]:
 
 
 def _shapes(driver: Array | float) -> Sequence[Array]:
-    """A bend and an S over the range of a driver, of unit size."""
     values = np.asarray(driver, dtype=float)
-    values = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-    low, high = np.quantile(values, [0.02, 0.98])
-    if high <= low:
-        return ()
-    z = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.2, 1.2)
-    return np.sqrt(5.0) * (3.0 * z**2 - 1.0) / 4.0, np.sqrt(7.0) * (5.0 * z**3 - 3.0 * z) / 4.0
+    return bends(np.nan_to_num(values, nan=float(np.nanmedian(values))))

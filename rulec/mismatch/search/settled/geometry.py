@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from scipy.sparse import csr_array
 from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
@@ -30,16 +31,6 @@ def driver_of(system: System, name: str) -> Array:
     """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
     values: Array = system.data.time if name == TIME else system.data.values[name]
     return values
-
-
-def number_of_terms(rows: Rows) -> int:
-    """How many terms without a name there may be: places, and what may drive them."""
-    system = rows.system
-    inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
-    drivers: int = len(inputs) + (1 if system.data.timed else 0)
-    places: int = len(system.builder.spots)
-    count: int = places * max(drivers, 1)
-    return count
 
 
 def _smooth_over(alike: Array, least: float) -> Array:
@@ -127,7 +118,6 @@ class Geometry(Evidence):
     def __init__(self, rows: Rows, *, exact: bool = False) -> None:
         system = rows.system
         self.rows = rows
-        self.terms = number_of_terms(rows)
         self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
@@ -150,6 +140,14 @@ class Geometry(Evidence):
         self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
 
     usual_noise: Noise = (1.0,)
+
+    @property
+    def terms(self) -> int:
+        """How many terms without a name there may be: places, and what may drive them."""
+        system = self.rows.system
+        inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
+        drivers = len(inputs) + (1 if system.data.timed else 0)
+        return len(system.builder.spots) * max(drivers, 1)
 
     @property
     def noises(self) -> tuple[tuple[float, ...], ...]:
@@ -306,7 +304,31 @@ class Geometry(Evidence):
 
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of the rows in the normal matrix."""
-        far = self._distance(residual, noise[0])
-        each = (limits.STUDENT + self.rank) / (limits.STUDENT + far)
-        weights: Array = each[self.group] / noise[0] ** 2
-        return weights
+        return self.scored(residual[:, None], noise)[0][:, 0]
+
+    def expected_weights(self, noise: Noise) -> Array:
+        """What each row tells on average, shape (rows,): Fisher information of Student noise."""
+        each = (limits.STUDENT + self.rank) / (limits.STUDENT + self.rank + 2.0) / noise[0] ** 2
+        expected: Array = each[self.group]
+        return expected
+
+    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
+        """Student noise, one for all rows of a group."""
+        normal = rng.standard_normal((self.count, count))
+        square = rng.chisquare(limits.STUDENT, (len(self.rank), count))
+        drawn: Array = noise[0] * normal * np.sqrt(limits.STUDENT / square)[self.group]
+        return drawn
+
+    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
+        """Weights of the rows, and twice what they lose of the log likelihood."""
+        far = self._member @ residuals**2 / noise[0] ** 2
+        rank = self.rank[:, None]
+        each = (limits.STUDENT + rank) / (limits.STUDENT + far) / noise[0] ** 2
+        lost = (limits.STUDENT + rank) * np.log1p(far / limits.STUDENT)
+        return each[self.group], np.sum(lost, axis=0)
+
+    @cached_property
+    def _member(self) -> csr_array:
+        """Which rows are in which group, shape (groups, rows)."""
+        at = self.group, np.arange(self.count)
+        return csr_array((np.ones(self.count), at), (len(self.rank), self.count))

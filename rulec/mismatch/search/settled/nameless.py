@@ -15,7 +15,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import basis_over
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, driver_of, term_of
 from rulec.mismatch.search.settled.switching import by_the_way
@@ -61,7 +61,9 @@ def smooth(every: Sequence[Term]) -> list[Term]:
     return [term for term in every if not term.basis.says]
 
 
-def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float, Term]]:
+def nameless(
+    geometry: Evidence, model: Model, every: Sequence[Term], most: int
+) -> list[tuple[float, Term]]:
     """The terms that gain most beside a model, with the log odds they would gain."""
     weights, table = model.weights, model.table
     normal = table.T @ (table * weights[:, None]) + model.precision
@@ -70,7 +72,7 @@ def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float
     known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
     found = []
     for term in every:
-        rows = term.columns
+        rows = geometry.whitened(term.columns, model.noise)
         imitated = np.linalg.solve(factor, (table / unit).T @ (rows * weights[:, None]))
         gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
         moment = rows.T @ (model.left * weights) - imitated.T @ known

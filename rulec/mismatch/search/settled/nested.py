@@ -46,11 +46,11 @@ def coincide(model: Model, candidate: Candidate, other: Model, rival: Candidate)
     rest = np.delete(np.arange(model.table.shape[1]), own)
     table, weights = model.table[:, rest], model.weights[:, None]
     normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
-    shown = np.stack([*slopes_of(model, candidate), *slopes_of(other, rival)], axis=1)
+    shown = np.stack([*_whitened(model, candidate), *_whitened(other, rival)], axis=1)
     with np.errstate(all="ignore"):
         shown = shown - table @ np.linalg.solve(normal, table.T @ (shown * weights))
     shown = shown * np.sqrt(weights)
-    count = len(slopes_of(model, candidate))
+    count = len(_whitened(model, candidate))
     first, second = shown[:, :count], shown[:, count:]
     left = second - first @ np.linalg.lstsq(first, second, rcond=None)[0]
     size = np.sum(second**2, axis=0)
@@ -70,6 +70,14 @@ def _whole(term: Term, other: Term) -> bool:
 
 def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
     """Slopes of the residuals by the strengths of a law, where it has been fitted."""
+    return _of_strengths(model, candidate, model.raw)
+
+
+def _whitened(model: Model, candidate: Candidate) -> list[Array]:
+    return _of_strengths(model, candidate, model.table)
+
+
+def _of_strengths(model: Model, candidate: Candidate, table: Array) -> list[Array]:
     strengths = [u.id for u in candidate.unknowns if u.null is not None]
-    columns = (model.table[:, i] for name in strengths for i in places_of(model, name))
+    columns = (table[:, i] for name in strengths for i in places_of(model, name))
     return [column for column in columns if np.any(column)]

@@ -211,7 +211,7 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     spots = {s.id for s in every.system.builder.spots if f"{s.module}.{s.place}" in places}
     every_term = terms(search.settled, search.models[frozenset()])
     here = [t for t in every_term if t.spot in spots]
-    _join_terms(search, frozenset(), here)
+    join_terms(search, frozenset(), here)
     return search.posterior()
 
 
@@ -320,13 +320,13 @@ def _grow(search: Search, names: Names) -> None:
     # A fault that began, too, may be one that comes and goes: the likelier one is kept.
     for one in _coming(search, model):
         _join(search, names, one)
-    _join_terms(search, names, terms(geometry, model))
+    join_terms(search, names, terms(geometry, model))
 
 
-def _join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
+def join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
     """Refit a set with the terms without a name that would gain most beside it."""
     model = search.models[names]
-    for gain, term in nameless(model, beside(model, every), limits.TERMS_REFITTED):
+    for gain, term in nameless(search.geometry, model, beside(model, every), limits.TERMS_REFITTED):
         if gain > limits.WORTH_A_REFIT and names | {term.name} not in search.odds:
             own = (*model.terms, term)
             search.keep(names | {term.name}, search.refit(model.setting, model, own))

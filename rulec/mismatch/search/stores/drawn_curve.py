@@ -12,11 +12,10 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.simulation.balances import TIME, RanAway
+from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.stores.ends import Ends, kept
@@ -24,36 +23,7 @@ from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import Basis
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a curve acts, what it follows, and the ends of that, SI."""
-
-    spot: Spot
-    driver: str
-    low: float
-    high: float
-
-    @property
-    def knots(self) -> Array:
-        """Where the curve bends, shape (knots,), SI of the driver."""
-        return np.linspace(self.low, self.high, limits.CURVE_PIECES + 1)
-
-    @cached_property
-    def bends(self) -> Array:
-        """From values at the knots to the coefficients of `bent_line`, shape (knots + 1, knots)."""
-        count = len(self.knots)
-        steps = np.diff(np.eye(count), axis=0) / (self.knots[1] - self.knots[0])
-        nothing = np.zeros((1, count))
-        slopes = np.vstack([nothing, steps, nothing])
-        return np.vstack([np.eye(count)[:1], np.diff(slopes, axis=0)])
-
-    def bases(self) -> list[Basis]:
-        """The functions that are tried, from smooth to rough."""
-        # What happens in a band of a driver may be a resonance; in a band of time, a fault.
-        lengths = limits.TERM_LENGTHS[: 1 if self.driver == TIME else None]
-        return [Basis(self.low, self.high, length) for length in lengths]
+from rulec.mismatch.search.stores.place import Place, place_over
 
 
 @dataclass(frozen=True)
@@ -105,37 +75,10 @@ class System:
     own: Array
 
 
-def place_of(ends: Ends, model: Fitted, spot: Spot, driver: str) -> Place | None:
-    """A place with the range of a driver in a model; None where that hardly moves.
-
-    All of the range counts: a curve that is level beyond an end is bent by samples that pass it.
-    """
-    bench = ends.bench
-    course = bench.trajectory(model.ids, model.values, driver, model.inputs)[bench.record.open]
-    low, high = float(np.min(course)), float(np.max(course))
-    if not high - low > limits.HARDLY_MOVES * float(np.max(np.abs(course))):
-        return None
-    return Place(spot, driver, low, high)
-
-
 def _fitter(ends: Ends, bare: Fitted, place: Place) -> Fitter:
     """What fits a curve beside all that a model holds."""
-    bench = ends.bench
-    parts = bench.builder.bent_line(place.spot.id, place.driver, len(place.knots))
-    fixed = [u.id for part in parts for u in part.unknowns if u.fixed]
-    knots = dict(zip(fixed, place.knots.tolist(), strict=True))
-    return Fitter(bench, (*bare.joined, *parts), {**kept(bare), **knots})
-
-
-def promise(ends: Ends, bare: Fitted, place: Place) -> float:
-    """What a curve would gain beside a model, made linear there."""
-    fitter = _fitter(ends, bare, place)
-    judged = replace(ends.judged, noise=bare.noise, slow=bare.slow, drift=bare.drift)
-    try:
-        system = system_at(fitter, fitter.vector(bare.values), place, judged)
-    except RanAway:
-        return 0.0
-    return _likeliest(system, place, ends.news(bare))[0]
+    parts, knots = place.parts(ends.bench.builder)
+    return Fitter(ends.bench, (*bare.joined, *parts), {**kept(bare), **knots})
 
 
 def drawn(ends: Ends, bare: Fitted, spot: Spot, driver: str) -> Drawn | None:
@@ -143,11 +86,13 @@ def drawn(ends: Ends, bare: Fitted, spot: Spot, driver: str) -> Drawn | None:
 
     Beside a curve a state may run through another range, over which the curve is then drawn anew.
     """
-    found: list[Drawn] = []
+    bench, found = ends.bench, list[Drawn]()
     with contextlib.suppress(RanAway):
         for _ in range(limits.REDRAWN):
             last = found[-1] if found else None
-            place = place_of(ends, last.fitted if last else bare, spot, driver)
+            model = last.fitted if last else bare
+            course = bench.trajectory(model.ids, model.values, driver, model.inputs)
+            place = place_over(spot, driver, course[bench.record.open])
             if place is None or (last is not None and _as_wide(place, last.place)):
                 break
             found.append(_drawn(ends, bare, place, last))

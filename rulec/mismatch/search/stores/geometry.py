@@ -25,6 +25,8 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior
 from rulec.mismatch.evidence.stores.allowed import errors_of_form
 from rulec.mismatch.evidence.stores.drift import errors_of_sensors
+from rulec.mismatch.evidence.stores.effect_forms import forms_of_effects
+from rulec.mismatch.evidence.stores.record import coarser
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence, Noise, Point
@@ -32,6 +34,7 @@ from rulec.mismatch.search.prior import prior_with_sizes, range_over
 from rulec.mismatch.search.refit import climbed
 from rulec.mismatch.search.sizes import Size, size_of
 from rulec.mismatch.search.stores.innovations import innovations
+from rulec.mismatch.search.stores.place import drivers_of, spots_of
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,6 @@ class StoresGeometry(Evidence):
     Errors of form and of sensors are those about a model, `near`.
     """
 
-    terms = 0
     ended = limits.STORES_ENDED
 
     def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
@@ -68,9 +70,21 @@ class StoresGeometry(Evidence):
         self.usual_noise = tuple(axis[len(axis) // 2] for axis in self.noises)
         self.moving = np.zeros((self.count, 0))
 
+    @property
+    def terms(self) -> int:
+        """How many terms without a name there may be."""
+        return len(spots_of(self.bench)) * len(drivers_of(self.bench))
+
     def _table(self, moved: Array) -> Array:
         """What moves readings, shape (signals * samples, columns), SI, as rows in their noise."""
         return np.stack([self._rows(c) for c in moved.T], axis=1)
+
+    @cached_property
+    def coarse(self) -> SimulationProblem:
+        """The same over fewer samples, on which many ways are tried."""
+        bench = self.bench
+        record = coarser(bench.record, limits.SAMPLES_TRIED)
+        return SimulationProblem(bench.ruleset, bench.builder, record)
 
     @cached_property
     def _known(self) -> dict[str, NDArray[np.bool_]]:
@@ -145,6 +159,13 @@ class StoresGeometry(Evidence):
         best = [max(own)[1] for own in of_signals]
         return [tuple(itertools.chain(*each)) for each in (*alike, best)]
 
+    def at_best(self, residual: Array) -> float:
+        """Log likelihood of what is left, shape (rows,), by the noise that makes it largest."""
+        if not np.isfinite(residual).all():
+            return -np.inf
+        own = (max(self._likely(residual, number))[0] for number in range(len(self._runs)))
+        return float(sum(own))
+
     def _likely(self, residual: Array, number: int) -> list[tuple[float, Noise]]:
         """For each smoothness the likeliest noise of one signal, with its log likelihood."""
         runs = self._runs[number]
@@ -192,11 +213,6 @@ class StoresGeometry(Evidence):
             found += [float(np.sqrt(np.mean(own**2))), limits.AT_ONCE_GONE, 1.0]
         return tuple(found)
 
-    def spread(self, residual: Array) -> float:
-        """How much is left, shape (rows,): logarithms of its size in each reading, in nats."""
-        parts = [residual[runs[0].start : runs[-1].stop] for runs in self._runs]
-        return sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in parts)
-
     def noise_odds(self, noise: Noise) -> float:
         """Log density of what noise is like, before the recording."""
         axes = self.noises
@@ -229,6 +245,18 @@ class StoresGeometry(Evidence):
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of innovations: none is odd, as single odd readings are set aside."""
         return np.ones(self.count)
+
+    def expected_weights(self, noise: Noise) -> Array:
+        """What each innovation tells."""
+        return np.ones(self.count)
+
+    def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
+        """Innovations are white."""
+        return rng.standard_normal((self.count, count))
+
+    def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
+        """Weights of innovations, and their squares."""
+        return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def prior(self, setting: Configuration) -> Prior:
         """What is known of all values."""
@@ -332,8 +360,10 @@ class StoresGeometry(Evidence):
         return np.concatenate(residual), whole
 
     def effect_forms(self, now: Point) -> Array:
-        """Effects' own laws count as exact."""
-        return np.zeros((self.count, 0))
+        """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
+        values = {**self.bench.plain_values, **now.setting.values, **now.setting.fixed}
+        moved = list(forms_of_effects(self.bench, now.setting.joined, values))
+        return self._table(np.stack(moved, axis=1)) if moved else np.zeros((self.count, 0))
 
     def course(self, setting: Configuration, name: str) -> Array:
         """Course of a driver, shape (n,), SI."""

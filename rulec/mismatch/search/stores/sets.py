@@ -8,20 +8,25 @@ from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
-from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.scan import Column, Found, joined, scan
-from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, Search, grown
+from rulec.mismatch.search.settled.sets import (
+    Names,
+    Posterior,
+    Progress,
+    Search,
+    grown,
+    join_terms,
+)
+from rulec.mismatch.search.stores.afar import from_afar, nearest
 from rulec.mismatch.search.stores.geometry import StoresGeometry, usual
+from rulec.mismatch.search.stores.nameless import terms
 
 
 def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:
@@ -82,8 +87,8 @@ def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list
     # Beside an explanation that stands, values are where they belong.
     alone = not model.setting.joined
     kinds = (foreseen, others, [_as_stated(there) for there in others] if alone else [])
-    best = (_cheapest(geometry, kind) for kind in kinds)
-    return [way for way in best if way is not None]
+    best = (nearest(geometry.coarse, kind) for kind in kinds)
+    return [way for _, way in filter(None, best)]
 
 
 def _as_stated(setting: Configuration) -> Configuration:
@@ -97,19 +102,6 @@ def amplitudes_of(candidate: Candidate) -> dict[Unknown, float]:
     return {u: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
 
 
-def _cheapest(geometry: StoresGeometry, every: Sequence[Configuration]) -> Configuration | None:
-    """The one that leaves least, of those that do not run away."""
-    found: list[tuple[float, Configuration]] = []
-    for setting in every:
-        prior = geometry.prior(setting)
-        at = np.clip(prior.of(setting.values), prior.lowest, prior.highest)
-        there = replace(setting, values={**setting.values, **prior.values(at)})
-        residual, _ = geometry.simulated(there)
-        if np.isfinite(residual).all():
-            found.append((geometry.spread(residual), there))
-    return min(found, key=lambda one: one[0])[1] if found else None
-
-
 def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(bench)
@@ -121,7 +113,7 @@ def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
 def begun(bench: SimulationProblem) -> Search:
     """A search that has refitted the plain model, with errors as they are about that."""
     first = StoresGeometry(bench)
-    near = refitted(first, from_afar(first, Configuration()))
+    near = refitted(first, from_afar(bench, Configuration()))
     search = Search(StoresGeometry(bench, near.setting))
     search.keep(frozenset(), search.refit(near.setting, near))
     return search
@@ -135,7 +127,7 @@ def about_the_best(bench: SimulationProblem, search: Search) -> Search:
     for names in dict.fromkeys((*likely, frozenset())):
         model = search.models[names]
         with contextlib.suppress(np.linalg.LinAlgError):
-            again.keep(names, again.refit(model.setting, model))
+            again.keep(names, again.refit(model.setting, model, model.terms))
     return again
 
 
@@ -160,54 +152,28 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     groups: dict[Names, list[Found]] = {}
     for one in scan(geometry, model, every, {}, limits.SETS_REFITTED):
         groups.setdefault(one.names, []).append(one)
-    begins = {new: ways(geometry, model, found) for new, found in groups.items()}
     if not model.setting.joined:
-        begins |= _singles(geometry, model, every, begins.keys())
-    for new, own in begins.items():
-        if names | new in search.odds:
-            continue
-        near = [from_afar(geometry, way, limits.EVALUATIONS_OF_EACH) for way in own]
-        if best := _cheapest(geometry, near):
-            with contextlib.suppress(np.linalg.LinAlgError):
-                search.keep(names | new, search.refit(from_afar(geometry, best), model))
-
-
-def _singles(
-    geometry: StoresGeometry, model: Model, every: Sequence[Column], known: Set[Names]
-) -> dict[Names, list[Configuration]]:
-    """Where single explanations lead that slopes do not propose, the best ones: far from a model a
-    slope says little of what a large effect would gain."""
-    first = {frozenset({c.name}): c for c in reversed(every)}
-    found = []
-    for name, column in first.items():
-        if name not in known:
-            begin = ((column, usual(column.amplitude)),)
-            own = ways(geometry, model, [Found(0.0, begin)])
-            near = [from_afar(geometry, way, limits.EVALUATIONS_OF_EACH) for way in own[1:]]
-            if best := _cheapest(geometry, near):
-                found.append((geometry.spread(geometry.simulated(best)[0]), name, best))
-    found.sort(key=lambda one: one[0])
-    return {name: [best] for _, name, best in found[: limits.SETS_REFITTED]}
-
-
-def from_afar(
-    geometry: StoresGeometry, setting: Configuration, evaluations: int = limits.EVALUATIONS
-) -> Configuration:
-    """Values to which simulation errors lead from some way off, each error counted as new: what
-    lasts in a model that is far off makes a rough landscape."""
-    bench, measured = geometry.bench, geometry.bench.record.measured
-    fitter = Fitter(bench, setting.joined, setting.fixed)
-    at = fitter.vector(setting.values)
-    noise = {n: limits.FAR_OFF * float(np.nanstd(v)) + 1e-12 for n, v in measured.items()}
-    for _ in range(limits.FITS_FROM_AFAR):
-        new = {n: Noise(spread, 1.0) for n, spread in noise.items()}
-        judged = Judged(bench.known, new, no_drift(bench), np.zeros(0))
-        at = fitter.descend(at, judged, judged.basis(), evaluations)
-        with contextlib.suppress(RanAway):
-            errors, _ = fitter.errors(at, judged)
-            noise = {n: float(np.sqrt(np.mean(e[bench.known[n]] ** 2))) for n, e in errors.items()}
-    values = fitter.values(at)
-    return replace(setting, values={n: values[n] for n in fitter.free})
+        # Far from a model a slope says little of what a large effect would gain.
+        for column in every:
+            name = frozenset({column.name})
+            groups.setdefault(name, [Found(0.0, ((column, usual(column.amplitude)),))])
+    tried = []
+    for new, found in groups.items():
+        if names | new not in search.odds:
+            begins = ways(geometry, model, found)
+            few = limits.EVALUATIONS_OF_EACH
+            near = [from_afar(geometry.coarse, way, few, fits=1) for way in begins]
+            if best := nearest(geometry.coarse, near):
+                residual, _ = geometry.simulated(best[1])
+                tried.append((geometry.at_best(residual), new, best[1]))
+    tried.sort(key=lambda one: -one[0])
+    for _, new, way in tried[: limits.SETS_REFITTED]:
+        with contextlib.suppress(np.linalg.LinAlgError):
+            search.keep(
+                names | new, search.refit(from_afar(geometry.bench, way), model, model.terms)
+            )
+    if of is None:
+        join_terms(search, names, terms(geometry, model))
 
 
 def prune(search: Search, names: Names) -> None:
@@ -216,5 +182,8 @@ def prune(search: Search, names: Names) -> None:
     for candidate in model.setting.joined if len(names) > 1 else ():
         # From here a set that stands already may be met better.
         with contextlib.suppress(np.linalg.LinAlgError):
-            less = search.refit(model.setting.leaving(candidate.id), model)
+            less = search.refit(model.setting.leaving(candidate.id), model, model.terms)
             search.keep(names - {candidate.id}, less)
+    for term in model.terms if len(names) > 1 else ():
+        own = tuple(t for t in model.terms if t is not term)
+        search.keep(names - {term.name}, search.refit(model.setting, model, own))

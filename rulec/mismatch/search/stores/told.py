@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec.mismatch.evidence.stores.ends import Ends, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.settled.sets import Posterior, Progress
 from rulec.mismatch.search.settled.told import accepted_of, told_of
@@ -32,19 +31,18 @@ class Found:
         return len(self.posterior.models)
 
     @property
+    def nameless(self) -> bool:
+        """Does what it says hold a term without a name?"""
+        posterior = self.posterior
+        terms = {term.name for term in posterior.models[posterior.told].terms}
+        return bool(terms & told_of(posterior))
+
+    @property
     def alone(self) -> Mapping[str, float]:
         """What each explanation gains by itself, nats, by its id."""
         odds = self.posterior.odds
         own = {name: odds[names] for names in odds if len(names) == 1 for name in names}
         return {name: gain - odds[frozenset()] for name, gain in own.items()}
-
-    @property
-    def singles(self) -> Sequence[Fitted]:
-        """Models with one explanation, the likeliest first."""
-        alone, models = self.alone, self.posterior.models
-        names = sorted(alone, key=lambda n: -alone[n])[: limits.WEIGHED]
-        settings = (models[frozenset({name})].setting for name in names)
-        return [self.ends.fitted(s.joined, {**s.values, **s.fixed}, self.plain) for s in settings]
 
 
 def search(bench: SimulationProblem, progress: Progress) -> Found:

@@ -15,7 +15,9 @@ from rulec.mismatch.evidence.stores.ends import Ends, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.stores.sets import begun
+from rulec.mismatch.search.settled.sets import join_terms
+from rulec.mismatch.search.stores.nameless import terms
+from rulec.mismatch.search.stores.sets import begun, grow
 from rulec.mismatch.search.stores.told import Found
 from tests.conftest import ROOT
 
@@ -96,6 +98,15 @@ def joined_to(
     """The plain model and one with a candidate, fitted from some values of that."""
     ends, plain = plain_end(place, {})
     return ends, plain, ends.fitted((place.candidate(name),), {**plain.values, **values}, plain)
+
+
+def searched(place: SimulationProblem, *names: str) -> Found:
+    """What a search finds that knows only some names, and terms without one."""
+    search = begun(place)
+    grow(search, frozenset(), set(names))
+    join_terms(search, frozenset(), terms(search.geometry, search.models[frozenset()]))
+    ends, plain = plain_end(place, search.models[frozenset()].setting.values)
+    return Found(ends, plain, plain, (), search.posterior())
 
 
 def as_found(ends: Ends, plain: Fitted, best: Fitted) -> Found:

@@ -13,7 +13,9 @@ from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.search.stores.unnamed import followed
 from rulec.mismatch.stores import nameless_places
-from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, as_found, bench, made, voltage
+from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
+
+LOSS = "lower.store-loss@inflow"
 
 
 @pytest.mark.parametrize(
@@ -39,8 +41,7 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     """A jet that misses the first tank at high flow: a flow from tank to tank, as the pump runs."""
     missed = 0.6 * TRUE["pump.k"] * np.maximum(voltage(384, 1) - 3.0, 0.0)
     place = bench(made(384, errors={"definition:upper.outflow": missed}))
-    ends, plain = plain_end(place, {})
-    unnamed = followed(as_found(ends, plain, plain))
+    unnamed = followed(searched(place, LOSS))
     assert unnamed is not None
     assert unnamed.curve.driver == "pump.u"
     assert unnamed.curve.place.module in ("upper", "lower")

@@ -22,11 +22,9 @@ from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
 from rulec.mismatch.search.stores.posterior_curve import curve_of
-from rulec.mismatch.search.stores.sets import begun, grow
-from rulec.mismatch.search.stores.told import Found
 from rulec.mismatch.search.stores.unnamed import Unnamed, followed
 from tests.conftest import ROOT
-from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, tanks
+from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 
 SAMPLES = 640
 FLAP = "lower.sticking-flap@outflow"
@@ -78,14 +76,6 @@ def flapping(kb: Path, seed: int) -> Recording:
     return recording
 
 
-def searched(recording: Recording) -> Found:
-    """What is known before any term without a name is tried."""
-    search = begun(bench(recording))
-    grow(search, frozenset(), {LAW})
-    ends, plain = plain_end(bench(recording), search.models[frozenset()].setting.values)
-    return Found(ends, plain, plain, (), search.posterior())
-
-
 def left_out(curve: CurveFound, found: Drawn) -> Array:
     """What the plain law leaves out, SI, in a model with its scale of the level: all that a sensor
     of unknown gain and zero says of it is what it shows."""
@@ -104,10 +94,10 @@ def left_out(curve: CurveFound, found: Drawn) -> Array:
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
-    found = searched(flapping(thin, seed))
-    place = found.ends.bench
+    place = bench(flapping(thin, seed))
+    ends, plain = plain_end(place, {})
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
-    term = drawn(found.ends, found.plain, spot, "lower.h")
+    term = drawn(ends, plain, spot, "lower.h")
     assert term is not None
     curve = curve_of(place, term)
     assert "lower.y" == curve.driver
@@ -123,7 +113,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 
 def test_place_and_driver_are_found(thin: Path) -> None:
     """Among all places and all that they may follow; no memory, and the name that lost."""
-    unnamed = followed(searched(flapping(thin, 1)))
+    unnamed = followed(searched(bench(flapping(thin, 1)), LAW))
     assert isinstance(unnamed, Unnamed)
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
@@ -139,7 +129,7 @@ def test_place_and_driver_are_found(thin: Path) -> None:
 
 def test_a_right_plain_model_follows_nothing() -> None:
     """No curve is drawn through noise."""
-    assert followed(searched(made(SAMPLES, 1))) is None
+    assert followed(searched(bench(made(SAMPLES, 1)), LAW)) is None
 
 
 @pytest.mark.prove

@@ -1,0 +1,92 @@
+"""What a candidate changes in a plant that stores, and what else it may change: no effect obeys
+its formula."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.simulation.balances import RanAway
+
+from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, SimulationProblem
+
+RATE = "der:"
+
+SPOTS = {RATE: "balance:", SHOWN: "reading:"}
+"""Where an error adds to a rate, and to what a sensor shows."""
+
+
+def changes(
+    bench: SimulationProblem,
+    ids: tuple[str, ...],
+    values: Mapping[str, float],
+    inputs: Mapping[str, Array],
+    candidate: Candidate,
+) -> dict[str, tuple[Array, Array]]:
+    """Rates and readings along the course of a model, and what of them a candidate changes, both
+    of shape (n,), SI, by output."""
+    balances = bench.balances(ids)
+    said = bench.simulate(ids, values, inputs=inputs)
+    known = {
+        n: np.asarray(v) for n, v in {**bench.plain_values, **values, TIME: bench.time}.items()
+    }
+    known = {n: known[n] for n in balances.plan.inputs if n in known}
+    known |= {n: inputs[n] for n in balances.inputs}
+    states = enumerate(balances.states)
+    known |= {n: np.ascontiguousarray(said.course.states[:, i]) for i, n in states}
+    off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
+    outputs = [n for n in balances.plan.outputs if n.startswith((RATE, SHOWN))]
+    plan, found = balances.plan.select(outputs), {}
+    here, there = (plan.run({**known, **extra}) for extra in ({}, off))
+    for name in outputs:
+        # A lag that is switched off at a moment has no rate.
+        with np.errstate(all="ignore"):
+            change = here[name] - there[name]
+        change = np.where(np.isfinite(change), change, 0.0)
+        shape = bench.time.shape
+        found[name] = np.broadcast_to(here[name], shape), np.broadcast_to(change, shape)
+    return found
+
+
+def forms_of_effects(
+    bench: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
+) -> Iterator[Array]:
+    """What each effect does to readings where its own term is larger by smooth functions of its
+    drivers: stacked, shape (signals * samples,), SI."""
+    ids, inputs = tuple(c.id for c in joined), bench.record.inputs
+    places, zero = bench.builder.places, np.zeros(len(bench.time))
+    for candidate in joined:
+        drivers = dict.fromkeys(d for d in candidate.drivers.values() if d != TIME)
+        courses = [bench.trajectory(ids, values, driver, inputs) for driver in drivers]
+        shapes = [shape for course in courses for shape in bends(course)]
+        if not shapes:
+            continue
+        errors = {}
+        for name, (_, change) in changes(bench, ids, values, inputs, candidate).items():
+            kind = next(k for k in SPOTS if name.startswith(k))
+            spot = places.get(SPOTS[kind] + name.removeprefix(kind))
+            if spot is not None and change.any():
+                errors[spot.id, spot.unknown] = change
+        spots = tuple(id_ for id_, _ in errors)
+        try:
+            for shape in (zero, *shapes):
+                more = {unknown: change * shape for (_, unknown), change in errors.items()}
+                said = bench.simulate(ids, values, inputs={**inputs, **more}, spots=spots)
+                shown = np.concatenate([said.shown[n] for n in bench.signals])
+                if shape is zero:
+                    plain = shown
+                else:
+                    yield shown - plain
+        except RanAway:
+            continue
+
+
+def bends(driver: Array) -> tuple[Array, ...]:
+    """A bend and an S over the range of a driver, of unit size."""
+    low, high = np.quantile(driver, [0.02, 0.98])
+    if high <= low:
+        return ()
+    z = np.clip(2.0 * (driver - low) / (high - low) - 1.0, -1.2, 1.2)
+    return np.sqrt(5.0) * (3.0 * z**2 - 1.0) / 4.0, np.sqrt(7.0) * (5.0 * z**3 - 3.0 * z) / 4.0
