@@ -45,7 +45,7 @@ from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.as_written import as_written, clear_states
-from rulec.mismatch.search.settled.by_recording import ByRecording, alone, by_recording
+from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
@@ -80,9 +80,8 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data, rows),
         )
-    parts = alone(recording, rows.system, heldout, tell)
-    found = search(rows, tell, [part for part in parts.values() if part is not None])
-    by = by_recording(recording, rows.system, heldout, found.posterior, tell, parts)
+    found = search(rows, tell)
+    by = by_recording(recording, rows.system, heldout, found.posterior, tell)
     return _explained(recording, found, by)
 
 

@@ -24,10 +24,9 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.states import averaged
 from rulec.mismatch.result import Likely, Moved
-from rulec.mismatch.search import limits
 from rulec.mismatch.search.settled.by_recording import Alone, ByRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.sets import Posterior, explain, with_laws
+from rulec.mismatch.search.settled.sets import Posterior, explain
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 PLANT = "abc"
@@ -197,19 +196,6 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     assert ["0.csv", "1.csv"] == [part.name for part in told_of]
     assert [LENGTH, LENGTH] == [part.rows for part in told_of]
     assert all(0.5 * LENGTH < part.used <= LENGTH for part in told_of)
-
-
-def test_what_stands_in_a_recording_alone_is_taken_up(
-    rows: Rows, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The way that the search goes among all recordings may miss it."""
-    monkeypatch.setattr(limits, "SEARCH_ROUNDS", 0)
-    first = healthy()
-    high = first.values["A.dp"] * np.where(first.time > 0.5 * LENGTH, 1.1, 1.0)
-    wrong = replace(first, values={**first.values, "A.dp": high})
-    alone = with_laws(rows_at(opened(PLANT), wrong), [["A.dp.high"]])
-    names = max((n for n in alone.odds if n), key=lambda n: alone.odds[n])
-    assert names in explain(rows, quiet, [replace(alone, sets={names: 1.0})]).models
 
 
 def test_a_recording_with_too_little_in_it_says_nothing_alone() -> None:

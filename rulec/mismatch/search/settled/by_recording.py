@@ -1,9 +1,8 @@
 """What each of several recordings says alone, and what each further one changed.
 
-The search is made on the rows of some recordings, and what stands there is taken up where they are
-searched together. To weigh in a part the sets that all rows brought up would be cheaper and wrong:
-what the further recording refutes is refitted to its rows too, with noise and errors of form as
-large as it needs for them, and looks refuted before.
+The search is made on the rows of some recordings. To weigh in a part the sets that all rows brought
+up would be cheaper and wrong: what the further recording refutes is refitted to its rows too, with
+noise and errors of form as large as it needs for them, and looks refuted before.
 """
 
 from __future__ import annotations
@@ -55,33 +54,16 @@ class ByRecording:
     moved: Mapping[int, tuple[Moved, ...]]
 
 
-Parts = Mapping[frozenset[int], Posterior | None]
-"""What recordings, by their numbers, say; None where they are too few."""
-
-
-def alone(
-    recording: Recording,
-    system: System,
-    heldout: Sequence[tuple[float, float]],
-    progress: Progress,
-) -> dict[frozenset[int], Posterior | None]:
-    """Explain each of several recordings alone; nothing of one."""
-    count = len(recording.sources)
-    every = [frozenset({number}) for number in range(count if count > 1 else 0)]
-    return {own: _explained(recording, own, system, heldout, progress) for own in every}
-
-
 def _explained(
     recording: Recording,
     chosen: frozenset[int],
     system: System,
     heldout: Sequence[tuple[float, float]],
     progress: Progress,
-    stood: Sequence[Posterior] = (),
 ) -> Posterior | None:
     progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
     rows = _rows_of(part_of(recording, chosen), system, heldout)
-    return explain(rows, lambda text: None, stood) if rows is not None else None
+    return explain(rows, lambda text: None) if rows is not None else None
 
 
 def by_recording(
@@ -90,23 +72,20 @@ def by_recording(
     heldout: Sequence[tuple[float, float]],
     posterior: Posterior,
     progress: Progress,
-    parts: Parts | None = None,
 ) -> ByRecording | None:
     """What each recording says alone, and the first few together; None of one.
 
-    `posterior` is what all say together, `parts` what each says alone.
+    `posterior` is what all say together.
     """
     count = len(recording.sources)
     if count < 2:
         return None
-    parts = parts or {}
-    known = {**parts, frozenset(range(count)): posterior}
+    known: dict[frozenset[int], Posterior | None] = {frozenset(range(count)): posterior}
 
     def on(numbers: Collection[int]) -> Posterior | None:
         chosen = frozenset(numbers)
         if chosen not in known:
-            stood = [p for own, p in parts.items() if own <= chosen and p is not None]
-            known[chosen] = _explained(recording, chosen, system, heldout, progress, stood)
+            known[chosen] = _explained(recording, chosen, system, heldout, progress)
         return known[chosen]
 
     each = tuple(Alone(number, *_said(on({number}))) for number in range(count))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,12 +18,11 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model, refitted
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.nameless import nameless, smooth, terms
+from rulec.mismatch.search.settled.nameless import nameless, terms
 from rulec.mismatch.search.settled.nested import beside, holds
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
-    at_points,
     columns,
     coming,
     coming_again,
@@ -215,14 +213,9 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     return search.posterior()
 
 
-def explain(every: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> Posterior:
-    """The sets of explanations of a recording, with their odds.
-
-    `stood` is what recordings alone say that `every` holds together.
-    """
+def explain(every: Rows, progress: Progress) -> Posterior:
+    """The sets of explanations of a recording, with their odds."""
     search = begun(every)
-    for part in stood:
-        _take_up(search, part)
     grown(search, progress, (_sharpen, _grow, _prune, _otherwise))
     _sharpen_rivals(search)
     _switch(search)
@@ -245,23 +238,6 @@ def grown(
             progress(f"round {number}: {len(search.odds)} sets of explanations refitted")
             for step in steps:
                 step(search, names)
-
-
-def _take_up(search: Search, part: Posterior) -> None:
-    """Refit the sets that stand in a part of the recordings: the way that the search goes among all
-    of them may miss one."""
-    plain, time = search.models[frozenset()], search.settled.rows.system.data.time
-    known = {(t.name, t.basis.length): t for t in smooth(terms(search.settled, plain))}
-    likely = sorted(part.sets, key=lambda names: (-part.sets[names], sorted(names)))
-    for names in likely[: limits.SETS_STANDING]:
-        model = part.models[names]
-        # What switched does so at other times in another recording.
-        own = [known.get((t.name, t.basis.length)) for t in model.terms]
-        there = tuple(term for term in own if term is not None)
-        if part.sets[names] < common.REPORTED or len(there) < len(own) or not names:
-            continue
-        with contextlib.suppress(np.linalg.LinAlgError):
-            search.keep(names, search.refit(at_points(model.setting, time), plain, there))
 
 
 def _switch(search: Search) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME, Candidate
@@ -46,13 +46,10 @@ class Search:
         return len(self.posterior.models)
 
 
-def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> Search:
-    """Find the sets of explanations that fit a recording, and tell the most probable one.
-
-    `stood` is what recordings alone say that `rows` holds together.
-    """
+def search(rows: Rows, progress: Progress) -> Search:
+    """Find the sets of explanations that fit a recording, and tell the most probable one."""
     progress("taking means of operating states")
-    posterior = explain(rows, progress, stood)
+    posterior = explain(rows, progress)
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.told]
     fitted, candidates = _on_all_points(rows, posterior)
