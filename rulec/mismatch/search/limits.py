@@ -279,10 +279,6 @@ GROWING_STEPS = (0.5, 0.25)
 """The same, of what grows: it bends at its onset and need not begin at a point. Origin: numerical.
 """
 
-ONSET_RIVALS = 5
-"""Sets with another fault in the place of one of the best set whose onsets are moved as well.
-Origin: numerical."""
-
 ONSET_POINTS = 9
 """Points at which the onset of a fault is looked for in the end. Origin: numerical."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.steady.configuration import Configuration, Course
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_references
 from rulec.mismatch.evidence.steady.states import rows_of_states
@@ -217,7 +217,6 @@ def explain(every: Rows, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(every)
     grown(search, progress, (_sharpen, _grow, _prune, _otherwise))
-    _sharpen_rivals(search)
     _switch(search)
     _challenge(search)
     return search.posterior()
@@ -390,37 +389,6 @@ def _sharpen(search: Search, names: Names) -> None:
             for way in (-step, step):
                 while _moved(search, names, number, way, time):
                     pass
-
-
-def _sharpen_rivals(search: Search) -> None:
-    """Onsets of other faults in the place of one of the best set, from where its own begins: an
-    onset that was moved for one alone would count for it."""
-    names = search.posterior().best
-    setting = search.models[names].setting
-    for course in setting.courses:
-        own = setting.candidate_of(course)
-        rest = without(names, own)
-        others = [n for n in search.odds if len(n) == len(names) and rest < n and n != names]
-        others = [n for n in others if search.models[n].setting.courses]
-        for other in sorted(others, key=lambda n: -search.odds[n])[: limits.ONSET_RIVALS]:
-            _begin_alike(search, other, course)
-            _sharpen(search, other)
-
-
-def _begin_alike(search: Search, names: Names, course: Course) -> None:
-    """Refit a set with the onset of another fault."""
-    model = search.models[names]
-    own = model.setting.courses
-    if len(course.periods) != 1 or len(own[-1].periods) != 1 or own[-1].grows != course.grows:
-        return
-    courses = (*own[:-1], replace(course, unknown=own[-1].unknown))
-    setting = replace(model.setting, courses=courses)
-    there = search.refit(setting, model, model.terms)
-    # One that shows the other way round is pressed to nothing, which its evidence, a linear step,
-    # does not see.
-    values, ends = there.setting.values, there.setting.limits()
-    if all(values[name] not in ends[name] for name in courses[-1].names()):
-        search.keep(names, there)
 
 
 def _moved(search: Search, names: Names, number: int, by: float, time: np.ndarray) -> bool:
