@@ -93,19 +93,12 @@ class Found:
         return frozenset(column.name for column, _ in self.starts)
 
 
-def columns(
-    geometry: Geometry, model: Model, alike: Alike, of: Set[str] | None = None
-) -> list[Column]:
-    """A column for each amplitude of each candidate, at several shapes and onsets.
-
-    `of` are ids of the only candidates that count.
-    """
+def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
+    """A column for each amplitude of each candidate, at several shapes and onsets."""
     system, seen = geometry.rows.system, geometry.seen
     joined = shut_out(model, alike)
     found: list[Column] = []
     for candidate in system.candidates:
-        if of is not None and candidate.id not in of:
-            continue
         if candidate.id in joined or not has_drivers(system, candidate):
             continue
         amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]

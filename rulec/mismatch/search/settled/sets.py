@@ -216,7 +216,7 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
 def explain(every: Rows, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(every)
-    grown(search, progress, (_sharpen, _grow, _prune, _otherwise))
+    grown(search, progress, (_sharpen, _grow, _prune))
     _switch(search)
     _challenge(search)
     return search.posterior()
@@ -350,19 +350,6 @@ def _prune(search: Search, names: Names) -> None:
         if names - {term.name} not in search.odds:
             own = tuple(t for t in model.terms if t.name != term.name)
             search.keep(names - {term.name}, search.refit(model.setting, model, own))
-
-
-def _otherwise(search: Search, names: Names) -> None:
-    """Each fault of a set in another course: throughout, since some time, growing since then."""
-    for candidate in search.models[names].setting.joined:
-        rest = without(names, candidate)
-        if candidate.sort != "fault" or rest not in search.models:
-            continue
-        geometry, model = search.settled, search.models[rest]
-        own = columns(geometry, model, search.alike, {candidate.id})
-        for one in scan(geometry, model, own, search.alike, limits.SETS_REFITTED):
-            if len(one.starts) == 1 and rest | one.names not in search.odds:
-                _join(search, rest, one)
 
 
 def without(names: Names, candidate: Candidate) -> Names:
