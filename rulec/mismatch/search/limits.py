@@ -290,10 +290,6 @@ LIKELIER = 0.5
 """Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger
 2004, median probability model)."""
 
-STRONG = 2.0
-"""Standard uncertainties by which a strength that is told differs from none. Origin: distribution
-(normal, two-sided, 5 %)."""
-
 WORTH_A_CUT = 20.0
 """Gain of a fault that comes and goes from which on means are cut at its ends, nats. Origin:
 numerical."""

@@ -100,9 +100,6 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
             was = was.leaving(candidate.id)
     was = replace(was, known=known_of(model.prior, was))
     fitted = _fitted(rows, at_points(was, rows.system.data.time))
-    weak = _without_strength(fitted, posterior)
-    for candidate in weak:
-        fitted = _fitted(rows, fitted.setting.leaving(candidate.id))
     setting = fitted.setting
     names = {name_of(setting, c): c for c in setting.joined}
     for course in setting.courses:
@@ -120,33 +117,6 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
     used = rows.system.data.open
     first = fit(rows, setting, used)
     return fit(rows, first.setting, used, variance_inflation=variance_inflation_of(first))
-
-
-def _without_strength(fitted: Fitted, posterior: Posterior) -> list[Candidate]:
-    """What all points together show to have no strength, and the evidence hardly asks for.
-
-    Where the strength of a law depends on a shape that is hardly known, as that of a relief valve
-    on the pressure at which it opens, its uncertainty tells nothing: the evidence decides.
-    """
-    setting, best = fitted.setting, posterior.told
-    return [
-        c
-        for c in setting.joined
-        if not _is_strong(fitted, c)
-        and _gain(posterior, best, name_of(setting, c)) < 0.5 * limits.STRONG**2
-    ]
-
-
-def _is_strong(fitted: Fitted, candidate: Candidate) -> bool:
-    """Does a strength of a candidate, at any of its levels, differ from that at which it changes
-    nothing?"""
-    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
-    found = [
-        abs(fitted.setting.values[name] - null[stem]) >= limits.STRONG * fitted.u(name)
-        for name in fitted.prior.names
-        if (stem := name.partition("#")[0]) in null
-    ]
-    return any(found)
 
 
 def with_term(fitted: Fitted, term: Term) -> Fitted | None:
