@@ -17,10 +17,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.special import ndtr
+from scipy.special import erfcx, ndtr
 
+from rulec.knowledge.belief import Held
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
@@ -420,6 +421,9 @@ def _weighed(
     # The normal density of the linear solution gives way to that of the Student distribution.
     evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
     evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
+    ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
+    if len(ends):
+        evidence += _at_ends(geometry, found, now.jacobian[:, ends], known, at, ends)
     return Model(
         point=now,
         prior=prior,
@@ -437,3 +441,27 @@ def _weighed(
         precision=_joint(known.precision, random.count, more.shape[1]),
         weights=found.weighted.weights,
     )
+
+
+def _at_ends(
+    geometry: Evidence,
+    found: _Chosen,
+    slopes: Array,
+    known: Held,
+    at: Array,
+    ends: NDArray[np.intp],
+) -> float:
+    """What the evidence gains, nats, as a value at an end of its range only moves inwards, where
+    the likelihood falls; `slopes`, shape (rows, ends), are those by the values at `ends`."""
+    shown, own = geometry.whitened(slopes, found.noise), found.weighted
+    table, (lower, size) = own.table * found.ratio, found.spread
+    residual = own.left + table @ found.solution
+    pull = shown.T * own.weights
+    before = np.diag(known.precision)[ends]
+    falls = np.abs(pull @ residual + (known.precision @ (at - known.mean))[ends])
+    # All other values follow.
+    beside = solve_triangular(lower, (pull @ table / size).T, lower=True)
+    own_bends = before + np.einsum("er,re->e", pull, shown)
+    bends = np.maximum(own_bends - np.sum(beside**2, axis=0), before)
+    inside = 0.5 * erfcx(falls / np.sqrt(2.0 * bends)) * np.sqrt(before / bends)
+    return float(np.sum(np.log(inside)))

@@ -33,6 +33,8 @@ class Innovations:
 
     def of(self, columns: Array, runs: Sequence[slice]) -> Array:
         """Those of rows of one signal, shape (n,) or (n, columns), each run by itself."""
+        if not columns.size:  # LAPACK writes where it must not.
+            return columns.copy()
         rows = np.zeros((len(columns), columns[0].size))
         wide = columns.reshape(rows.shape)
         with np.errstate(all="ignore"):
