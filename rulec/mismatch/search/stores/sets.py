@@ -148,11 +148,16 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     assert isinstance(geometry, StoresGeometry)
     if len(names) >= limits.DEEPEST:
         return
+    if of is None:
+        join_terms(search, names, terms(geometry, model))
+    if model.terms:
+        # A term is straight about the model without it: what it leaves may be its own bend.
+        return
     every = columns(geometry, model, of)
     groups: dict[Names, list[Found]] = {}
     for one in scan(geometry, model, every, {}, limits.SETS_REFITTED):
         groups.setdefault(one.names, []).append(one)
-    if not model.setting.joined:
+    if not names:
         # Far from a model a slope says little of what a large effect would gain.
         for column in every:
             name = frozenset({column.name})
@@ -169,11 +174,7 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     tried.sort(key=lambda one: -one[0])
     for _, new, way in tried[: limits.SETS_REFITTED]:
         with contextlib.suppress(np.linalg.LinAlgError):
-            search.keep(
-                names | new, search.refit(from_afar(geometry.bench, way), model, model.terms)
-            )
-    if of is None:
-        join_terms(search, names, terms(geometry, model))
+            search.keep(names | new, search.refit(from_afar(geometry.bench, way), model))
 
 
 def prune(search: Search, names: Names) -> None:
