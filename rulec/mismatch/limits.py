@@ -75,11 +75,6 @@ NORMAL_95 = 1.96
 """Standard uncertainties on either side in a 95 % interval. Origin: distribution (normal, 97.5
 %)."""
 
-LEFT_OPEN = 0.2
-"""Share of what was to be explained (squares beyond noise) that names may leave: with more left
-they stand for something else. Where names were right they left 0.05 at most in plants made by
-the proof, and 0.13 in real tanks. Origin: measured by `rulec prove`."""
-
 BEYOND_NOISE = 1.15
 """Errors of a model over noise from which on something is left at all. Origin: assumed."""
 

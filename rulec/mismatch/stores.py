@@ -72,12 +72,9 @@ def explain(
     best = Fitter(bench, best.joined, kept(best)).with_covariance(best, judged)
     proofs = prove(bench, found.plain, best, judged)
     dropped: tuple[str, ...] = ()
-    far = _open_share(bench, proofs) > limits.LEFT_OPEN
-    gained = _gained(best, proofs)
-    if accepted and (far or gained <= _least(proofs)):
-        # What is named leaves most of it, or does not hold where it was not fitted.
-        if not far:
-            dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
+    if accepted and _gained(best, proofs) <= _least(proofs):
+        # What is named does not hold where it was not fitted.
+        dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, judged)
     tell("looking for places where something is wrong")
@@ -333,19 +330,6 @@ def _least(proofs: Sequence[Proof]) -> float:
         for part in ([p.fit.heldout for p in proofs], [p.fit.estimation for p in proofs])
     )
     return -limits.PROVEN if learnt and not seen else limits.PROVEN
-
-
-def _open_share(bench: SimulationProblem, proofs: Sequence[Proof]) -> float:
-    """Share of squared errors beyond noise that a model leaves, of those of the plain one."""
-    before = after = 0.0
-    beyond = False
-    for proof in proofs:
-        errors, signal = proof.fit.estimation, bench.ruleset.signal_by_id[proof.fit.signal]
-        noise = max(errors.noise, bench.record.resolution[signal.id] / signal.factor)
-        before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
-        after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
-        beyond = beyond or errors.repaired > limits.BEYOND_NOISE * noise
-    return after / before if beyond and before > 0.0 else 0.0
 
 
 def _sharp(bench: SimulationProblem, fitted: Fitted) -> Fitted:
