@@ -250,6 +250,9 @@ large effect would gain. Origin: numerical."""
 WORTH_A_REFIT = -2.0
 """Log odds to first order from which on a set is refitted. Origin: numerical."""
 
+STIFF = 0.1
+"""Share of the errors of form with which explanations are scanned too. Origin: numerical."""
+
 SETS_GROWN = 2
 """Sets that are grown in a round. Origin: numerical."""
 
