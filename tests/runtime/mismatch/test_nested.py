@@ -53,7 +53,7 @@ def model(laws: dict[str, Array], terms: tuple[Term, ...] = ()) -> Model:
     fake = SimpleNamespace(
         setting=SimpleNamespace(joined=joined),
         prior=SimpleNamespace(names=tuple(laws)),
-        table=np.stack([*laws.values()], axis=1) if laws else np.zeros((len(DRIVER), 0)),
+        raw=np.stack([*laws.values()], axis=1) if laws else np.zeros((len(DRIVER), 0)),
         terms=terms,
     )
     return cast(Model, fake)

@@ -9,7 +9,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.evidence import Term
+from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
 
 
@@ -37,7 +37,9 @@ def beside(model: Model, every: Sequence[Term]) -> list[Term]:
     ]
 
 
-def coincide(model: Model, candidate: Candidate, other: Model, rival: Candidate) -> bool:
+def coincide(
+    geometry: Evidence, model: Model, candidate: Candidate, other: Model, rival: Candidate
+) -> bool:
     """Does an explanation of a model show as one of another model does, beside all else?
 
     Their laws may have errors of form: what differs less than that is the same.
@@ -46,11 +48,12 @@ def coincide(model: Model, candidate: Candidate, other: Model, rival: Candidate)
     rest = np.delete(np.arange(model.table.shape[1]), own)
     table, weights = model.table[:, rest], model.weights[:, None]
     normal = table.T @ (table * weights) + model.precision[np.ix_(rest, rest)]
-    shown = np.stack([*_whitened(model, candidate), *_whitened(other, rival)], axis=1)
+    both = [*slopes_of(model, candidate), *slopes_of(other, rival)]
+    shown = geometry.whitened(np.stack(both, axis=1), model.noise)
     with np.errstate(all="ignore"):
         shown = shown - table @ np.linalg.solve(normal, table.T @ (shown * weights))
     shown = shown * np.sqrt(weights)
-    count = len(_whitened(model, candidate))
+    count = len(slopes_of(model, candidate))
     first, second = shown[:, :count], shown[:, count:]
     left = second - first @ np.linalg.lstsq(first, second, rcond=None)[0]
     size = np.sum(second**2, axis=0)
@@ -70,14 +73,6 @@ def _whole(term: Term, other: Term) -> bool:
 
 def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
     """Slopes of the residuals by the strengths of a law, where it has been fitted."""
-    return _of_strengths(model, candidate, model.raw)
-
-
-def _whitened(model: Model, candidate: Candidate) -> list[Array]:
-    return _of_strengths(model, candidate, model.table)
-
-
-def _of_strengths(model: Model, candidate: Candidate, table: Array) -> list[Array]:
     strengths = [u.id for u in candidate.unknowns if u.null is not None]
-    columns = (table[:, i] for name in strengths for i in places_of(model, name))
+    columns = (model.raw[:, i] for name in strengths for i in places_of(model, name))
     return [column for column in columns if np.any(column)]

@@ -231,7 +231,7 @@ def _coincides(posterior: Posterior, name: str, other: str) -> bool:
     model, there = posterior.models[best], posterior.models[rest]
     own = next((c for c in model.setting.joined if name_of(model.setting, c) == name), None)
     rival = next(c for c in there.setting.joined if name_of(there.setting, c) == other)
-    return own is not None and coincide(model, own, there, rival)
+    return own is not None and coincide(posterior.geometry, model, own, there, rival)
 
 
 def candidates_of(posterior: Posterior) -> dict[str, Candidate]:

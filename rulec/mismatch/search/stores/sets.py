@@ -166,13 +166,15 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     for new, found in groups.items():
         if names | new not in search.odds:
             begins = ways(geometry, model, found)
-            few = limits.EVALUATIONS_OF_EACH
-            near = [from_afar(geometry.coarse, way, few, fits=1) for way in begins]
+            count = limits.EVALUATIONS_OF_EACH
+            near = [from_afar(geometry.coarse, way, count, fits=1) for way in begins]
             if best := nearest(geometry.coarse, near):
                 residual, _ = geometry.simulated(best[1])
                 tried.append((geometry.at_best(residual), new, best[1]))
     tried.sort(key=lambda one: -one[0])
-    for _, new, way in tried[: limits.SETS_REFITTED]:
+    # What has more members has come farther by then.
+    few, more = ([t for t in tried if (len(t[1]) > 1) is pair] for pair in (False, True))
+    for _, new, way in (*few[: limits.SETS_REFITTED], *more[: limits.SETS_REFITTED // 2]):
         with contextlib.suppress(np.linalg.LinAlgError):
             search.keep(names | new, search.refit(from_afar(geometry.bench, way), model))
 
