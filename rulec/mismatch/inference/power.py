@@ -98,22 +98,29 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     odds = posterior.odds
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
         for candidate in posterior.models[names].setting.joined:
-            one = _as_found(posterior.models[names], candidate)
-            if one is not None and candidate.id not in found:
-                found[candidate.id] = one
+            if candidate.id not in found:
+                one = _as_found(posterior.geometry, posterior.models[names], candidate)
+                found |= {candidate.id: one} if one is not None else {}
     return found
 
 
-def _as_found(model: Model, candidate: Candidate) -> tuple[Column, float] | None:
+def _as_found(
+    geometry: Evidence, model: Model, candidate: Candidate
+) -> tuple[Column, float] | None:
     """What an explanation changes in a model that has it, as one column of its first amplitude."""
-    shift, size, first = np.zeros(len(model.raw)), 0.0, None
+    first, size = None, 0.0
     for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
         for i in places_of(model, unknown.id):
             off = float(model.at[i] - (unknown.null or 0.0))
-            shift = shift + model.raw[:, i] * off
             first = first or unknown
             size = off if unknown is first and abs(off) > abs(size) else size
-    if first is None or size == 0.0 or not shift.any():
+    if first is None or size == 0.0:
+        return None
+    setting = model.setting.leaving(candidate.id)
+    prior = geometry.prior(setting)
+    without = geometry.evaluated(setting, prior, prior.of(setting.values))
+    shift = model.point.residual - without.residual
+    if not (np.isfinite(shift).all() and shift.any()):
         return None
     course = next((c for c in model.setting.courses if c.unknown == first.id), None)
     column = Column(

@@ -159,8 +159,9 @@ class StoresGeometry(Evidence):
         best = [max(own)[1] for own in of_signals]
         return [tuple(itertools.chain(*each)) for each in (*alike, best)]
 
-    def at_best(self, residual: Array) -> float:
-        """Log likelihood of what is left, shape (rows,), by the noise that makes it largest."""
+    def promise(self, setting: Configuration) -> float:
+        """Log likelihood of what values leave, by the noise that makes it largest."""
+        residual, _ = self.simulated(setting)
         if not np.isfinite(residual).all():
             return -np.inf
         own = (max(self._likely(residual, number))[0] for number in range(len(self._runs)))

@@ -168,15 +168,16 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
             begins = ways(geometry, model, found)
             count = limits.EVALUATIONS_OF_EACH
             near = [from_afar(geometry.coarse, way, count, fits=1) for way in begins]
-            if best := nearest(geometry.coarse, near):
-                residual, _ = geometry.simulated(best[1])
-                tried.append((geometry.at_best(residual), new, best[1]))
+            promises = [(geometry.promise(way), way) for way in near]
+            tried += [(*max(promises, key=lambda one: one[0]), new)] if promises else []
     tried.sort(key=lambda one: -one[0])
     # What has more members has come farther by then.
-    few, more = ([t for t in tried if (len(t[1]) > 1) is pair] for pair in (False, True))
-    for _, new, way in (*few[: limits.SETS_REFITTED], *more[: limits.SETS_REFITTED // 2]):
+    few, more = ([t for t in tried if (len(t[2]) > 1) is pair] for pair in (False, True))
+    for promised, way, new in (*few[: limits.SETS_REFITTED], *more[: limits.SETS_REFITTED // 2]):
         with contextlib.suppress(np.linalg.LinAlgError):
-            search.keep(names | new, search.refit(from_afar(geometry.bench, way), model))
+            farther = from_afar(geometry.bench, way)
+            begin = farther if geometry.promise(farther) > promised else way
+            search.keep(names | new, search.refit(begin, model))
 
 
 def prune(search: Search, names: Names) -> None:
