@@ -94,7 +94,7 @@ def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | N
 def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
     """Columns of explanations, by their ids, as they stand in the most probable set that has them,
     each with its size, SI: there a law bends as it does at its size."""
-    found = {}
+    found: dict[str, tuple[Column, float]] = {}
     odds = posterior.odds
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
         for candidate in posterior.models[names].setting.joined:

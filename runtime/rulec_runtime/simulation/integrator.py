@@ -773,7 +773,17 @@ def _step(
         step, again = length / pieces, False
         if stiff:
             fastest, error = _implicit(
-                tape, kernel, values, slopes, room, past, held, time, inputs, s, (at // size, pieces)
+                tape,
+                kernel,
+                values,
+                slopes,
+                room,
+                past,
+                held,
+                time,
+                inputs,
+                s,
+                (at // size, pieces),
             )
         else:
             _explicit(
