@@ -223,13 +223,20 @@ def explain(every: Rows, progress: Progress) -> Posterior:
 
 
 def grown(
-    search: Search, progress: Progress, steps: Sequence[Callable[[Search, Names], None]]
+    search: Search,
+    progress: Progress,
+    steps: Sequence[Callable[[Search, Names], None]],
+    *,
+    apart: bool = False,
 ) -> None:
-    """Grow the best sets, each by some steps, until nothing gains."""
+    """Grow the best sets, each by some steps, until nothing gains; those with terms without a name
+    `apart` from those of names alone."""
     done: set[Names] = set()
     for number in range(1, limits.SEARCH_ROUNDS + 1):
-        best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
-        todo = [names for names in best if names not in done]
+        best = sorted(search.odds, key=lambda names: -search.odds[names])
+        kinds = [bool(search.models[names].terms) and apart for names in best]
+        own = ([n for n, k in zip(best, kinds, strict=True) if k is kind] for kind in (False, True))
+        todo = [n for kind in own for n in kind[: limits.SETS_GROWN] if n not in done]
         if not todo:
             break
         for names in todo:

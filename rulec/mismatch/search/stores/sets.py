@@ -105,7 +105,7 @@ def amplitudes_of(candidate: Candidate) -> dict[Unknown, float]:
 def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(bench)
-    grown(search, progress, (grow, prune))
+    grown(search, progress, (grow, prune), apart=True)
     progress("refitting the likeliest sets, with errors as they are about the best one")
     return about_the_best(bench, search).posterior()
 
@@ -146,11 +146,9 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     """Refit a set with what would gain most beside it."""
     geometry, model = search.geometry, search.models[names]
     assert isinstance(geometry, StoresGeometry)
-    if len(names) >= limits.DEEPEST:
-        return
-    if of is None:
+    if of is None and len(names) < limits.LARGEST_SET:
         join_terms(search, names, terms(geometry, model))
-    if model.terms:
+    if model.terms or len(names) >= limits.DEEPEST:
         # A term is straight about the model without it: what it leaves may be its own bend.
         return
     every = columns(geometry, model, of)
