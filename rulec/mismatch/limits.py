@@ -62,9 +62,6 @@ FEATURE_VARIES = 5.0
 """Times its noise by which a reading must vary to stand in a term without physics. Origin:
 assumed."""
 
-DRAWN = 4
-"""Curves that are fitted to the end. Origin: assumed."""
-
 # Intervals and held-out blocks.
 
 DROP = 1.92

@@ -41,12 +41,10 @@ def from_afar(
     return replace(setting, values={n: values[n] for n in fitter.free})
 
 
-def nearest(
-    bench: SimulationProblem, every: Sequence[Configuration]
-) -> tuple[float, Configuration] | None:
-    """The setting that leaves least, of those that do not run away, and how much that is, in nats:
-    logarithms of its size in each reading."""
-    found = []
+def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configuration | None:
+    """The setting that leaves least, in logarithms of its size in each reading, of those that do
+    not run away."""
+    found = list[tuple[float, Configuration]]()
     for setting in every:
         fitter = Fitter(bench, setting.joined, setting.fixed)
         at = fitter.vector(setting.values)
@@ -56,7 +54,7 @@ def nearest(
             errors, _ = fitter.errors(at, _judged(bench, dict.fromkeys(bench.signals, 1.0)))
             seen = [errors[n][known] for n, known in bench.known.items()]
             found.append((sum(_left(own) for own in seen), there))
-    return min(found, key=lambda one: one[0], default=None)
+    return min(found, key=lambda one: one[0])[1] if found else None
 
 
 def _left(errors: np.ndarray) -> float:

@@ -88,7 +88,7 @@ def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list
     alone = not model.setting.joined
     kinds = (foreseen, others, [_as_stated(there) for there in others] if alone else [])
     best = (nearest(geometry.coarse, kind) for kind in kinds)
-    return [way for _, way in filter(None, best)]
+    return [way for way in best if way is not None]
 
 
 def _as_stated(setting: Configuration) -> Configuration:

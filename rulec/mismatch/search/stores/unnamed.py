@@ -1,4 +1,4 @@
-"""What has no name in a plant that stores: the likeliest term of a search, drawn by simulation."""
+"""What has no name in a plant that stores: terms of a search, drawn by simulation."""
 
 from __future__ import annotations
 
@@ -28,17 +28,15 @@ class Unnamed:
 
 
 def followed(found: Found) -> Unnamed | None:
-    """The place and the driver of the likeliest term without a name, if one is likelier than
-    nothing; its curve beside the plain model."""
+    """The place and the driver whose curve gains most beside the plain model, of all terms that
+    were refitted, if one is likelier than nothing."""
     posterior = found.posterior
-    likely = {n: o for n, o in posterior.odds.items() if posterior.models[n].terms}
-    names = max(likely, key=lambda n: likely[n], default=frozenset[str]())
-    if not names or likely[names] < posterior.odds[frozenset()]:
+    with_terms = [names for names, model in posterior.models.items() if model.terms]
+    if max((posterior.odds[n] for n in with_terms), default=-np.inf) < posterior.odds[frozenset()]:
         return None
-    own = posterior.models[names].terms
-    ways = {(t.spot, t.driver): t for model in posterior.models.values() for t in model.terms}
-    ways = {(t.spot, t.driver): t for t in own} | ways
-    curves = [drawn(found.ends, found.plain, t.changed, t.driver) for t in ways.values()]
+    # A term is straight about a model that may be far off: which one is best, its curve says.
+    ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
+    curves = [drawn(found.ends, found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
     return _told(found, every) if every else None
 
