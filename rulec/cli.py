@@ -94,6 +94,13 @@ def _parser() -> argparse.ArgumentParser:
         default="text",
         help="json and sarif go to standard output, for editors and CI servers",
     )
+    made["check"].add_argument(
+        "--write-map",
+        nargs="?",
+        const="-",
+        metavar="FILE",
+        help="propose a column map for RECORDING; without FILE it goes to standard output",
+    )
     _import(made["import"])
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(

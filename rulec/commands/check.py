@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.commands.destinations import console, note_aside, write_json, write_to
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.formats import is_called_recording
@@ -32,6 +32,10 @@ def run(options: argparse.Namespace) -> int:
     paths = [path for path in map(Path, options.paths) if path not in recordings]
     if recordings and len(paths) != 1:
         raise Misused("a recording is checked with its plant, as PLANT RECORDING")
+    if options.write_map is not None:
+        if len(recordings) != 1:
+            raise Misused("--write-map needs one recording, as in PLANT RECORDING --write-map")
+        return _write_map(options, paths[0], recordings[0])
     found = _collected(paths)
     wrong = any(not one.doubt for one in found)
     facts: dict[str, Facts] = {}
@@ -53,6 +57,25 @@ def run(options: argparse.Namespace) -> int:
             told = {name: form_of(part) for name, part in facts.items()}
         write_json(options, {"found": json_form(found), "recordings": told})
     return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
+
+
+def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int:
+    """Propose a column map; exit code 1 if something has to be answered first."""
+    from rulec.commands.column_map import proposed
+
+    map_ = proposed(recording, ruleset_of_plant(plant))
+    write_to(options.write_map, map_.text)
+    for one in map_.assumed:
+        note_aside(options, f"assumed: {one}")
+    for one in map_.asked:
+        note_aside(options, f"to be answered in the map: {one}")
+    if options.write_map != "-":
+        note_aside(
+            options,
+            f"wrote {options.write_map}; look at it, and name it in plant.yaml as "
+            f"'columns: {Path(options.write_map).name}'",
+        )
+    return 1 if map_.asked else 0
 
 
 def is_recording(path: Path) -> bool:

@@ -14,7 +14,7 @@ from rulec_runtime.diagnosis.steady.seen import judgeable
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import Header, assign
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.recordings.recording_file import files_of, times_of
+from rulec_runtime.recordings.recording_file import files_of, form_of
 
 from rulec.limits import FAR_READING
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
@@ -266,7 +266,7 @@ def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], tuple[str, .
     strangers: dict[str, None] = {}
     for file in files_of(path):
         header = Header()
-        with opened_sheet(file, times_of(ruleset)) as sheet:
+        with opened_sheet(file, form_of(ruleset)) as sheet:
             names = sheet.titles
             assign(file, names, ruleset, header, [], sheet.units)
         titles |= {target.signal: names[target.index].strip() for target in header.targets}

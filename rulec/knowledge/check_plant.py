@@ -11,9 +11,11 @@ from typing import Any
 from zoneinfo import available_timezones
 
 import numpy as np
+from rulec_runtime.contract.file_form import AS_SEEN
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_value import check_value
+from rulec.knowledge.file_form import file_form, time_title
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType, Parameter
@@ -22,7 +24,7 @@ from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
-from rulec.language.units import SECOND, VOLUME_FLOW, Unit
+from rulec.language.units import VOLUME_FLOW, Unit
 from rulec.language.written import rounded
 from rulec.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 
@@ -45,6 +47,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     connections = reader.connections(sources.adjacency)
     columns, time_column = reader.columns(modules, sources.columns)
     time_zone = reader.time_zone(sources.columns)
+    file = AS_SEEN if sources.columns is None else file_form(reader.reader_of(sources.columns))
     if reader.found:
         raise Refused(reader.found)
     return Plant(
@@ -55,6 +58,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         columns=columns,
         time_column=time_column,
         time_zone=time_zone,
+        file=file,
         knowledge=knowledge,
         digest=sources.digest(),
         place=document.place("plant"),
@@ -82,7 +86,7 @@ class _PlantReader(Reader):
     def _hint(self, name: str) -> str:
         return did_you_mean(name, self._names)
 
-    def _reader_of(self, document: Document) -> Reader:
+    def reader_of(self, document: Document) -> Reader:
         return Reader(document, self.units, self.found)
 
     def _report_at(self, place: Place, code: str, message: str, hint: str = "") -> None:
@@ -123,7 +127,7 @@ class _PlantReader(Reader):
 
     def calibrate(self, modules: dict[str, Module], document: Document) -> dict[str, Module]:
         """Take over the values of a calibration file."""
-        result, reader = dict(modules), self._reader_of(document)
+        result, reader = dict(modules), self.reader_of(document)
         for name, part in document.data["modules"].items():
             path = ("modules", name)
             if name not in self._names:
@@ -234,18 +238,14 @@ class _PlantReader(Reader):
         """Columns of a recording, and the name of the one with time."""
         if document is None:
             return (), ""
-        result, time_column, reader = [], "", self._reader_of(document)
+        result, time_column, reader = [], "", self.reader_of(document)
         for key, part in document.data["columns"].items():
             path = ("columns", key)
-            unit = reader.unit(*path, "unit")
             scale, shift = _conversion(reader, path, part)
             if key == "time":
-                time_column = part["from"]
-                if unit.dimension.fits(SECOND) and unit.factor != 1:
-                    message, hint = f"time is read in s, not in {unit.text}", "convert the column"
-                    reader.report((*path, "unit"), "KB086", message, hint)
-                _check_unit(reader, path, unit, Unit("s", 1, SECOND), "KB086")
+                time_column = time_title(part)
                 continue
+            unit = reader.unit(*path, "unit")
             module, signal = key.split(".")
             if module in self._names and module not in modules:
                 continue
@@ -266,7 +266,7 @@ class _PlantReader(Reader):
         zone = str(time.get("zone", ""))
         known = available_timezones() if zone else ()
         if document is not None and known and zone not in known:
-            reader, path = self._reader_of(document), ("columns", "time", "zone")
+            reader, path = self.reader_of(document), ("columns", "time", "zone")
             hint = did_you_mean(zone, known)
             reader.report(path, "KB124", f"there is no time zone '{zone[:40]}'", hint)
         return zone

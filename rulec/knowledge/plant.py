@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rulec_runtime.contract.file_form import FileForm
+
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.layers import Layer
 from rulec.knowledge.module_type import Fluid, ModuleType, Parameter
@@ -66,6 +68,7 @@ class Plant:
     columns: tuple[Column, ...]
     time_column: str
     time_zone: str
+    file: FileForm
     knowledge: Knowledge
     digest: str
     place: Place

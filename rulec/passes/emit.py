@@ -55,6 +55,7 @@ def emit(
         ),
         time_column=plant.time_column,
         time_zone=plant.time_zone,
+        file=plant.file,
         units={
             name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
             for name, u in plant.knowledge.units.units.items()

@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import parts_of
-from rulec_runtime.recordings.recording_file import RecordingFile, times_of
+from rulec_runtime.recordings.recording_file import RecordingFile, form_of
 from rulec_runtime.recordings.table import Sheet
 
 DIGITS = 10
@@ -29,7 +29,7 @@ def rewrite(
     values : per signal an array, shape (rows of the file,), SI. A signal without a column gets
         one behind the others, under its foreign name if the plant knows one.
     """
-    with opened_sheet(file.path, times_of(ruleset)) as sheet:
+    with opened_sheet(file.path, form_of(ruleset)) as sheet:
         _rewrite(sheet, file, ruleset, values, target)
 
 

@@ -125,6 +125,29 @@ GOOD_QUALITY = 192
 """Quality of a reading in a historian from which on it is good. Origin: standard, OPC Data Access:
 the upper two of its eight bits are set."""
 
+FIRST_YEAR, LAST_YEAR = 2000, 2060
+"""Years between which numbers are looked at as dates: as Unix time in any unit, days of a
+spreadsheet, and their like. Origin: assumed, the time of digital recordings."""
+
+BRIEFEST_ROW = 1e-3
+"""Seconds from row to row below which days of a spreadsheet are meant: no logger of a plant writes
+so fast. Origin: assumed."""
+
+LONGEST_OF_SECONDS = 0.1
+"""Seconds from row to row up to which nobody knows whether days or seconds are meant: a day has
+2.4 hours in 0.1. Origin: assumed."""
+
+SHARE_ON_CHANGE = 0.5
+"""Share of rows with a reading from which on nobody asks whether it is written when it changes.
+Origin: assumed."""
+
+SHARE_REGULAR = 0.8
+"""Share of distances between readings that are alike, from which on a slow reading is a sampled
+one. Origin: assumed."""
+
+ROWS_ON_CHANGE = 10
+"""Rows from which on one or two readings are too few for a slow one. Origin: assumed."""
+
 MOST_DIGITS = 20
 """Digits of a whole number in JSON at most. Origin: numerical, a double holds 17."""
 

@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from rulec_runtime.contract.file_form import AS_SEEN
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.isolate import residual_basis
@@ -86,6 +87,7 @@ def plant(
         columns=(),
         time_column="",
         time_zone="",
+        file=AS_SEEN,
         knowledge=cast(Knowledge, None),
         digest="",
         place=Place("p"),

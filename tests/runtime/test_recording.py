@@ -183,7 +183,10 @@ REFUSED = {
     ),
     "no time": (SHEET.renamed("time", "sample").text(), "no time column; expected 'time [s]'"),
     "time in words": (SHEET.filled("time", "früh").text(), "holds 'früh'; expected seconds"),
-    "American dates": (SHEET.filled("time", "3/30/2025 1:05").text(), "or dates such as"),
+    "dates of two readings": (
+        SHEET.filled("time", "3/4/2025 1:05").text(),
+        "may be 3 April 2025 (day first) or 4 March 2025 (month first); say which in the column",
+    ),
     "time in bar": (SHEET.renamed("time", "time [bar]").text(), "is in 'bar'; expected s, ms, min"),
     "all times empty": (SHEET.filled("time", "").text(), "time"),
     "two lines of words": (

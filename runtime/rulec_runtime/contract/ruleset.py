@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
 
@@ -347,6 +348,7 @@ class Ruleset:
     undo: Plan
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
     time_zone: str = field(default="", metadata=SELDOM)
+    file: FileForm = field(default=AS_SEEN, metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
 

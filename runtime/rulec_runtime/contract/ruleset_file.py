@@ -184,6 +184,8 @@ def _builder(kind: Any) -> Callable[[Any], Any]:
         return _row_builder(arguments)
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return _mapping_builder(arguments[1])
+    if origin is typing.Literal:
+        return _choice_builder(arguments)
     if origin in (types.UnionType, typing.Union):
         whole = _builder(next(a for a in arguments if a is not types.NoneType))
         return lambda data: None if data is None else whole(data)
@@ -250,6 +252,15 @@ def _plain_builder(kind: Any) -> Callable[[Any], Any]:
     def build(data: Any) -> Any:
         if type(data) is not kind:
             _expect(data, kind, word)
+        return data
+
+    return build
+
+
+def _choice_builder(choices: tuple[str, ...]) -> Callable[[Any], Any]:
+    def build(data: Any) -> Any:
+        if data not in choices:
+            raise Damaged(f"{str(data)[:30]!r} where one of {', '.join(choices)} belongs")
         return data
 
     return build

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column, read_cells
 from rulec_runtime.recordings.growing_cells import GrowingCells
+from rulec_runtime.recordings.numbers import Convention
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 
@@ -27,13 +29,16 @@ class ArrayTable:
     pieces: Pieces
     count: int
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
+    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         wanted = list(dict.fromkeys([*kept, *numbers]))
         place = {index: k for k, index in enumerate(wanted)}
         beside = len(wanted) + len(kept)
+        written = Convention(form.decimal, form.thousands)
         columns = tuple(
-            Column(self.titles[i].strip(), Growing(self.count, beside)) for i in numbers
-        )
+            Column(self.titles[i].strip(), Growing(self.count, beside), written=written,
+                   placed={} if form.words_are_placed else None)
+            for i in numbers
+        )  # fmt: skip
         parts = [GrowingCells(self.count, beside) for _ in kept]
         rows = 0
         for piece in self.pieces(wanted):

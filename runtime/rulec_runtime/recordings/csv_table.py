@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings.numbers import UNKNOWN, Convention
 from rulec_runtime.recordings.scratch import Growing
 
 _QUOTED = re.compile(r'"[^"]*"')
@@ -27,12 +29,22 @@ class RecordingRefused(Refusal):
     """The file cannot be used as a recording; the message says why and what to do."""
 
 
+class Unclear(RecordingRefused):
+    """The file may be read in several ways. `choices` are what a column map would say of its form;
+    the first of them is `likely`, or none is."""
+
+    def __init__(self, text: str, choices: Sequence[Mapping[str, Any]], likely: bool) -> None:
+        super().__init__(text)
+        self.choices, self.likely = choices, likely
+
+
 @dataclass
 class Column:
     """The numbers of a column; NaN where a cell is empty or a word.
 
-    `states` counts the words, `first` is one of them with its data row (from 1). `decimals` are
-    the decimal signs seen.
+    `states` counts the words, and `first` is one of them with its data row (from 1); `placed` are
+    all of them by row (from 0), None where nobody asks. `written` says how its numbers are,
+    `decimals` are the decimal signs seen.
     """
 
     title: str
@@ -40,11 +52,20 @@ class Column:
     states: Counter[str] = field(default_factory=Counter)
     first: tuple[int, str] | None = None
     decimals: set[str] = field(default_factory=set)
+    written: Convention = UNKNOWN
+    placed: dict[int, str] | None = None
 
     @property
     def words(self) -> int:
         """How many cells are words."""
         return self.states.total()
+
+    def say(self, row: int, word: str) -> None:
+        """A word stands in a row, from 0."""
+        self.states[word] += 1
+        self.first = self.first or (row + 1, word)
+        if self.placed is not None:
+            self.placed[row] = word
 
     def add(self, numbers: Array, comma: bool) -> None:
         """Numbers behind those that are there; `comma`: they might have had a decimal comma."""
@@ -118,7 +139,9 @@ def _is_word(cell: str) -> bool:
 
 def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> None:
     """Append cells to a column as numbers, behind `before` rows; `comma`: it may be decimal."""
-    if comma:
+    if column.written.thousands:
+        cells = [column.written.plain(cell) for cell in cells]
+    elif comma or column.written.decimal == ",":
         column.decimals |= {sign for sign in ",." if any(sign in cell for cell in cells)}
         if "," in column.decimals:
             cells = [cell.replace(",", ".") for cell in cells]
@@ -134,6 +157,5 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
         except ValueError:
             if cell.strip().lower() not in BLANK:
                 word = cell.strip()[:30]
-                column.states[word] += 1
-                column.first = column.first or (before + i + 1, word)
+                column.say(before + i, word)
     column.parts.append(numbers)

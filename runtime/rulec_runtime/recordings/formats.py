@@ -15,10 +15,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.recordings.arrange import arrange
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.given import opened, place_of
-from rulec_runtime.recordings.long_table import wide
 from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.titles import names_of_times
 from rulec_runtime.recordings.which_sheet import which
 
 
@@ -55,6 +57,10 @@ BINARY = (
     Format("MAT", (".mat",), ((0, b"MATLAB 5.0 MAT-file"),), f"{_READERS}.mat", "mat"),
     Format("MDF", (".mf4", ".mdf", ".dat"), ((0, b"MDF "), (0, b"UnFinMF")), f"{_READERS}.mdf",
            "mdf"),
+    Format("LabVIEW measurement", (".lvm",), ((0, b"LabVIEW Measurement"),), f"{_READERS}.lvm"),
+    Format("annotated CSV", (),
+           tuple((at, mark) for mark in (b"#group,", b"#datatype,", b"#default,") for at in (0, 3)),
+           f"{_READERS}.annotated"),
     Format("TDMS", (".tdms",), ((0, b"TDSm"),), f"{_READERS}.tdms", "tdms"),
     Format("HDF5", (".h5", ".hdf5", ".hdf"), tuple((at, _HDF5) for at in (0, 512, 1024, 2048)),
            f"{_READERS}.hdf5", "hdf5"),
@@ -75,21 +81,37 @@ _NO_RECORDING = (
 
 
 @contextmanager
-def opened_sheet(path: Path, times: Collection[str]) -> Iterator[Sheet]:
-    """The table that a path names, readable while the context lasts.
+def opened_tables(path: Path, form: FileForm = AS_SEEN) -> Iterator[list[Sheet]]:
+    """The tables of a file as they are written, readable while the context lasts."""
+    place, times = place_of(path)[0], names_of_times(form)
+    with opened(path) as file:
+        kind = format_of(file, place)
+        reader = _reader(kind, place)
+        yield _careful(lambda: reader(file, place, times), kind, place)
+
+
+@contextmanager
+def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
+    """The table that a path names, a column per signal, readable while the context lasts.
+
+    `form` is what a column map says of it.
 
     Raises `RecordingRefused` where it cannot be read, or where nothing says which one is meant.
     """
     place, name = place_of(path)
+    times = names_of_times(form)
     with opened(path) as file:
         kind = format_of(file, place)
         reader = _reader(kind, place)
         found = _careful(lambda: reader(file, place, times), kind, place)
-        sheet = which(path, [wide(path, one, times) for one in found], name, times)
+        arranged = _careful(lambda: [arrange(path, one, form) for one in found], kind, place)
+        sheet = which(path, arranged, name, times)
         read, lines = sheet.read, sheet.lines
         yield replace(
             sheet,
-            read=lambda kept, numbers: _careful(lambda: read(kept, numbers), kind, place),
+            read=lambda kept, numbers, _=form: _careful(
+                lambda: read(kept, numbers, form), kind, place
+            ),
             lines=partial(_careful, lines, kind, place),
         )
 

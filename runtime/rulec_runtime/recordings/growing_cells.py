@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
-from rulec_runtime.recordings.time_column import dates_of, plain_times
+from rulec_runtime.recordings.time_column import plain_times
 
 
 class GrowingCells:
@@ -51,8 +53,9 @@ class GrowingTimes:
     What is neither is NaN, as `read_times` has it of texts that it gets all at once.
     """
 
-    def __init__(self, most: int, beside: int) -> None:
+    def __init__(self, most: int, beside: int, order: Order) -> None:
         self._numbers, self._dates = Growing(most, beside), GrowingCells(most, beside)
+        self._order = order
         self._plain = False
         self._first: list[str] = []
 
@@ -67,7 +70,7 @@ class GrowingTimes:
         self._numbers.append(numbers)
         self._plain = self._plain or bool(np.isfinite(numbers).any())
         if not self._plain:
-            self._dates.add(Dates(*dates_of(cells)))
+            self._dates.add(Dates(*dates_of(cells, self._order)))
 
     def joined(self) -> Cells:
         """All times; the first text where none of them is one."""

@@ -2,100 +2,149 @@
 
 They become tables with a column per tag. Tags have times of their own: the rows are those of the
 tag with the most readings, and a reading stands in the row nearest to its time, within half of the
-usual distance of rows. What has no row there is left out, and that is told.
+usual distance of rows; or, where a column map says that readings hold, in all rows until the next
+one. What has no row is left out, and that is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_cells
-from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings import held
+from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
+from rulec_runtime.recordings.places import Places
+from rulec_runtime.recordings.quality import as_word, good_of
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
-from rulec_runtime.recordings.time_column import dates_of, plain_times
-from rulec_runtime.recordings.titles import is_time, unit_in
-
-TAGS = ("tag", "tagname", "tag name", "point", "pointname", "variable", "name", "node", "nodeid")
-VALUES = ("value", "wert", "val")
-QUALITIES = ("quality", "status", "statuscode", "status code", "confidence")
-UNITS = ("unit", "units", "einheit", "uom")
-GOOD = ("good", "ok", "valid", "true")
+from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
+from rulec_runtime.recordings.titles import unit_in
 
 _MICROSECONDS = 1e6
 
 
 @dataclass(frozen=True)
+class Readings:
+    """Readings of one tag in order of their times: `rows` of the file, times as numbers `at`, in s,
+    and the `numbers`, NaN where a word stands or its quality is not good; `words` are those, by
+    place."""
+
+    rows: NDArray[np.intp]
+    at: Array
+    numbers: Array
+    words: Mapping[int, str]
+
+
+@dataclass(frozen=True)
 class LongTable:
-    """Readings of all tags.
+    """Readings of all tags; `times` are those of all rows, as the file holds them."""
 
-    `tag` is the number of a tag in `tags`, shape (n,), `seconds` numbers by which times can be
-    compared, shape (n,), `values` text of the readings, or of why there is none.
-    """
-
+    path: Path
     tags: tuple[str, ...]
-    tag: NDArray[np.intp]
+    readings: tuple[Readings, ...]
     times: Cells
-    seconds: Array
-    values: Sequence[str]
-    comma: bool
+    untimed: int
+    decimals: set[str] = field(default_factory=set)
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
-        wanted = [index - 1 for index in numbers if index]
-        rows = {k: self._rows_of(k) for k in {*wanted, *(index - 1 for index in kept if index)}}
-        base = max(rows.values(), key=len, default=self._rows_of(0))
-        placed = {k: _nearest(self.seconds[base], self.seconds[own]) for k, own in rows.items()}
-        cells = {k: _put(len(base), placed[k], [self.values[i] for i in own])
-                 for k, own in rows.items()}  # fmt: skip
-        columns = []
-        for index in numbers:
-            column = Column("time" if not index else self.tags[index - 1])
-            read_cells(column, cells[index - 1], 0, self.comma)
-            columns.append(column)
+    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+        wanted = {index - 1 for index in (*numbers, *kept) if index}
+        found = {k: self.readings[k] for k in wanted}
+        most = max(found, key=lambda k: len(found[k].at), default=0)
+        base = self._rows(found, most, form)
+        at = seconds_in(_taken(self.times, base), form)
+        if form.hold == "last":
+            placed = {k: held.last_before(r.at, at, form.hold_for) for k, r in found.items()}
+        else:
+            placed = {k: _turned(_nearest(at, r.at), len(base)) for k, r in found.items()}
+        columns = tuple(
+            self._column(index - 1, found[index - 1], placed[index - 1]) for index in numbers
+        )
+        texts = {k: _texts(found[k], placed[k]) for k in {i - 1 for i in kept if i}}
+        remarks = self._moved(most, at, found, placed, form)
         return Table(
-            kept=tuple(cells[i - 1] if i else _taken(self.times, base) for i in kept),
-            columns=tuple(columns),
-            remarks=tuple(self._moved(base, rows, placed)),
+            kept=tuple(texts[i - 1] if i else _taken(self.times, base) for i in kept),
+            columns=columns,
+            remarks=tuple(remarks),
         )
 
     def lines(self) -> Iterator[list[str]]:
-        table = self.read(range(len(self.tags) + 1), ())
+        table = self.read(range(len(self.tags) + 1), (), replace(AS_SEEN, hold="never"))
         return (list(row) for row in zip(*(texts_of(c) for c in table.kept), strict=True))
 
-    def _rows_of(self, number: int) -> NDArray[np.intp]:
-        """Readings of a tag that have a time, in order of it."""
-        own = np.flatnonzero((self.tag == number) & np.isfinite(self.seconds))
-        return own[np.argsort(self.seconds[own], kind="stable")]
+    def _rows(self, found: Mapping[int, Readings], most: int, form: FileForm) -> NDArray[np.intp]:
+        """Rows of the file whose times are those of the table: of the tag with the most readings;
+        where readings hold, of all tags, as far as they are not closer than those of this one.
+
+        Raises `RecordingRefused` where readings seem to hold, and no column map says so.
+        """
+        base = found[most] if found else self.readings[0]
+        if form.hold == "last":
+            rows = np.concatenate([r.rows for r in found.values()])
+            at = np.concatenate([r.at for r in found.values()])
+            order = np.argsort(at, kind="stable")
+            steps = np.diff(base.at)
+            least = 0.5 * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+            return rows[order[_apart(at[order], least)]]
+        for k, one in found.items():
+            count = len(one.at)
+            if not form.hold and count and held.written_on_change(one.at, len(base.at)):
+                times = plural(count, "time", "times")
+                raise Unclear(
+                    f"{self.path}: readings of '{self.tags[k]}' come at {times} where those of "
+                    f"'{self.tags[most]}' come at {len(base.at)}, as where a value is written when "
+                    "it changes; say in the column map 'file: {hold: last}' if a reading holds "
+                    "until the next one, else 'file: {hold: never}'",
+                    [{"hold": "last"}, {"hold": "never"}],
+                    likely=True,
+                )
+        return base.rows
+
+    def _column(self, k: int, own: Readings, places: NDArray[np.intp]) -> Column:
+        there = places >= 0
+        numbers = np.full(len(places), np.nan)
+        numbers[there] = own.numbers[places[there]]
+        column = Column(self.tags[k], decimals=self.decimals)
+        column.parts.append(numbers)
+        if own.words:
+            of_row = ((row, own.words.get(place)) for row, place in enumerate(places.tolist()))
+            for row, word in ((row, word) for row, word in of_row if word is not None):
+                column.say(row, word)
+        return column
 
     def _moved(
         self,
-        base: NDArray[np.intp],
-        rows: dict[int, NDArray[np.intp]],
-        placed: dict[int, NDArray[np.intp]],
+        most: int,
+        at: Array,
+        found: Mapping[int, Readings],
+        placed: Mapping[int, NDArray[np.intp]],
+        form: FileForm,
     ) -> Iterator[str]:
         """Remarks on readings that have no row of their own time."""
-        untimed = int((~np.isfinite(self.seconds)).sum())
-        if untimed:
-            yield f"{plural(untimed, 'reading has', 'readings have')} no usable time; left out"
+        if self.untimed:
+            count = plural(self.untimed, "reading has", "readings have")
+            yield f"{count} no usable time; left out"
+        if form.hold == "last":
+            yield held.told(form)
+            return
         moved, lost, largest = 0, 0, 0.0
-        for k, own in rows.items():
+        for k, own in found.items():
             there = placed[k] >= 0
-            lost += int((~there).sum())
-            away = np.abs(self.seconds[base[placed[k][there]]] - self.seconds[own[there]])
+            lost += len(own.at) - int(there.sum())
+            away = np.abs(at[there] - own.at[placed[k][there]])
             moved += int((away > 0).sum())
             largest = max(largest, float(away.max(initial=0.0)))
-        name = self.tags[int(self.tag[base[0]])] if len(base) else ""
+        name = self.tags[most]
         if moved:
             yield (
                 f"{plural(moved, 'reading was', 'readings were')} taken at other times than those "
-                f"of '{name}'; each stands in the row nearest to it, at most {largest:g} away"
+                f"of '{name}'; each stands in the row nearest to it, at most {largest:.6g} away"
             )
         if lost:
             yield (
@@ -104,74 +153,45 @@ class LongTable:
             )
 
 
-def wide(path: Path, sheet: Sheet, times: Collection[str]) -> Sheet:
-    """A table with a column per tag of a long one; any other as it is."""
-    names = [parts_of(title.strip())[0].lower() for title in sheet.titles]
-    tag, value = _first(names, TAGS), _first(names, VALUES)
-    time = next((i for i, title in enumerate(sheet.titles) if is_time(title, times)), -1)
-    if len(names) > 8 or min(tag, value, time) < 0:
-        return sheet
-    quality, unit = _first(names, QUALITIES), _first(names, UNITS)
-    asked = [tag, time, value, *(i for i in (quality, unit) if i >= 0)]
-    table = sheet.read(asked, ())
+def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
+    """A table with a column per tag of a long one."""
+    beside = [i for i in (places.quality, places.unit) if i >= 0]
+    asked = [*places.time, places.tag, *beside]
+    table = sheet.read(asked, [places.value], replace(form, layout="long"))
     told = dict(zip(asked, table.kept, strict=True))
-    stated = [text.strip() for text in texts_of(told[tag])]
+    times, _ = time_of_parts(path, [told[i] for i in places.time], form)
+    stated = [text.strip() for text in texts_of(told[places.tag])]
     tags = {name: k for k, name in enumerate(dict.fromkeys(stated))}
     number = np.array([tags[name] for name in stated], dtype=np.intp)
-    values = texts_of(told[value])
-    if quality >= 0:
-        values = _judged(path, values, texts_of(told[quality]))
-    units = _units(path, tuple(tags), number, texts_of(told[unit]) if unit >= 0 else [])
-    long = LongTable(
-        tuple(tags), number, told[time], _comparable(told[time]), values, sheet.separator != ","
-    )
+    (column,) = table.columns
+    values, words = column.numbers(), dict(column.placed or {})
+    if places.quality >= 0:
+        title, texts = sheet.titles[places.quality], texts_of(told[places.quality])
+        good = good_of(path, title, set(texts), form)
+        words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
+    values[[*words]] = np.nan
+    units = texts_of(told[places.unit]) if places.unit >= 0 else []
+    seconds = seconds_in(times, form)
+    known = np.flatnonzero(np.isfinite(seconds))
+    order = known[np.lexsort((seconds[known], number[known]))]
+    edges = np.searchsorted(number[order], np.arange(len(tags) + 1))
+    readings = []
+    for low, high in pairwise(edges.tolist()):
+        rows = order[low:high]
+        own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
+        readings.append(Readings(rows, seconds[rows], values[rows], own))
+    untimed = int(np.isfinite(values).sum() - np.isfinite(values[known]).sum())
+    long = LongTable(path, tuple(tags), tuple(readings), times, untimed, column.decimals)
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
-    return Sheet(
-        name=sheet.name,
-        titles=(sheet.titles[time], *tags),
-        units=(sheet.units[time], *units),
+    return replace(
+        sheet,
+        titles=(sheet.titles[places.time[0]], *tags),
+        units=(sheet.units[places.time[0]], *_units(path, tuple(tags), number, units)),
         read=long.read,
         lines=long.lines,
-        separator=sheet.separator,
+        rows=None,
         remarks=(*sheet.remarks, *table.remarks, count),
     )
-
-
-def _first(names: Sequence[str], wanted: Collection[str]) -> int:
-    return next((i for i, name in enumerate(names) if name in wanted), -1)
-
-
-def _comparable(times: Cells) -> Array:
-    """Times as numbers, NaN where there is none."""
-    if isinstance(times, Dates):
-        return times.seconds
-    if isinstance(times, np.ndarray):
-        return times
-    numbers = plain_times(times)
-    return numbers if np.isfinite(numbers).any() else dates_of(times)[0]
-
-
-def _judged(path: Path, values: Sequence[str], qualities: Sequence[str]) -> list[str]:
-    """Values, with the quality in place of those that are not good."""
-    verdict = {text: _is_good(text) for text in set(qualities)}
-    if set(verdict) == {"0"}:
-        raise RecordingRefused(
-            f"{path}: every quality is 0, which is good in OPC UA and bad in OPC DA; write Good or "
-            "Bad into the column, or take it out"
-        )
-    found = []
-    for value, text in zip(values, qualities, strict=True):
-        name = text.strip() if text.strip()[:1].isalpha() else f"quality {text.strip()}"
-        found.append(value if verdict[text] else name)
-    return found
-
-
-def _is_good(text: str) -> bool:
-    """Whether a quality is a word that says so, or a number from 192 to 255."""
-    try:
-        return limits.GOOD_QUALITY <= float(text) <= 255
-    except ValueError:
-        return text.strip().lower() in ("", *GOOD)
 
 
 def _units(
@@ -189,6 +209,16 @@ def _units(
             )
         found[k] = found[k] or text
     return found
+
+
+def _apart(at: Array, least: float) -> NDArray[np.intp]:
+    """Places of times, in order, each `least` behind the one before, or at all behind it."""
+    kept, last = [], -np.inf
+    for place, time in enumerate(at.tolist()):
+        if time > last and time - last >= least:
+            kept.append(place)
+            last = time
+    return np.array(kept, dtype=np.intp)
 
 
 def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
@@ -209,17 +239,20 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     return taken
 
 
-def _put(rows: int, places: NDArray[np.intp], cells: Sequence[str]) -> list[str]:
-    found = [""] * rows
-    for place, cell in zip(places.tolist(), cells, strict=True):
-        if place >= 0:
-            found[place] = cell
+def _turned(rows: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """From the row of each reading to the reading of each row, -1 where it has none."""
+    found = np.full(count, -1, dtype=np.intp)
+    there = rows >= 0
+    found[rows[there]] = np.flatnonzero(there)
     return found
+
+
+def _texts(own: Readings, places: NDArray[np.intp]) -> list[str]:
+    cells = [own.words.get(k, text) for k, text in enumerate(texts_of(own.numbers))]
+    return [cells[place] if place >= 0 else "" for place in places.tolist()]
 
 
 def _taken(times: Cells, rows: NDArray[np.intp]) -> Cells:
     if isinstance(times, Dates):
         return Dates(times.seconds[rows], times.zones[rows])
-    if isinstance(times, np.ndarray):
-        return times[rows]
-    return [times[i] for i in rows.tolist()]
+    return np.asarray(times, dtype=float)[rows]

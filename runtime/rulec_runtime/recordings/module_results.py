@@ -24,7 +24,7 @@ from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.header import parts_of, result_of
 from rulec_runtime.recordings.reading_unit import parse_unit
-from rulec_runtime.recordings.recording_file import times_of
+from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
 
@@ -69,7 +69,7 @@ def holds_results(path: Path, ruleset: Ruleset) -> bool:
     """Whether a file holds estimates of observers, and so no recording."""
     if not is_there(path) or place_of(path)[0].is_dir():
         return False
-    with opened_sheet(path, times_of(ruleset)) as sheet:
+    with opened_sheet(path, form_of(ruleset)) as sheet:
         titles = {parts_of(as_meant(t.strip()))[0] for t in sheet.titles}
     return any(result_of(title, ruleset) for title in titles)
 
@@ -97,7 +97,7 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
             raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
         return time, wanted
 
-    with opened_sheet(path, times_of(ruleset)) as sheet:
+    with opened_sheet(path, form_of(ruleset)) as sheet:
         index, wanted = choose(sheet.titles)
         table = sheet.read([index], wanted)
     _check(path, names, ruleset)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rulec_runtime import limits
+from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.plural import plural
@@ -20,7 +21,8 @@ from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.scratch import blocks, let_go
-from rulec_runtime.recordings.time_column import NAMES, read_times
+from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.titles import names_of_times
 
 SHOWN = 5
 
@@ -72,15 +74,21 @@ def files_of(path: Path) -> list[Path]:
     return [f.with_name(f"{f.name}#{table}") if table else f for f in csv or files]
 
 
+def form_of(ruleset: Ruleset) -> FileForm:
+    """How recordings are written, as far as the plant's column map says it."""
+    form = ruleset.file
+    return form if form.time else replace(form, time=tuple(filter(None, (ruleset.time_column,))))
+
+
 def times_of(ruleset: Ruleset) -> frozenset[str]:
-    """Names of columns of times, in lower case but the plant's own one."""
-    return frozenset(filter(None, (*NAMES, ruleset.time_column)))
+    """Names of columns of times, in lower case but the plant's own ones."""
+    return names_of_times(form_of(ruleset))
 
 
 def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     """Read all columns that belong to signals; what is odd about them is added to `notes`."""
-    header = Header()
-    with opened_sheet(path, times_of(ruleset)) as sheet:
+    header, form = Header(), form_of(ruleset)
+    with opened_sheet(path, form) as sheet:
         assign(path, sheet.titles, ruleset, header, notes, sheet.units)
         table = sheet.read([header.time], [target.index for target in header.targets])
     notes += (f"{path.name}: {remark}" for remark in (*sheet.remarks, *table.remarks))
@@ -92,7 +100,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{table.first_left_out})"
         )
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes)
+    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
     return RecordingFile(
         path=path,
         header=header,
@@ -111,7 +119,7 @@ def readings_of(
     values = {}
     for column, target in zip(columns, header.targets, strict=True):
         most = largest_reading(ruleset.signal_by_id[target.signal])
-        values[target.signal] = _readings(path, column, target, most, notes)
+        values[target.signal] = _readings(path, column, target, most, ruleset.file.missing, notes)
     return values
 
 
@@ -123,8 +131,13 @@ def largest_reading(signal: SignalSpec) -> float:
     return min(limits.ABSURD, limits.BEYOND_SENSOR * scale) if scale else limits.ABSURD
 
 
-def in_si(numbers: Array, target: Target, most: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Numbers of a column in SI, and which are beyond any sensor: there it has no reading."""
+def in_si(
+    numbers: Array, target: Target, most: float, missing: Sequence[float] = ()
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Numbers of a column in SI, and which are beyond any sensor: there it has no reading. Nor has
+    it one where a number stands for one that is `missing`."""
+    if missing:
+        numbers = np.where(np.isin(numbers, missing), np.nan, numbers)
     with np.errstate(over="ignore"):
         values = numbers * target.factor + target.offset
     absurd = np.abs(values) > most
@@ -132,7 +145,14 @@ def in_si(numbers: Array, target: Target, most: float) -> tuple[Array, NDArray[n
     return values, absurd
 
 
-def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:
+def _readings(
+    path: Path,
+    column: Column,
+    target: Target,
+    most: float,
+    missing: Sequence[float],
+    notes: list[str],
+) -> Array:
     """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
     cell, cells = f"cell of {target.signal}", f"cells of {target.signal}"
     if column.words:
@@ -143,8 +163,14 @@ def _readings(path: Path, column: Column, target: Target, most: float, notes: li
             f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
         )
     values, count, row = column.numbers(), 0, 0
+    if missing and (absent := int(np.isin(values, missing).sum())):
+        shown = " or ".join(f"{number:g}" for number in missing)
+        notes.append(
+            f"{path.name}: {plural(absent, f'{cell} is', f'{cells} are')} {shown}, which the "
+            "column map calls missing"
+        )
     for low, high in blocks(len(values)):
-        values[low:high], absurd = in_si(values[low:high], target, most)
+        values[low:high], absurd = in_si(values[low:high], target, most, missing)
         if not count and absurd.any():
             row = low + int(np.argmax(absurd)) + 1
         count += int(absurd.sum())

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
+from typing import Protocol
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column
 
@@ -47,6 +49,15 @@ class Table:
     remarks: tuple[str, ...] = ()
 
 
+class Read(Protocol):
+    """Reads columns by their indexes, some as they are and some as numbers, in a form as far as it
+    is told."""
+
+    def __call__(
+        self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = ...
+    ) -> Table: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
     """A table of a file, not read yet.
@@ -57,7 +68,7 @@ class Sheet:
     titles : of its columns.
     units : that stand in the file beside the titles, empty where there is none; as many as titles.
     rows : how many there are, where that is known before reading.
-    read : from indexes of columns to keep as they are, and of columns of numbers.
+    read : its columns.
     lines : all rows as text, as far as `read` keeps them.
     separator : what separates its cells; a comma where it is no text.
     """
@@ -65,7 +76,7 @@ class Sheet:
     name: str
     titles: tuple[str, ...]
     units: tuple[str, ...]
-    read: Callable[[Sequence[int], Sequence[int]], Table]
+    read: Read
     lines: Callable[[], Iterator[list[str]]]
     rows: int | None = None
     separator: str = ","

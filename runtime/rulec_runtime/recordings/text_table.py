@@ -9,18 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.recordings.csv_table import (
     Column,
     RecordingRefused,
+    Unclear,
     is_whole,
     read_cells,
     refuse_words,
 )
 from rulec_runtime.recordings.growing_cells import GrowingCells, GrowingTimes
+from rulec_runtime.recordings.numbers import Convention, Signs, convention_of
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of
+from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import is_time, units_below
+
+SAMPLE = 200
+"""Rows that show how numbers are written."""
 
 
 @dataclass(kw_only=True)
@@ -50,7 +57,7 @@ class _Taken:
             self.whole += len(part)
             return
         rows = self._whole_of(part)
-        if not self.whole and rows:
+        if not self.whole and rows and numbers:
             refuse_words(self.path, rows[0], (*kept, *numbers))
         for column, index in zip(self.columns, numbers, strict=True):
             read_cells(column, [row[index] for row in rows], self.whole, self.comma)
@@ -87,16 +94,24 @@ class TextTable:
     times: frozenset[str] = frozenset()
     parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
+    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         """Rows with another number of cells than the titles are left out, as no cell of them can
         be trusted. Raises `RecordingRefused`."""
         beside = len(numbers) + 3 * len(kept)
+        sample = list(islice(self.lines(), SAMPLE))
+        written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         taken = _Taken(
             path=self.path,
             columns=tuple(
-                Column(self.titles[i].strip(), Growing(self.most, beside)) for i in numbers
+                Column(
+                    self.titles[i].strip(),
+                    Growing(self.most, beside),
+                    written=one,
+                    placed={} if form.words_are_placed else None,
+                )
+                for i, one in zip(numbers, written, strict=True)
             ),
-            texts=tuple(self._growing(index, beside) for index in kept),
+            texts=tuple(self._growing(index, beside, form) for index in kept),
             places=(tuple(kept), tuple(numbers)),
             width=len(self.titles),
             comma=self.separator != ",",
@@ -108,13 +123,16 @@ class TextTable:
         return Table(
             kept=tuple(text.joined() for text in taken.texts),
             columns=taken.columns,
+            remarks=tuple(_marks_told(taken.columns, form)),
             left_out=taken.left_out,
             first_left_out=taken.first_left_out,
         )
 
     def _parts(self, taken: _Taken) -> Iterator[Part]:
         """The rows in parts; what is kept as text is never a number."""
-        if self.parts is None or not all(isinstance(text, GrowingTimes) for text in taken.texts):
+        plain = all(c.written.decimal != "," and not c.written.thousands for c in taken.columns)
+        timed = all(isinstance(text, GrowingTimes) for text in taken.texts)
+        if self.parts is None or not plain or not timed:
             return batches_of(self._below())
         return self.parts(int(self.has_units), taken.places[0])
 
@@ -123,11 +141,12 @@ class TextTable:
         width = len(self.titles)
         return (row[:width] for row in self._below() if is_whole(row, width))
 
-    def _growing(self, index: int, beside: int) -> GrowingCells | GrowingTimes:
+    def _growing(self, index: int, beside: int, form: FileForm) -> GrowingCells | GrowingTimes:
         """Texts of a column; of a large table those of times become numbers as they come."""
         timed = is_time(self.titles[index], self.times)
-        if self.most is not None and self.most > BATCH and timed:
-            return GrowingTimes(self.most, beside)
+        if self.most is not None and self.most > BATCH and timed and len(form.time) < 2:
+            order = order_in(self.path, lambda: (row[index] for row in self.lines()), form)
+            return GrowingTimes(self.most, beside, order)
         return GrowingCells(None, 1)
 
     def _below(self) -> Iterator[list[str]]:
@@ -149,6 +168,46 @@ class TextTable:
                     f"{self.path}: column '{column.title}' mixes decimal comma and decimal point; "
                     "export the file with one of them"
                 )
+
+
+def conventions(
+    path: Path,
+    titles: Sequence[str],
+    sample: Sequence[Sequence[str]],
+    numbers: Sequence[int],
+    separator: str,
+    form: FileForm,
+) -> list[Convention]:
+    """How columns of numbers are written, by the first rows. Raises `RecordingRefused` where a cell
+    could be two numbers."""
+    signs = [Signs() for _ in titles]
+    for column, cells in zip(signs, zip(*sample, strict=False), strict=False):
+        column.see(cells)
+    whole, found = Signs(), []
+    for column in signs:
+        whole.decimal |= column.decimal
+        whole.thousands |= column.thousands
+    for index in numbers:
+        one = convention_of(signs[index], whole, form, separator)
+        if isinstance(one, str):
+            mark = "," if "," in one else "."
+            raise Unclear(
+                f"{path}: column '{titles[index].strip()}': '{one}' may be "
+                f"{one.replace(mark, '')} or {one.replace(mark, '.')}; say which in the column "
+                f"map, as in 'file: {{thousands: \"{mark}\"}}' or 'file: {{decimal: \"{mark}\"}}'",
+                [{"thousands": mark, "decimal": ",."[mark == ","]}, {"decimal": mark}],
+                likely=bool(whole.decimal - {mark}),
+            )
+        found.append(one)
+    return found
+
+
+def _marks_told(columns: Sequence[Column], form: FileForm) -> Iterator[str]:
+    """That marks of thousands were found, where no column map says so."""
+    marks = sorted({mark for column in columns for mark in column.written.thousands})
+    if marks and not form.thousands:
+        shown = " and ".join(f"'{mark}'" for mark in marks)
+        yield f"{shown} in its numbers marks thousands"
 
 
 def text_sheet(

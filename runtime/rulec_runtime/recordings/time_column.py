@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.counted_times import counting_of, dated
+from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
+from rulec_runtime.recordings.dates import Ambiguous, date_of, dates_of, order_of
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.scratch import mapped
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.zone import in_zone
 
-NAMES = ("time", "datetime", "timestamp", "date", "t", "zeit")
+NAMES = (
+    "time", "datetime", "timestamp", "date", "t", "zeit", "zeitstempel", "datum", "uhrzeit",
+    "time stamp", "time_stamp", "date time", "date/time", "timestring", "t_stamp", "_time",
+    "x_value",
+)  # fmt: skip
 """Names of the time column, in lower case."""
 
 TEMPERATURE = "T"
 """What is no name of the time column: t is a time, and T a temperature (ISO 80000)."""
 
-_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
+FIRST = 200
+"""Rows that show in which order dates are."""
 
 
 def is_time(name: str) -> bool:
@@ -44,19 +52,25 @@ def read_times(
     units: Mapping[str, UnitSpec],
     zone: str = "",
     notes: list[str] | None = None,
+    form: FileForm = AS_SEEN,
 ) -> tuple[Array, Array | None]:
     """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
     as seconds ahead of UTC, NaN where a date names none.
 
     `zone` is the name of the zone of dates that name none; what is odd in it goes to `notes`.
     """
+    told = [] if notes is None else notes
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
         if any_of(numbers):
-            factor = factor_of_time(path, title, unit, units)
-            return mapped(numbers, lambda part: part * factor), None
-        texts = texts_of(cells)
-        cells = Dates(*dates_of(texts))
+            factor = form.time_factor or factor_of_time(path, title, unit, units)
+            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, told)
+            if counting is None:
+                return mapped(numbers, lambda part: part * factor), None
+            cells, texts = dated(numbers, counting), []
+        else:
+            texts = texts_of(cells)
+            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form)))
     else:
         texts = []
     dates, zones = cells.seconds, cells.zones
@@ -67,14 +81,33 @@ def read_times(
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
     if zone and any_of(zones, np.isnan):
-        return in_zone(path, dates, zones, zone, [] if notes is None else notes)
+        return in_zone(path, dates, zones, zone, told)
     return dates, zones
 
 
-def dates_of(cells: Sequence[str]) -> tuple[Array, Array]:
-    """Seconds since 1970, NaN where a cell is no date, and seconds ahead of UTC as far as told."""
-    table = np.array([_date(cell) for cell in cells]).reshape(-1, 2)
-    return table[:, 0], table[:, 1]
+def order_in(path: Path, cells: Callable[[], Iterable[str]], form: FileForm) -> Order:
+    """The order of day, month and year in a column of times. Raises `RecordingRefused` where its
+    dates can be read in several."""
+    if form.dates:
+        return form.dates
+    found = order_of(islice(cells(), FIRST))
+    if isinstance(found, Ambiguous):
+        found = order_of(cells())
+    if isinstance(found, Ambiguous):
+        read = " or ".join(_day_of(found.date, order) for order in found.orders)
+        raise Unclear(
+            f"{path}: the date '{found.date[:30]}' may be {read}; say which in the column map, as "
+            f"in 'time: {{from: ..., dates: {found.orders[0]}}}'",
+            [{"dates": order} for order in found.orders],
+            likely=False,
+        )
+    return found
+
+
+def _day_of(date: str, order: Order) -> str:
+    """A date in words, with the order in which it is read."""
+    seconds, _ = date_of(date, order)
+    return f"{datetime.fromtimestamp(seconds, UTC):%-d %B %Y} ({order})"
 
 
 def plain_times(cells: Sequence[str]) -> Array:
@@ -101,23 +134,3 @@ def factor_of_time(path: Path, title: str, text: str, units: Mapping[str, UnitSp
             f"{path}: the time column '{title}' is in '{text[:40]}'; expected {known}, or dates"
         )
     return unit.factor
-
-
-def _date(cell: str) -> tuple[float, float]:
-    """Seconds since 1970, and the zone's seconds ahead of UTC, NaN without one.
-
-    A date without a zone counts as UTC, so no hour is lost or doubled.
-    """
-    text = cell.strip()
-    day_first = _DAY_FIRST.match(text)
-    if day_first:
-        day, month, year = day_first.groups()
-        text = f"{year}-{month:0>2}-{day:0>2}" + text[day_first.end() :]
-    try:
-        date = datetime.fromisoformat(text)
-        zone = date.utcoffset()
-        date = date if date.tzinfo else date.replace(tzinfo=UTC)
-        seconds = date.astimezone(UTC).timestamp()
-    except (ValueError, OverflowError):  # no date, or in UTC one that no calendar has
-        return float("nan"), float("nan")
-    return seconds, float("nan") if zone is None else zone.total_seconds()

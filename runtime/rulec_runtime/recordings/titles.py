@@ -5,13 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
+from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import BLANK, is_whole
 from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.time_column import NAMES
 
 _NAMESPACE = re.compile(r"\s*nsu?=[^;]*$")
 _IDENTIFIER = re.compile(r"[isgb]=")
-_DATE = re.compile(r"\d{1,4}[-./:]\d")
+_MARKS = re.compile(r"[.,](?=\d)")
+_DATE = re.compile(
+    r"\d{1,4}[-./:]\d|\d{1,2}\.?[-/ ][^\W\d_]{3,}\.?[-/ ]\d{2}|[^\W\d_]{3,9}\.? \d{1,2},? \d{4}"
+)
+
+
+def names_of_times(form: FileForm) -> frozenset[str]:
+    """Names of columns of times, in lower case but those that a column map names."""
+    return frozenset((*NAMES, *form.time))
 
 
 def is_time(title: str, times: Collection[str]) -> bool:
@@ -99,6 +109,6 @@ def is_value(cell: str) -> bool:
     """Whether a cell is a number (but 1, which is a unit) or begins as a date."""
     text = cell.strip()
     try:
-        return text != "1" and float(text.replace(",", ".")) is not None
+        return text != "1" and float(_MARKS.sub("", text)) is not None
     except ValueError:
         return _DATE.match(text) is not None

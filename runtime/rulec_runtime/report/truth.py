@@ -73,7 +73,7 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     Raises `RecordingRefused` where nothing in the file can be held against the recording.
     """
     header = _Header()
-    with opened_sheet(path, frozenset(NAMES)) as sheet:
+    with opened_sheet(path) as sheet:
         time_index, chosen = header.assign(path, sheet.titles, ruleset)
         table = sheet.read([time_index], chosen)
     time, zones = read_times(path, table.kept[0], *header.time, ruleset.units)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
@@ -14,17 +15,24 @@ from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.counted_times import Counting, counting_of, dated
 from rulec_runtime.recordings.csv_table import (
     Column,
+    RecordingRefused,
     cells_of,
     is_whole,
     read_cells,
     refuse_words,
 )
+from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.numbers import UNKNOWN, Convention
+from rulec_runtime.recordings.places import places_of
+from rulec_runtime.recordings.quality import judged
 from rulec_runtime.recordings.recording import foreign
-from rulec_runtime.recordings.recording_file import in_si, largest_reading, times_of
-from rulec_runtime.recordings.time_column import dates_of, factor_of_time, plain_times
+from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
+from rulec_runtime.recordings.text_table import conventions
+from rulec_runtime.recordings.time_column import factor_of_time, order_in, plain_times
 from rulec_runtime.recordings.titles import left_out_above
 from rulec_runtime.recordings.zone import ZoneClock
 
@@ -43,9 +51,16 @@ class TableStream:
         self._width = 0
         self._header: Header | None = None
         self._factor = 1.0
+        self._header_of_time = "", ""
         self._notes: list[str] = []
         self._begun = False
         self._decimals: dict[str, set[str]] = {}
+        self._form = form_of(ruleset)
+        self._order: Order = ""
+        self._counting: Counting | None = None
+        self._written: dict[int, Convention] = {}
+        self._qualities: Mapping[int, int] = {}
+        self._titles: tuple[str, ...] = ()
         self._zone: ZoneClock | None = None
 
     def resume(self) -> None:
@@ -56,10 +71,20 @@ class TableStream:
         """Read the head. Raises `RecordingRefused` where the table is none of this plant."""
         header, notes = Header(), list(left_out_above(head.above))
         assign(self._path, head.titles, self._ruleset, header, notes, head.units)
+        places = places_of(self._path, head.titles, self._form)
+        if places.layout != "wide" or len(places.time) > 1 or self._form.hold == "last":
+            raise RecordingRefused(
+                f"{self._path}: watch reads tables with a column per signal and one of times; have "
+                "this one written so, or read it with rulec diagnose when it is complete"
+            )
+        self._qualities, self._titles = places.quality_of or {}, head.titles
         if not self._ruleset.read.intersection(t.signal for t in header.targets):
             raise foreign(str(self._path), self._ruleset)
         units = self._ruleset.units
-        self._factor = factor_of_time(self._path, header.time_title, header.time_unit, units)
+        self._factor = self._form.time_factor or factor_of_time(
+            self._path, header.time_title, header.time_unit, units
+        )
+        self._header_of_time = header.time_title, header.time_unit
         self._separator, self._width = head.separator, len(head.titles)
         self._header, self._notes = header, notes
 
@@ -96,6 +121,10 @@ class TableStream:
         if not self._begun:
             indexes = (header.time, *(t.index for t in header.targets))
             refuse_words(self._path, rows[0], indexes)
+            written = conventions(
+                self._path, self._titles, rows, indexes[1:], self._separator, self._form
+            )
+            self._written = dict(zip(indexes[1:], written, strict=True))
         time, kept, found = self._clock.later(self._times([row[header.time] for row in rows]))
         found += self._impossible()
         if not kept.any():
@@ -104,8 +133,7 @@ class TableStream:
         self._begun = True
         values, odd = {}, []
         for target in header.targets:
-            cells = [row[target.index] for row in rows]
-            numbers, remarks = self._readings(target, cells)
+            numbers, remarks = self._readings(target, rows)
             values[target.signal] = numbers[kept]
             odd += remarks
         return [*first, *odd, *found, Rows(time[kept], values)]
@@ -115,17 +143,32 @@ class TableStream:
         if self._clock.dated is None:
             numbers = plain_times(cells)
             if np.isfinite(numbers).any():
-                self._clock.dated = False
-                return numbers * self._factor
-            dates = self._dates(cells)
+                title, unit = self._header_of_time
+                factor = self._factor if unit else 0.0
+                self._counting = counting_of(
+                    self._path, numbers, title, factor, self._form, self._notes
+                )
+                self._clock.dated = self._counting is not None
+                return self._numbers(numbers)
+            self._order = order_in(self._path, lambda: cells, self._form)
+            dates = self._dates(dates_of(cells, self._order))
             if np.isfinite(dates).any():
                 self._clock.dated = True
             return dates
-        return self._dates(cells) if self._clock.dated else plain_times(cells) * self._factor
+        if self._clock.dated and self._counting is None:
+            return self._dates(dates_of(cells, self._order))
+        return self._numbers(plain_times(cells))
 
-    def _dates(self, cells: list[str]) -> Array:
+    def _numbers(self, numbers: Array) -> Array:
+        """Seconds of times that are numbers."""
+        if self._counting is None:
+            return numbers * self._factor
+        counted = dated(numbers, self._counting)
+        return self._dates((counted.seconds, counted.zones))
+
+    def _dates(self, found: tuple[Array, Array]) -> Array:
         """Seconds since 1970; a date without a zone is in that of the column map."""
-        dates, zones = dates_of(cells)
+        dates, zones = found
         name = self._ruleset.time_zone
         if not name or not (np.isfinite(dates) & np.isnan(zones)).any():
             return dates
@@ -143,12 +186,18 @@ class TableStream:
         self._zone.never = 0
         return self._remarks.tell("clock", "zone", self._clock.now, text)
 
-    def _readings(self, target: Target, cells: list[str]) -> tuple[Array, list[Notice]]:
+    def _readings(self, target: Target, rows: list[list[str]]) -> tuple[Array, list[Notice]]:
         """Numbers of a column in SI, and what is odd about them."""
-        signal = target.signal
+        signal, cells = target.signal, [row[target.index] for row in rows]
         before = self._decimals.get(signal, set())
-        column = Column(signal, decimals=set(before))
+        written = self._written.get(target.index, UNKNOWN)
+        column = Column(signal, decimals=set(before), written=written)
         read_cells(column, cells, 0, self._separator != ",")
+        if target.index in self._qualities:
+            at = self._qualities[target.index]
+            texts = [row[at] for row in rows]
+            seen = {row[i] for row in rows for i in self._qualities.values()}
+            column = judged(self._path, column, self._titles[at], texts, seen, self._form)
         if len(column.decimals) > 1:
             text = (
                 f"{self._name}: {signal} mixes decimal comma and decimal point; it has no reading"
@@ -156,7 +205,7 @@ class TableStream:
             return np.full(len(cells), np.nan), self._told((signal, "decimals"), text)
         self._decimals[signal] = column.decimals
         most = largest_reading(self._ruleset.signal_by_id[signal])
-        values, absurd = in_si(column.numbers(), target, most)
+        values, absurd = in_si(column.numbers(), target, most, self._form.missing)
         found = []
         if column.first is not None:
             one, many = f"cell of {signal} is a word", f"cells of {signal} are words"

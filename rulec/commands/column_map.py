@@ -1,0 +1,255 @@
+"""A column map for a recording, proposed from what stands in it."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.file_form import FileForm
+from rulec_runtime.contract.ruleset import ColumnMap, Ruleset, SignalSpec
+from rulec_runtime.recordings.counted_times import COUNTINGS, SPREADSHEET, counting_of
+from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
+from rulec_runtime.recordings.formats import opened_sheet, opened_tables
+from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.places import Places, places_of
+from rulec_runtime.recordings.quality import standard_of
+from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, form_of, read_file
+from rulec_runtime.recordings.table import Dates, Sheet, texts_of
+from rulec_runtime.recordings.text_table import conventions
+from rulec_runtime.recordings.time_column import order_in, plain_times
+
+from rulec.language.yaml_text import flow
+
+_WORD = re.compile(r"[A-Za-z]+|\d+")
+
+MOST_QUESTIONS = 8
+"""Questions that a file can raise; more would be the same one again."""
+
+AS_USUAL = ["tag", "time", "value"]
+"""Titles of a long table of which nothing needs to be said."""
+
+SENTINEL = 2
+"""How often a number has to stand far outside the range to be one that means missing."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Text of a column map; `assumed` is what was taken because it is likely, `asked` what only a
+    person can answer, both in words."""
+
+    text: str
+    assumed: tuple[str, ...]
+    asked: tuple[str, ...]
+
+
+def proposed(path: Path, ruleset: Ruleset) -> Proposal:
+    """A column map for the first file of a recording. Raises `RecordingRefused` where it holds no
+    table."""
+    path = files_of(path)[0]
+    form, assumed, asked = form_of(ruleset), list[str](), list[str]()
+    for _ in range(MOST_QUESTIONS):
+        try:
+            found = _found(path, ruleset, form)
+            break
+        except Unclear as unclear:
+            form = replace(form, **unclear.choices[0])
+            (assumed if unclear.likely else asked).append(str(unclear))
+    else:
+        raise RecordingRefused(f"{path}: it can be read in too many ways; {asked[0]}")
+    return Proposal(_text(path, ruleset, form, found, asked), tuple(assumed), tuple(asked))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a file shows: its form, its time, which columns are which signals, and the others."""
+
+    file: Mapping[str, Any]
+    time: Mapping[str, Any]
+    columns: Mapping[str, tuple[str, str]]
+    bare: frozenset[str]
+    others: tuple[str, ...]
+
+
+def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
+    with opened_sheet(path, form) as sheet:
+        titles = [title.strip() for title in sheet.titles]
+        units = [unit.strip() for unit in sheet.units]
+    columns, bare = {}, set()
+    for title, unit in zip(titles, units, strict=True):
+        signal = _signal_of(title, ruleset)
+        if signal is None or signal.id in columns:
+            continue
+        told = parts_of(title)[1] or unit
+        read = told if told and parse_unit(told, ruleset.units) is not None else signal.unit
+        columns[signal.id] = title, read
+        bare |= set() if told else {signal.id}
+    with opened_tables(path, form) as tables:
+        places, table = _timed(path, tables, form)
+        time = _time(path, table, places, form, ruleset)
+        file = {**_layout(path, table, places, form), **_numbers(path, table, places, form)}
+    told = time.get("from", "")
+    several = isinstance(told, list)
+    known = replace(
+        ruleset,
+        columns=tuple(
+            ColumnMap(name, title, *_conversion(unit, ruleset))
+            for name, (title, unit) in columns.items()
+        ),
+        time_column=" ".join(told) if several else told,
+        file=replace(form, time=tuple(told)) if several else form,
+    )
+    missing = sorted(_sentinels(read_file(path, known, []), known))
+    if missing:
+        file["missing"] = [int(x) if x == int(x) else x for x in missing]
+    times = {*told} if several else {told}
+    taken = {title for title, _ in columns.values()} | times
+    return _Found(file, time, columns, frozenset(bare), tuple(t for t in titles if t not in taken))
+
+
+def _timed(path: Path, tables: Sequence[Sheet], form: FileForm) -> tuple[Places, Sheet]:
+    """The table that has a time, with what its columns are."""
+    found = [(places_of(path, table.titles, form), table) for table in tables]
+    return next(((p, t) for p, t in found if p.time or p.pairs), found[0])
+
+
+def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:
+    """The one signal whose name stands in a title: word for word, in any case."""
+    for column in ruleset.columns:
+        if column.column in (title, parts_of(title)[0]):
+            return ruleset.signal_by_id[column.signal]
+    name = parts_of(title)[0]
+    if name in ruleset.signal_by_id:
+        return ruleset.signal_by_id[name]
+    words = _words(name)
+    held = [s for s in ruleset.signals if _holds(words, _words(s.id))]
+    most = max((len(_words(s.id)) for s in held), default=0)
+    longest = [s for s in held if len(_words(s.id)) == most]
+    return longest[0] if len(longest) == 1 else None
+
+
+def _words(text: str) -> list[str]:
+    return [word.lower() for word in _WORD.findall(text)]
+
+
+def _holds(words: Sequence[str], wanted: Sequence[str]) -> bool:
+    size = len(wanted)
+    return any(list(words[k : k + size]) == list(wanted) for k in range(len(words) - size + 1))
+
+
+def _conversion(unit: str, ruleset: Ruleset) -> tuple[float, float]:
+    found = parse_unit(unit, ruleset.units)
+    return (1.0, 0.0) if found is None else (found.factor, found.offset)
+
+
+def _time(
+    path: Path, table: Sheet, places: Places, form: FileForm, ruleset: Ruleset
+) -> dict[str, Any]:
+    """What a column map says of the time."""
+    at = places.time or ((places.pairs[0].time,) if places.pairs else ())
+    if not at:
+        return {}
+    titles = [table.titles[i].strip() for i in at]
+    found: dict[str, Any] = {"from": titles[0] if len(titles) == 1 else titles}
+    cells = table.read([at[0]], (), form).kept[0]
+    if isinstance(cells, Dates):
+        return found
+    numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
+    if np.isfinite(numbers).any():
+        unit = parts_of(titles[0])[1] or table.units[at[0]].strip()
+        factor = _conversion(unit, ruleset)[0] if unit else 0.0
+        counting = counting_of(path, numbers, titles[0], factor, form, [])
+        if counting in (*COUNTINGS, SPREADSHEET) and counting.unit not in ruleset.units:
+            return found  # no unit of a plant: the file says enough
+        if counting is not None:
+            return found | {"unit": counting.unit, "since": counting.since}
+        return found | ({"unit": unit} if unit else {"unit": "s"})
+    texts = texts_of(cells)
+    order = order_in(path, lambda: texts, form)
+    return found | ({"dates": order} if order else {})
+
+
+def _layout(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, Any]:
+    """What a column map says of columns that are neither time nor signal."""
+    found: dict[str, Any] = {}
+    beside = [*(places.quality_of or {}).values(), *(p.quality for p in places.pairs)]
+    qualities = [i for i in (places.quality, *beside) if i >= 0]
+    if places.layout == "long" and [t.strip() for t in table.titles] != AS_USUAL:
+        found = {"layout": "long", "tag": table.titles[places.tag].strip()}
+        found["value"] = table.titles[places.value].strip()
+    elif places.layout == "pairs":
+        found = {"layout": "pairs"}
+    if places.quality >= 0:
+        found["quality"] = table.titles[places.quality].strip()
+    if qualities:
+        texts = set().union(*map(texts_of, table.read(qualities, ()).kept))
+        standard = form.good or standard_of(path, table.titles[qualities[0]], texts)
+        good = (standard,) if isinstance(standard, str) and standard else tuple(standard)
+        found |= {"good": _shown(good)} if good else {}
+    return found | ({"hold": form.hold} if form.hold else {})
+
+
+def _shown(good: Sequence[str]) -> str | list[Any]:
+    named = len(good) == 1 and good[0].startswith("opc ")
+    return good[0] if named else [int(x) if x.isdigit() else x for x in good]
+
+
+def _numbers(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, str]:
+    """Signs in numbers that another program might read otherwise."""
+    aside = {*places.time, places.tag, places.quality, places.unit}
+    at = (
+        [places.value]
+        if places.layout == "long"
+        else [i for i in range(len(table.titles)) if i not in aside]
+    )
+    sample = [row for row, _ in zip(table.lines(), range(MOST_ROWS), strict=False)]
+    found = conventions(path, table.titles, sample, at, table.separator, form)
+    marks = "".join(sorted({mark for one in found for mark in one.thousands}))
+    decimal = {one.decimal for one in found if one.decimal}
+    if marks:
+        return {"decimal": next(iter(decimal), "."), "thousands": marks}
+    return {"decimal": ","} if decimal == {","} else {}
+
+
+MOST_ROWS = 200
+"""Rows that show how numbers are written."""
+
+
+def _sentinels(read: RecordingFile, ruleset: Ruleset) -> Iterator[float]:
+    """Numbers that come again and again, as far outside a sensor's range as it is wide."""
+    for target in read.header.targets:
+        signal = ruleset.signal_by_id[target.signal]
+        low, high = signal.ends
+        values = read.values[target.signal]
+        values = values[np.isfinite(values)]
+        far = values[(values < 2 * low - high) | (values > 2 * high - low)]
+        for value, count in Counter(far.tolist()).items():
+            if count >= SENTINEL:
+                yield round((value - target.offset) / target.factor, 6)
+
+
+def _text(path: Path, ruleset: Ruleset, form: FileForm, found: _Found, asked: Sequence[str]) -> str:
+    said = [f"# Proposed by rulec check from {path.name}: look at each line before you use it."]
+    said += [f"# To be answered first: {one.partition(': ')[2]}" for one in asked]
+    if found.file:
+        said.append(f"file: {flow(found.file)}")
+    said.append("columns:")
+    entries = {"time": flow(found.time)} if found.time else {}
+    notes = {}
+    for signal in ruleset.signals:
+        if signal.id in found.columns:
+            title, unit = found.columns[signal.id]
+            entries[signal.id] = flow({"from": title, "unit": unit})
+            if signal.id in found.bare:
+                notes[signal.id] = "  # the file names no unit"
+    width = max(map(len, entries), default=0) + 1
+    said += [f"  {f'{n}:':<{width}} {e}{notes.get(n, '')}" for n, e in entries.items()]
+    lacking = [s for s in ruleset.signals if s.id not in found.columns and s.id in ruleset.read]
+    said += [f"  # {s.id}: {{from: ..., unit: {flow(s.unit)}}}" for s in lacking]
+    said += [f"# no signal: {title}" for title in found.others]
+    return "\n".join(said) + "\n"

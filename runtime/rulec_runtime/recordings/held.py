@@ -1,0 +1,67 @@
+"""Readings that are written when they change: each holds until the next one of its signal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime import limits
+from rulec_runtime.contract.file_form import FileForm
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.csv_table import Column
+from rulec_runtime.recordings.scratch import Growing
+from rulec_runtime.recordings.table import Cells
+from rulec_runtime.recordings.time_parts import seconds_in
+
+
+def last_before(own: Array, rows: Array, longest: float | None) -> NDArray[np.intp]:
+    """For each of `rows` the last of `own` times, both in order, s, that is not behind it; -1 where
+    there is none, or only one that is older than the `longest`."""
+    at = np.searchsorted(own, rows, side="right") - 1
+    if longest is not None and len(own):
+        at[rows - own[np.maximum(at, 0)] > longest] = -1
+    return np.asarray(at, dtype=np.intp)
+
+
+def held(
+    columns: Mapping[int, Column], time: Cells, form: FileForm, remarks: tuple[str, ...]
+) -> tuple[dict[int, Column], tuple[str, ...]]:
+    """Columns in which empty cells have the reading above them, as far as it holds; a word ends
+    what it held."""
+    seconds = seconds_in(time, form)
+    found = {index: _filled(column, seconds, form.hold_for) for index, column in columns.items()}
+    return found, (*remarks, told(form))
+
+
+def told(form: FileForm) -> str:
+    """What is told of readings that hold."""
+    most = "" if form.hold_for is None else f", for {form.hold_for:g} s at most"
+    return f"a reading holds until the next one of its signal{most}, as the column map says"
+
+
+def _filled(column: Column, seconds: Array, longest: float | None) -> Column:
+    values = column.numbers()
+    there = np.isfinite(values)
+    there[[*(column.placed or ())]] = True
+    rows = np.flatnonzero(there & np.isfinite(seconds))
+    rows = rows[np.argsort(seconds[rows], kind="stable")]
+    at = last_before(seconds[rows], seconds, longest)
+    filled = np.where(at >= 0, values[rows[np.maximum(at, 0)]], np.nan) if len(rows) else values
+    parts = Growing()
+    parts.append(filled)
+    return replace(column, parts=parts)
+
+
+def written_on_change(times: Array, rows: int) -> bool:
+    """Whether times, in order, s, are those of a reading that is written when it changes: at few of
+    so many rows, and at no regular distance."""
+    if len(times) > limits.SHARE_ON_CHANGE * rows:
+        return False
+    steps = np.diff(times)
+    if len(steps) < 2:
+        return rows > limits.ROWS_ON_CHANGE
+    usual = np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)
+    return float(usual.mean()) < limits.SHARE_REGULAR

@@ -1,0 +1,199 @@
+"""Which columns of a table are what, by its column map or by its titles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rulec_runtime.contract.file_form import FileForm
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.titles import is_time, names_of_times
+
+TAGS = ("tag", "tagname", "tag name", "tagindex", "varname", "point", "pointname", "variable",
+        "name", "node", "nodeid")  # fmt: skip
+VALUES = ("value", "wert", "val", "varvalue")
+QUALITIES = ("quality", "qualität", "qc", "status", "statuscode", "status code", "validity",
+             "isgood", "confidence", "dataintegrity")  # fmt: skip
+OF_TIMES, OF_VALUES = ("time", "timestamp", "zeit"), ("valuey", "value", "wert")
+UNITS = ("unit", "units", "einheit", "uom")
+DAYS, CLOCKS = ("date", "datum"), ("time", "zeit", "uhrzeit")
+PARTS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
+
+MOST_OF_LONG = 10
+"""Columns of a table that has a reading a row, where no column map says so."""
+
+_NUMBERED = re.compile(r"(?:time|zeit)[ ._-]?\d+", re.IGNORECASE)
+_BETWEEN = " ._/:-()[]"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A column of readings, what it is called, and the columns of its times and, -1 where there is
+    none, of its qualities."""
+
+    title: str
+    value: int
+    time: int
+    quality: int
+
+
+@dataclass(frozen=True)
+class Places:
+    """Which columns of a table are what; -1 where there is none.
+
+    `time` are the parts of one time; `quality_of` says which column holds the qualities of another.
+    """
+
+    layout: str
+    time: tuple[int, ...] = ()
+    tag: int = -1
+    value: int = -1
+    quality: int = -1
+    unit: int = -1
+    pairs: tuple[Pair, ...] = ()
+    quality_of: Mapping[int, int] | None = None
+
+
+def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
+    """What the columns of a table are. Raises `RecordingRefused` where one is not there that the
+    column map names."""
+    names = [parts_of(title.strip())[0].lower() for title in titles]
+    times = names_of_times(form)
+    time = _time(path, titles, names, form, times)
+    tag = _stated(path, titles, form.tag, "tag", names, TAGS)
+    value = _stated(path, titles, form.value, "value", names, VALUES)
+    pairs = _pairs(titles, times, form)
+    if form.layout == "pairs" and not pairs:
+        raise RecordingRefused(
+            f"{path}: the column map says that columns stand in pairs of time and value, and the "
+            "titles do not: each column of readings needs one of times before it"
+        )
+    if not form.layout and pairs:
+        return Places("pairs", pairs=pairs)
+    few = len(titles) <= MOST_OF_LONG and min(tag, value, *(time or (-1,))) >= 0
+    if form.layout == "long" or (not form.layout and few):
+        if min(tag, value, *(time or (-1,))) < 0:
+            raise RecordingRefused(
+                f"{path}: a long table needs a column of tags, one of times and one of values; "
+                "name them in the column map, as in 'file: {layout: long, tag: Name, value: Wert}'"
+            )
+        quality = _stated(path, titles, form.quality, "quality", names, QUALITIES)
+        return Places("long", time, tag, value, quality, _first(names, UNITS))
+    if form.layout == "pairs":
+        return Places("pairs", pairs=pairs)
+    return Places("wide", time, quality_of=_qualities(titles, times, form))
+
+
+def _first(names: Sequence[str], wanted: Collection[str]) -> int:
+    return next((i for i, name in enumerate(names) if name in wanted), -1)
+
+
+def _stated(
+    path: Path,
+    titles: Sequence[str],
+    title: str,
+    what: str,
+    names: Sequence[str],
+    usual: Collection[str],
+) -> int:
+    """The column that the column map names, else one of a usual name."""
+    if not title or (what == "quality" and title.lower() in usual and title not in titles):
+        return _first(names, usual)
+    found = [i for i, t in enumerate(titles) if title in (t.strip(), parts_of(t.strip())[0])]
+    if not found:
+        shown = ", ".join(f"'{t.strip()}'" for t in titles[:8])
+        raise RecordingRefused(
+            f"{path}: there is no column '{title[:40]}', which the column map names as {what}; the "
+            f"file has {shown}"
+        )
+    return found[0]
+
+
+def _time(
+    path: Path,
+    titles: Sequence[str],
+    names: Sequence[str],
+    form: FileForm,
+    times: Collection[str],
+) -> tuple[int, ...]:
+    """Columns that make a time together; none where there is no time."""
+    if len(form.time) > 1:
+        return tuple(_stated(path, titles, part, "time", (), ()) for part in form.time)
+    plain = [title.strip() for title in titles]
+    if form.time and form.time[0] in plain:
+        return (plain.index(form.time[0]),)
+    parts = [_first(names, wanted) for wanted in (DAYS, CLOCKS, PARTS)]
+    if min(parts[:2]) >= 0:
+        return tuple(part for part in parts if part >= 0)
+    return tuple(i for i, title in enumerate(titles) if is_time(title, times))[:1]
+
+
+def _stem(title: str, words: Collection[str]) -> str:
+    """What stands before a word at the end of a title; empty where none of the words is there.
+
+    >>> _stem("A.n Time", ("time",)), _stem("A.dp [StatusCode]", ("statuscode",)), _stem("Time", ())
+    ('A.n', 'A.dp', '')
+    """
+    text = title.strip().rstrip(_BETWEEN)
+    for word in words:
+        before = text[: len(text) - len(word)]
+        if text[len(before) :].lower() == word and before.rstrip(_BETWEEN) != before:
+            return before.rstrip(_BETWEEN)
+    return ""
+
+
+def _pairs(titles: Sequence[str], times: Collection[str], form: FileForm) -> tuple[Pair, ...]:
+    """Columns of times, each with a column of readings behind it, and perhaps one of qualities;
+    none where titles do not stand so throughout."""
+    timed = [i for i, title in enumerate(titles) if _is_timed(title, times)]
+    count = len(titles)
+    while count and timed and not titles[count - 1].strip():
+        count -= 1
+    if len(timed) < 2 or timed[0] != 0:
+        return ()
+    found = []
+    for at, until in zip(timed, [*timed[1:], count], strict=True):
+        judged = until - at == 3 and _judges(titles[at + 2], titles[at + 1], form)
+        if until - at != 2 and not judged:
+            return ()
+        quality = at + 2 if judged else -1
+        found.append(Pair(_pair_title(titles[at], titles[at + 1]), at + 1, at, quality))
+    return tuple(found)
+
+
+def _is_timed(title: str, times: Collection[str]) -> bool:
+    text = title.strip()
+    return is_time(title, times) or bool(_stem(text, OF_TIMES) or _NUMBERED.fullmatch(text))
+
+
+def _pair_title(time: str, value: str) -> str:
+    """What the readings behind a column of times are."""
+    generic = value.strip().lower() in (*VALUES, "valuey")
+    return (_stem(time, OF_TIMES) if generic else _stem(value, OF_VALUES)) or value.strip()
+
+
+def _judges(title: str, other: str, form: FileForm) -> bool:
+    """Whether a column holds the qualities of another: called so alone, or behind its name."""
+    words = _words(form)
+    name = other.strip()
+    return title.strip().lower() in words or _stem(title, words) in (name, parts_of(name)[0])
+
+
+def _words(form: FileForm) -> tuple[str, ...]:
+    """What columns of qualities are called."""
+    return (*QUALITIES, *((form.quality.lower(),) if form.quality else ()))
+
+
+def _qualities(titles: Sequence[str], times: Collection[str], form: FileForm) -> dict[int, int]:
+    """Per column of readings that of its qualities."""
+    words, plain = _words(form), dict[str, int]()
+    for i, title in enumerate(titles):
+        plain.setdefault(title.strip(), i)
+        plain.setdefault(parts_of(title.strip())[0], i)
+    stems = [(i, _stem(title, words)) for i, title in enumerate(titles)]
+    found = {plain[s]: i for i, s in stems if s and plain.get(s, i) != i and not is_time(s, times)}
+    bare = {i - 1: i for i, title in enumerate(titles) if i and title.strip().lower() in words}
+    return found or (bare if len(bare) > 1 else {})

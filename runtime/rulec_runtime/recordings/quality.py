@@ -1,0 +1,118 @@
+"""Which qualities are good, in the words and codes of historians, OPC DA and OPC UA."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.file_form import OPC_DA, OPC_UA, FileForm
+from rulec_runtime.recordings.csv_table import Column, Unclear
+from rulec_runtime.recordings.scratch import Growing
+
+ONE_IS_GOOD = ("isgood", "is good", "good", "validity", "valid", "gültig", "gueltig")
+"""Titles of columns in which 1 is good and 0 is not."""
+
+_WORDS = ("good", "ok", "valid", "true", "gut", "gültig", "normal")
+_CODE = re.compile(r"[+-]?\d+(?:\.0*)?|0[xX][0-9a-fA-F]+")
+
+
+def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> dict[str, bool]:
+    """For each quality that stands in a column whether it is good.
+
+    Raises `Unclear` where codes mean different things by different standards.
+    """
+    if form.good and {*form.good} - {OPC_UA, OPC_DA}:
+        wanted = {text.strip().lower() for text in form.good}
+        return {text: text.strip().lower() in wanted for text in found}
+    codes = {text: _code(text) for text in found}
+    standard = form.good[0] if form.good else _standard(path, title, codes.values())
+    return {
+        text: _is_word(text) if code is None else _is_good(code, standard)
+        for text, code in codes.items()
+    }
+
+
+def _is_word(text: str) -> bool:
+    """Good, Good (192), GoodLocalOverride, or nothing at all."""
+    word = text.strip().lower()
+    return (
+        not word
+        or any(re.match(rf"{good}(?![a-z])", word) for good in _WORDS)
+        or (word.startswith("good"))
+    )
+
+
+def _is_good(code: int, standard: str) -> bool:
+    if standard == OPC_UA:
+        return code % 2**32 < 2**30
+    if standard == OPC_DA:
+        return limits.GOOD_QUALITY <= code <= 255
+    return code == 1
+
+
+def standard_of(path: Path, title: str, found: Collection[str]) -> str:
+    """Whose codes stand in a column; 1 where that is good, empty where it has none. Raises
+    `Unclear`."""
+    codes = [code for code in map(_code, found) if code is not None]
+    return (_standard(path, title, codes) or "1") if codes else ""
+
+
+def _standard(path: Path, title: str, found: Collection[int | None]) -> str:
+    """Whose codes they are; empty where 1 is good."""
+    codes = {code for code in found if code is not None}
+    if not codes or max(codes) > 255 or min(codes) < 0:
+        return OPC_UA
+    if {*codes} <= {0, 1} and title.strip().lower() in ONE_IS_GOOD:
+        return ""
+    if max(codes) >= limits.GOOD_QUALITY:
+        return OPC_DA
+    told = ", ".join(map(str, sorted(codes)[:4]))
+    only = "every quality is 0, which" if {*codes} == {0} else f"qualities are {told}, and 0"
+    raise Unclear(
+        f"{path}: {only} is good in OPC UA and bad in OPC DA; say which in the column map, as in "
+        f"'file: {{good: {OPC_UA}}}', '{{good: {OPC_DA}}}' or '{{good: [1]}}'",
+        [{"good": (OPC_UA,)}, {"good": (OPC_DA,)}, {"good": ("1",)}],
+        likely=False,
+    )
+
+
+def _code(text: str) -> int | None:
+    text = text.strip()
+    if not _CODE.fullmatch(text):
+        return None
+    return int(text, 16) if text[:2] in ("0x", "0X") else int(float(text))
+
+
+def judged(
+    path: Path,
+    column: Column,
+    title: str,
+    texts: Sequence[str],
+    found: Collection[str],
+    form: FileForm,
+) -> Column:
+    """A column without the numbers whose quality is not good; the quality stands there as a word
+    does. `found` are all qualities in the file: one column alone may not tell whose they are."""
+    good = good_of(path, title, found, form)
+    values, parts = column.numbers().copy(), Growing()
+    for row in (k for k, text in enumerate(texts) if not good[text]):
+        if np.isfinite(values[row]):
+            column.say(row, as_word(texts[row]))
+        values[row] = np.nan
+    parts.append(values)
+    return replace(column, parts=parts)
+
+
+def as_word(text: str) -> str:
+    """A quality as it is told in place of a reading.
+
+    >>> as_word("Bad"), as_word("0")
+    ('Bad', 'quality 0')
+    """
+    text = text.strip()[:30]
+    return text if text[:1].isalpha() else f"quality {text}"

@@ -1,0 +1,150 @@
+"""LabVIEW measurement files (.lvm): text in segments, each with a head that says when it begins.
+
+Source: National Instruments, Specification for the LabVIEW Measurement File.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from datetime import datetime, timedelta
+from itertools import chain
+from pathlib import Path
+from typing import BinaryIO
+
+from rulec_runtime.recordings.counted_times import COUNTINGS
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.dates import date_of, time_of_day
+from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.text_file import TextFile, text_file
+from rulec_runtime.recordings.text_table import text_sheet
+
+_END = "***End_of_Header***"
+_LABVIEW = next(one for one in COUNTINGS if one.since.startswith("1904"))
+
+
+def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
+    """The channels of all segments; they have to be the same in each."""
+    text = text_file(file, path)
+    head, titles, units = _begin(text, path)
+    separator = _separator(head)
+
+    def rows() -> Iterator[list[str]]:
+        return _rows(text, path, head, titles, separator)
+
+    shown = [f"{t} [{u}]" if u and "[" not in t else t for t, u in zip(titles, units, strict=True)]
+    decimal = "," if _first(head, "Decimal_Separator") == "," else "."
+    sheet = text_sheet(path, "", ["time", *shown], rows, ";" if decimal == "," else ",")
+    return [sheet]
+
+
+def _separator(head: Mapping[str, Sequence[str]]) -> str:
+    return "," if _first(head, "Separator").lower() == "comma" else "\t"
+
+
+def _first(head: Mapping[str, Sequence[str]], tag: str) -> str:
+    return next(iter(head.get(tag, ())), "").strip()
+
+
+def _heads(lines: Iterator[str], known: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Tags of a head, up to its end, added to those that are known."""
+    found = {tag: list(cells) for tag, cells in known.items()}
+    for line in lines:
+        sign = _separator(found)
+        cells = line.rstrip("\r\n").split(sign)
+        tag = cells[0].strip()
+        if tag == _END:
+            break
+        if tag == "Separator":
+            sign = "," if "," in line else "\t"
+            cells = line.rstrip("\r\n").split(sign)
+        found[tag] = [cell.strip() for cell in cells[1:]]
+    return found
+
+
+def _begin(text: TextFile, path: Path) -> tuple[dict[str, list[str]], list[str], list[str]]:
+    """The head of the file, and titles and units of its channels."""
+    with text.opened() as lines:
+        head = _heads(lines, {})
+        segment = _heads((line for line in lines if line.strip()), head)
+        titles = next(lines, "").rstrip("\r\n").split(_separator(head))
+    channels = int(_first(segment, "Channels") or 0)
+    if not channels or len(titles) < channels:
+        raise RecordingRefused(
+            f"{path}: no segment of this LabVIEW file has channels; write it with segment headers"
+        )
+    named = _channels(titles, channels, _first(head, "X_Columns"))
+    units = [*segment.get("Y_Unit_Label", ()), *[""] * channels][:channels]
+    return head, [titles[at].strip() for at in named], units
+
+
+def _channels(titles: Sequence[str], channels: int, columns: str) -> list[int]:
+    """Where the channels stand in a row: behind one column of x, behind one each, or at once."""
+    match columns.lower():
+        case "multi":
+            return [2 * k + 1 for k in range(channels)]
+        case "no":
+            # Its column is there, and empty.
+            first = 1 if titles[0].strip() in ("", "X_Value") else 0
+            return [first + k for k in range(channels)]
+    return [k + 1 for k in range(channels)]
+
+
+def _rows(
+    text: TextFile,
+    path: Path,
+    head: Mapping[str, Sequence[str]],
+    titles: Sequence[str],
+    separator: str,
+) -> Iterator[list[str]]:
+    """Rows of all segments: a date, or seconds where no head has one, and the channels."""
+    lines = iter(text.opened())
+    _heads(lines, {})
+    kind = _first(head, "X_Columns")
+    for line in lines:
+        if not line.strip():
+            continue
+        segment = _heads(chain([line], lines), head)
+        named = next(lines, "").rstrip("\r\n").split(separator)
+        places = _channels(named, len(titles), kind)
+        if [named[p].strip() for p in places if p < len(named)] != [*titles]:
+            raise RecordingRefused(
+                f"{path}: its segments hold different channels; export them as files of their own"
+            )
+        when = _times(segment, kind)
+        for count, row in enumerate(_segment(lines)):
+            cells = row.rstrip("\r\n").split(separator)
+            first = cells[0] if kind.lower() != "no" else ""
+            yield [when(count, first), *(cells[p] if p < len(cells) else "" for p in places)]
+
+
+def _segment(lines: Iterator[str]) -> Iterator[str]:
+    """Rows up to the empty line that ends a segment."""
+    for line in lines:
+        if not line.strip():
+            return
+        yield line
+
+
+def _times(segment: Mapping[str, Sequence[str]], kind: str) -> Callable[[int, str], str]:
+    """From the number of a row and its x to its time as text."""
+    start = date_of(_first(segment, "Date"))[0] + time_of_day(_first(segment, "Time"))
+    origin, step = (_number(_first(segment, tag)) for tag in ("X0", "Delta_X"))
+
+    def when(count: int, cell: str) -> str:
+        x = origin + count * step if kind.lower() == "no" else _number(cell)
+        if x > _LABVIEW.numbers(1970):
+            return _iso(x + _LABVIEW.start, "Z")
+        return repr(x) if start != start else _iso(start + x, "")
+
+    return when
+
+
+def _iso(seconds: float, zone: str) -> str:
+    return (datetime(1970, 1, 1) + timedelta(seconds=seconds)).isoformat() + zone
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return 0.0

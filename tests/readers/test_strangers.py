@@ -1,0 +1,472 @@
+"""Files as historians, SCADA systems, test benches and spreadsheets write them: the same recording
+in each form, or a refusal that names the key of the column map; never something else in silence."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.recordings.csv_table import Unclear
+from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+
+from rulec.cli import main
+from rulec.commands.column_map import proposed
+from rulec.passes.pipeline import Compilation, run_passes
+from tests.conftest import ROOT
+from tests.runtime.sheets import Sheet, example, write
+
+CASES = ROOT.parent / "shared" / "cases"
+SHEET = example()
+NAMES = tuple(title.partition(" [")[0] for title in SHEET.header[1:])
+BARE = Sheet(("Timestamp", *NAMES), SHEET.rows)
+START = datetime(2025, 3, 31, 14, 5, 0)
+
+
+@pytest.fixture(scope="module")
+def expected(abc: Ruleset) -> Recording:
+    """The example as shipped."""
+    return read_recording(ROOT / "plants" / "abc" / "examples" / "healthy.csv", abc)
+
+
+def at(k: int) -> datetime:
+    return START + timedelta(seconds=k)
+
+
+def stamped(stamp: Callable[[datetime], str], name: str = "Timestamp", cut: str = ",") -> str:
+    """With dates, each written so."""
+    sheet = BARE.mapped("Timestamp", lambda k, _: stamp(at(k)))
+    return sheet.renamed("Timestamp", name).text(cut)
+
+
+def shown(pattern: str) -> Callable[[datetime], str]:
+    return lambda date: date.strftime(pattern)
+
+
+def since(day: datetime, unit: float) -> Callable[[datetime], str]:
+    """Counted from a day on."""
+    return lambda date: repr(round((date - day) / timedelta(seconds=unit), 12)).removesuffix(".0")
+
+
+def german(date: datetime) -> str:
+    months = ("Jan", "Feb", "Mär", "Apr", "Mai", "Jun", "Jul", "Aug", "Sep", "Okt", "Nov", "Dez")
+    return f"{date.day}. {months[date.month - 1]} {date.year} {date:%H:%M:%S}"
+
+
+UNIX = datetime(1970, 1, 1)
+
+DATES = {
+    "historian": shown("%d-%b-%y %H:%M:%S"),
+    "historian, in full": shown("%d-%b-%Y %H:%M:%S.%f"),
+    "American, AM and PM": shown("%m/%d/%Y %I:%M:%S %p"),
+    "British": shown("%d/%m/%Y %H:%M:%S"),
+    "British, two digits": shown("%d/%m/%y %H:%M:%S"),
+    "year first, slashes": shown("%Y/%m/%d %H:%M:%S"),
+    "year first, two digits": shown("%y-%m-%d %H:%M:%S"),
+    "German": shown("%d.%m.%Y %H:%M:%S"),
+    "German, two digits": shown("%d.%m.%y %H:%M:%S"),
+    "German, in words": german,
+    "in words": shown("%B %d %Y %H:%M:%S"),
+    "milliseconds behind a colon": shown("%d.%m.%Y %H:%M:%S:000"),
+    "day of the week": shown("%a %d %b %Y %H:%M:%S"),
+    "with a zone": shown("%d.%m.%Y %H:%M:%S UTC"),
+    "compact": shown("%Y%m%dT%H%M%S"),
+    "Unix, s": since(UNIX, 1),
+    "Unix, ms": since(UNIX, 1e-3),
+    "Unix, us": since(UNIX, 1e-6),
+    "Unix, ns": lambda date: f"{round((date - UNIX).total_seconds())}000000000",
+    "spreadsheet": since(datetime(1899, 12, 30), 86400),
+    "LabVIEW": since(datetime(1904, 1, 1), 1),
+    "Windows": lambda date: f"{round((date - datetime(1601, 1, 1)).total_seconds())}0000000",
+}
+
+
+def grouped(mark: str, decimal: str, digits: int = 6) -> str:
+    """Numbers with marks of thousands; speeds are per hour, so that they have some."""
+    sheet = SHEET.scaled("A.n", 60.0, "A.n [1/h]")
+
+    def cell(text: str) -> str:
+        number = f"{float(text):,.{digits}f}".replace(",", "_").replace(".", decimal)
+        return number.replace("_", mark)
+
+    rows = tuple((row[0], *map(cell, row[1:])) for row in sheet.rows)
+    return dataclasses.replace(sheet, rows=rows).text(";")
+
+
+def long(head: str, line: str, stamp: Callable[[datetime], str] = str) -> str:
+    """A reading a row; `line` has places for tag, time, value and the number of the tag."""
+    rows = [
+        line.format(tag=tag, time=stamp(at(k)), value=cell, comma=cell.replace(".", ","), number=n)
+        for k, row in enumerate(SHEET.rows)
+        for n, (tag, cell) in enumerate(zip(NAMES, row[1:], strict=True))
+    ]
+    return "\n".join([head, *rows]) + "\n"
+
+
+def parts(head: str, stamp: str, cut: str = ",") -> str:
+    """A time in several columns."""
+    rows = [
+        cut.join([*at(k).strftime(stamp).split("|"), *row[1:]]) for k, row in enumerate(SHEET.rows)
+    ]
+    return "\n".join([cut.join([head.replace("|", cut), *NAMES]), *rows]) + "\n"
+
+
+def beside(title: str, cell: str, time: bool = False, before: bool = False) -> str:
+    """Each column with another one of its own."""
+
+    def both(name: str, own: str) -> str:
+        return f"{own},{name}" if before else f"{name},{own}"
+
+    head = ["Time", *(both(name, title.format(name)) for name in NAMES)]
+    rows = [
+        [f"{at(k)}", *(both(value, f"{at(k)}" if time else cell) for value in row[1:])]
+        for k, row in enumerate(SHEET.rows)
+    ]
+    start = 1 if time else 0
+    return "\n".join(",".join(row[start:]) for row in [head, *rows]) + "\n"
+
+
+def lvm(columns: str, decimal: str = ".", date: bool = True) -> str:
+    """A LabVIEW measurement file."""
+    when = f"Date\t{START:%Y/%m/%d}\nTime\t{START:%H:%M:%S}.0\n" if date else ""
+    n = len(NAMES)
+    head = (
+        f"LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\n"
+        f"Decimal_Separator\t{decimal}\nMulti_Headings\tYes\nX_Columns\t{columns}\n"
+        f"Time_Pref\tRelative\nOperator\tlab\n{when}***End_of_Header***\t\n\t\n"
+    )
+    titles = {"One": ["X_Value", *NAMES], "No": ["X_Value", *NAMES],
+              "Multi": [t for name in NAMES for t in ("X_Value", name)]}[columns]  # fmt: skip
+    text = head
+    for low in (0, 30):
+        begin = at(low) if columns == "No" else START
+        own = "\t".join([f"{begin:%H:%M:%S}.0"] * n)
+        text += f"Channels\t{n}\nSamples\t" + "\t".join(["30"] * n) + "\n"
+        text += f"Date\t{START:%Y/%m/%d}\nTime\t{own}\n" if date else ""
+        text += "Y_Unit_Label\t" + "\t".join(t.partition("[")[2][:-1] for t in SHEET.header[1:])
+        text += "\nX0\t" + "\t".join(["0.0"] * n) + "\nDelta_X\t" + "\t".join(["1.0"] * n)
+        text += "\n***End_of_Header***\t\n" + "\t".join([*titles, "Comment"]) + "\n"
+        for row in SHEET.rows[low : low + 30]:
+            x = f"{float(row[0]):.6f}"
+            cells = {"One": [x, *row[1:]], "No": ["", *row[1:]],
+                     "Multi": [t for cell in row[1:] for t in (x, cell)]}[columns]  # fmt: skip
+            text += "\t".join(cells).replace(".", decimal) + "\t\n"
+        text += "\n"
+    return text
+
+
+def influx(measurement: str, field: str, tags: tuple[str, ...] = (), pivot: bool = False) -> str:
+    """Annotated CSV; `measurement`, `field` and tags have places for module and signal."""
+    flags = "true," * len(tags)
+    blocks = []
+    for name in (NAMES[:3], NAMES[3:]) if pivot else ((name,) for name in NAMES):
+        module, _, signal = name[0].partition(".")
+        last = "" if pivot else ",_value,_field"
+        kinds = ",double" * len(name) if pivot else ",double,string"
+        own = "".join(f",{tag.partition('=')[0]}" for tag in tags)
+        group = ",false" * len(name) if pivot else ",false,true"
+        titles = "".join(f",{n}" for n in name) if pivot else last
+        blocks.append(
+            f"#group,false,false,true,false{group},true,{flags.rstrip(',')}".rstrip(",")
+            + f"\n#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339{kinds},string"
+            + ",string" * len(tags)
+            + "\n#default,_result,,,,,,\n"
+            + f",result,table,_start,_time{titles},_measurement{own}\n"
+        )
+        column = [NAMES.index(n) + 1 for n in name]
+        fill = {"module": module, "signal": signal}
+        for k, row in enumerate(SHEET.rows):
+            values = ",".join(row[c] for c in column)
+            named = "" if pivot else f",{field.format(**fill)}"
+            cells = "".join(f",{tag.partition('=')[2].format(**fill)}" for tag in tags)
+            blocks.append(
+                f",,0,{START:%Y-%m-%dT%H:%M:%SZ},{at(k):%Y-%m-%dT%H:%M:%SZ},{values}{named},"
+                f"{measurement.format(**fill)}{cells}\n"
+            )
+        blocks.append("\n")
+    return "".join(blocks)
+
+
+FORMS = {
+    "thousands, German": grouped(".", ","),
+    "thousands, Swiss": grouped("'", "."),
+    "thousands, French": grouped("\u202f", ","),
+    "thousands, with a blank": grouped(" ", ","),
+    "thousands, English": grouped(",", "."),
+    "WinCC": long('"VarName";"TimeString";"VarValue";"Validity";"Time_ms"',
+                  '"{tag}";"{time}";{comma};1;45747586805,5556',
+                  shown("%d.%m.%Y %H:%M:%S")) + '"$RT_COUNT$";2400;\n',
+    "tags and IsGood": long("Tag,Timestamp,Value,IsGood", "{tag},{time},{value},True"),
+    "Good (192)": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},Good (192)"),
+    "192": long("tagname,timestamp,value,quality", "{tag},{time},{value},192"),
+    "hexadecimal": long("NodeId,Timestamp,Value,StatusCode", "{tag},{time},{value},0x00000000")
+    .replace("0x00000000\n", "0x00000400\n", 1),
+    "Unix time of a long table": long("name;time;value", "{tag};{time};{value}", since(UNIX, 1e-3)),
+    "date, time, milliseconds": parts("Date|Time|Millitm", "%m/%d/%Y|%H:%M:%S|0"),
+    "date and time, German": parts("Datum|Uhrzeit", "%d.%m.%Y|%H:%M:%S", ";"),
+    "quality columns": beside("{} Quality", "Good"),
+    "quality columns, codes": beside("{}_Status", "192"),
+    "quality columns without names": beside("Quality", "Good"),
+    "pairs": beside("Time", "", time=True, before=True),
+    "pairs with names": beside("{} Time", "", time=True, before=True),
+    "LabVIEW": lvm("One"),
+    "LabVIEW, decimal comma": lvm("One", ","),
+    "LabVIEW, an x each": lvm("Multi"),
+    "LabVIEW, no x": lvm("No"),
+    "LabVIEW, no date": lvm("One", date=False),
+    "annotated, a measurement per module": influx("{module}", "{signal}"),
+    "annotated, one measurement": influx("plant", "{module}.{signal}", ("host=h1",)),
+    "annotated, a tag per module": influx("pumps", "{signal}", ("module={module}",)),
+    "annotated, pivoted": influx("plant", "", pivot=True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_forms(name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
+    """The same recording, as it stands and with the map that is proposed."""
+    check(write(tmp_path, FORMS[name]), plant, abc, expected)
+
+
+def same(expected: Recording, found: Recording) -> None:
+    np.testing.assert_allclose(found.time, expected.time, atol=2e-6)
+    assert expected.values.keys() == found.values.keys()
+    for name, values in expected.values.items():
+        np.testing.assert_allclose(found.values[name], values, rtol=1e-12, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The plant abc, with a column map that is yet to be written."""
+    folder = tmp_path_factory.mktemp("plant")
+    for file in (ROOT / "plants" / "abc").glob("*.yaml"):
+        (folder / file.name).write_bytes(file.read_bytes())
+    with (folder / "plant.yaml").open("a", encoding="utf-8") as text:
+        text.write("\ncolumns: columns.yaml\n")
+    return folder
+
+
+def with_map(ruleset: Ruleset, plant: Path, text: str) -> Ruleset:
+    """The ruleset of a plant that has a column map."""
+    (plant / "columns.yaml").write_text(text, encoding="utf-8")
+    found = run_passes(Compilation(path=plant), "plant").plant
+    columns = (ColumnMap(c.signal, c.column, c.factor, c.offset) for c in found.columns)
+    return dataclasses.replace(
+        ruleset,
+        columns=tuple(columns),
+        time_column=found.time_column,
+        time_zone=found.time_zone,
+        file=found.file,
+    )
+
+
+@pytest.mark.parametrize("name", DATES)
+def test_dates(name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
+    """Each is read as what it is, and the map that is proposed says the same."""
+    file = write(tmp_path, stamped(DATES[name]))
+    check(file, plant, abc, expected)
+    found = read_recording(file, abc)
+    assert found.calendar is not None
+    assert START.replace(tzinfo=UTC).timestamp() == pytest.approx(found.calendar.start)
+
+
+def check(file: Path, plant: Path, abc: Ruleset, expected: Recording) -> None:
+    """The same recording without a map, and with the one that is proposed."""
+    same(expected, read_recording(file, abc))
+    same(expected, read_recording(file, with_map(abc, plant, proposed(file, abc).text)))
+
+
+BAD = {
+    "word": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},Good"),
+    "IsGood": long("Tag,Timestamp,Value,IsGood", "{tag},{time},{value},True"),
+    "OPC DA": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},192"),
+    "OPC UA": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},0"),
+    "OPC UA, signed": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},0"),
+    "OPC UA, hexadecimal": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},0x0"),
+    "uncertain": long("Tag,Timestamp,Value,Quality", "{tag},{time},{value},0"),
+    "WinCC": long("VarName,TimeString,VarValue,Validity", "{tag},{time},{value},1"),
+    "wide": beside("{} Quality", "Good"),
+    "wide, codes": beside("{} [StatusCode]", "0"),
+    "pairs": beside("{} Time", "", time=True, before=True),
+}
+CODES = {"word": "Bad", "IsGood": "False", "OPC DA": "24", "OPC UA": "2147483648",
+         "OPC UA, signed": "-2146631680", "OPC UA, hexadecimal": "0x80340000",
+         "uncertain": "1073741824", "WinCC": "0", "wide": "Bad, Comm Fail",
+         "wide, codes": "2147483648", "pairs": "I/O Timeout"}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_not_good_is_no_reading(
+    name: str, tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    """And how often is told, with the first place."""
+    wrong = CODES[name].replace(",", " ")
+    lines = BAD[name].splitlines()
+    first = next(i for i, line in enumerate(lines) if "1.82216" in line)
+    own = lines[first].split(",")
+    column = own.index("1.82216")
+    place = column if name == "pairs" else column + 1
+    own[place] = wrong
+    lines[first] = ",".join(own)
+    file = write(tmp_path, "\n".join(lines) + "\n")
+    for ruleset in (abc, with_map(abc, plant, proposed(file, abc).text)):
+        found = read_recording(file, ruleset)
+        assert [1] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
+        assert any("1 cell of A.dp is a word (the first, in data row 2" in n for n in found.notes)
+        assert all(np.isfinite(found.values[n]).all() for n in NAMES if n != "A.dp")
+
+
+def changes(width: float, quality: str = "") -> str:
+    """Readings that are written when they change by more than a share of themselves."""
+    rows, last = [], dict.fromkeys(NAMES, 0.0)
+    for k, row in enumerate(SHEET.rows):
+        for tag, cell in zip(NAMES, row[1:], strict=True):
+            moved = abs(float(cell) - last[tag]) > (0 if tag == "A.dp" else width) * float(cell)
+            if not k or moved:
+                last[tag] = float(cell)
+                rows.append(f"{tag},{at(k)},{cell},Good")
+    return "Tag,Time,Value,Quality\n" + "\n".join(rows) + "\n" + quality
+
+
+def test_readings_that_are_written_when_they_change(
+    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    """Without a word on it they are refused; the map that is proposed lets them hold."""
+    file = write(tmp_path, changes(0.002))
+    with pytest.raises(Unclear, match=r"file: \{hold: last\}"):
+        read_recording(file, abc)
+    ruleset = with_map(abc, plant, proposed(file, abc).text)
+    found = read_recording(file, ruleset)
+    np.testing.assert_array_equal(found.time, expected.time)
+    for name in NAMES:
+        np.testing.assert_allclose(found.values[name], expected.values[name], rtol=0.0021)
+    assert any("a reading holds until the next one of its signal" in n for n in found.notes)
+
+
+@pytest.mark.parametrize(("form", "rows"), [({}, range(30, 60)), ({"hold_for": 5.0}, range(60))])
+def test_nothing_holds_beyond_a_bad_quality_or_for_too_long(
+    form: dict[str, float], rows: range, tmp_path: Path, abc: Ruleset
+) -> None:
+    lines = [f"A.dp,{at(k)},{1.8 + k / 1000},Good" for k in range(60)]
+    lines += [f"A.n,{at(0)},900,Good", f"A.n,{at(30)},901,Bad"]
+    file = write(tmp_path, "Tag,Time,Value,Quality\n" + "\n".join(lines) + "\n")
+    told = dataclasses.replace(abc.file, hold="last", **form)
+    found = read_recording(file, dataclasses.replace(abc, file=told))
+    there = np.flatnonzero(np.isfinite(found.values["A.n"])).tolist()
+    assert there == [k for k in range(60) if k not in rows or (form and k <= 5)]
+
+
+def test_empty_cells_hold(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
+    """In a table with a column per signal, where its map says so; a word ends it."""
+    text = SHEET.filled("A.n", "", 1).filled("A.n", "Bad", 40, 41).text()
+    held = dataclasses.replace(abc, file=dataclasses.replace(abc.file, hold="last"))
+    found = read_recording(write(tmp_path, text), held)
+    np.testing.assert_array_equal(found.values["A.n"][:40], expected.values["A.n"][0])
+    assert np.isnan(found.values["A.n"][40:]).all()
+
+
+ASKED = {
+    "order of a date": (stamped(lambda d: d.strftime("%d/%m/%Y %H:%M:%S").replace("31", "04", 1)),
+                        "may be 4 March 2025 (day first) or 3 April 2025 (month first)",
+                        "dates: day first", {}),
+    "days or seconds": (stamped(lambda d: f"{45747 + 5 / 24 * (d - START).seconds / 10:.6f}"),
+                        "may count d since 1899-12-30", "since: 1899-12-30", {"unit": 'd'}),
+    "good is 0": (long("Tag,Time,Value,Quality", "{tag},{time},{value},0"),
+                  "every quality is 0, which is good in OPC UA and bad in OPC DA",
+                  "good: opc ua", {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_what_only_a_person_knows_is_asked(
+    name: str, tmp_path: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Refused with the key that helps; the map says what is to be answered, and exit code 1."""
+    text, told, key, _ = ASKED[name]
+    file = write(tmp_path, text)
+    with pytest.raises(RecordingRefused) as refused:
+        read_recording(file, abc)
+    assert told in str(refused.value)
+    assert key in str(refused.value)
+    assert 1 == main(["check", str(ROOT / "plants" / "abc"), str(file), "--write-map"])
+    shown, aside = capsys.readouterr()
+    assert f"# To be answered first: {str(refused.value).partition(': ')[2]}" in shown
+    assert "to be answered in the map" in " ".join(aside.split())
+
+
+def test_a_number_that_fits_two_conventions(
+    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    """54.054 in a file with decimal commas is refused, and the map takes what is likely."""
+    speeds = SHEET.scaled("A.n", 60.0, "A.n [1/h]").mapped(
+        "A.n", lambda _, cell: f"{round(float(cell)):,}".replace(",", "_")
+    )
+    file = write(tmp_path, speeds.german().replace("_", "."))
+    with pytest.raises(Unclear, match=r"'54.054' may be 54054 or 54.054"):
+        read_recording(file, abc)
+    found = read_recording(file, with_map(abc, plant, proposed(file, abc).text))
+    np.testing.assert_allclose(found.values["A.n"], expected.values["A.n"], rtol=2e-5)
+
+
+def test_numbers_that_mean_missing(
+    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    file = write(tmp_path, SHEET.filled("A.dp", "-9999", 20, 30).text())
+    text = proposed(file, abc).text
+    assert "missing: [-9999]" in text
+    found = read_recording(file, with_map(abc, plant, text))
+    assert [*range(20, 30)] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
+    told = "10 cells of A.dp are -9999, which the column map calls missing"
+    assert any(told in note for note in found.notes)
+
+
+NOT_THERE = {
+    "a tag": ({"layout": "long", "tag": "Name"}, "there is no column 'Name', which the column map"),
+    "pairs": ({"layout": "pairs"}, "the column map says that columns stand in pairs"),
+    "a long table": ({"layout": "long"}, "a long table needs a column of tags"),
+    "a part of the time": ({"time": ("Day", "Clock")}, "there is no column 'Day', which"),
+}
+
+
+@pytest.mark.parametrize("name", NOT_THERE)
+def test_a_map_of_another_file_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
+    form, told = NOT_THERE[name]
+    ruleset = dataclasses.replace(abc, file=dataclasses.replace(abc.file, **form))
+    with pytest.raises(RecordingRefused, match=told):
+        read_recording(write(tmp_path, BARE.text()), ruleset)
+
+
+def test_signals_are_known_by_their_words(tmp_path: Path, abc: Ruleset) -> None:
+    """In titles of another spelling; what is left is listed, and so is what is missing."""
+    head = ("Timestamp", *(f"PLANT1/{name.replace('.', '_').upper()}/PV" for name in NAMES[:-1]))
+    sheet = Sheet((*head, "Batch"), SHEET.rows)
+    text = proposed(write(tmp_path, sheet.text()), abc).text
+    assert "A.P_el: {from: PLANT1/A_P_EL/PV, unit: W}  # the file names no unit" in text
+    assert "# C.dp: {from: ..., unit: bar}" in text
+    assert "# no signal: Batch" in text
+
+
+def test_dates_of_a_workbook(
+    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    """Date and time of day in two columns, and a date in one."""
+    book = openpyxl.Workbook()
+    book.active.append(["Date", "Time", *SHEET.header[1:]])
+    for k, row in enumerate(SHEET.rows):
+        book.active.append([at(k).date(), at(k).time(), *map(float, row[1:])])
+    book.save(tmp_path / "x.xlsx")
+    check(tmp_path / "x.xlsx", plant, abc, expected)
+
+
+@pytest.mark.parametrize("case", sorted(CASES.rglob("*.csv")) + sorted(CASES.rglob("*.lvm")))
+def test_shared_cases(case: Path, plant: Path, abc: Ruleset, tmp_path: Path) -> None:
+    """With the map that is proposed the three leakages are found."""
+    ruleset = with_map(abc, plant, proposed(case, abc).text)
+    found = diagnose(read_recording(case, ruleset), ruleset).findings
+    told = [round(f.degree, 1) for f in found if f.fault.id == "A.leakage"]
+    assert [0.2, 0.4, 0.6] == told
