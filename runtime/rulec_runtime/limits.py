@@ -125,6 +125,20 @@ GOOD_QUALITY = 192
 """Quality of a reading in a historian from which on it is good. Origin: standard, OPC Data Access:
 the upper two of its eight bits are set."""
 
+SHOWING_ROWS = 200
+"""Rows at the begin of a file that show how it writes numbers and dates. Origin: assumed."""
+
+COLUMNS_OF_LONG = 10
+"""Columns at most of a table that has a reading a row, where no column map says so. Origin:
+assumed, those of historians have four to eight."""
+
+LONGEST_DATE = 64
+"""Characters of a date at most. Origin: assumed, twice those of the longest."""
+
+LAST_CENTURY = 69
+"""Two digits from which on they are a year of the last century. Origin: standard, POSIX strptime.
+"""
+
 FIRST_YEAR, LAST_YEAR = 2000, 2060
 """Years between which numbers are looked at as dates: as Unix time in any unit, days of a
 spreadsheet, and their like. Origin: assumed, the time of digital recordings."""
@@ -323,6 +337,10 @@ FAILED_ABOVE = 0.0625
 
 BEYOND_RANGE = 0.02
 """Share of its range by which a reading may leave it and still be used. Origin: assumed."""
+
+LEAST_THERE = 0.5
+"""Share of rows in which a reading has to be there; of one with less, most was lost. Origin:
+assumed, the larger part."""
 
 # Sensor health: a reading against the others -----------------------------------------------------
 

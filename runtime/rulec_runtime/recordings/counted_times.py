@@ -15,8 +15,6 @@ from rulec_runtime.recordings.csv_table import Unclear
 from rulec_runtime.recordings.scratch import blocks, let_go, mapped
 from rulec_runtime.recordings.table import Dates
 
-DAY = 86400.0
-
 
 @dataclass(frozen=True)
 class Counting:
@@ -37,7 +35,7 @@ class Counting:
 
 
 UNIX = "1970-01-01T00:00:00Z"
-SPREADSHEET = Counting("d", DAY, "1899-12-30")
+SPREADSHEET = Counting("d", 86400.0, "1899-12-30")
 
 COUNTINGS = (
     Counting("s", 1.0, UNIX),
@@ -79,7 +77,7 @@ def counting_of(
     days = SPREADSHEET
     if not (days.numbers(limits.FIRST_YEAR) <= low and high < days.numbers(limits.LAST_YEAR)):
         return None
-    if factor == DAY or (not factor and 0 < step < limits.BRIEFEST_ROW):
+    if factor == SPREADSHEET.factor or (not factor and 0 < step < limits.BRIEFEST_ROW):
         notes.append(f"{path.name}: times are days of a spreadsheet, since {days.since}")
         return days
     if not factor and 0 < step < limits.LONGEST_OF_SECONDS:

@@ -3,6 +3,7 @@ and PM."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,13 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
-
-LONGEST = 64
-"""Characters of a date at most."""
-
-NO_DATE = float("nan"), float("nan")
 
 _MONTHS = {
     name: number
@@ -57,9 +54,6 @@ _TIME = re.compile(
     r"\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?\s*(?P<zone>[A-Z]{1,4}|[+-]\d{2}:?\d{2})?"
 )
 
-_PIVOT = 69
-"""Two digits from here on are years of the last century (POSIX)."""
-
 
 @dataclass(frozen=True)
 class Ambiguous:
@@ -93,7 +87,7 @@ def order_of(cells: Iterable[str]) -> Order | Ambiguous:
 @lru_cache(maxsize=1024)
 def _orders(text: str) -> tuple[Order, ...]:
     """Orders in which a date can be read; none where its form leaves no choice."""
-    match = _DATE.fullmatch(text[: LONGEST + 1])
+    match = _DATE.fullmatch(text[: limits.LONGEST_DATE + 1])
     if match is None or match["sign"] in ". ":
         return ()
     parts = match["first"], match["second"], match["third"]
@@ -124,20 +118,20 @@ def dates_of(cells: Sequence[str], order: Order = "") -> tuple[Array, Array]:
 def date_of(cell: str, order: Order = "") -> tuple[float, float]:
     """As `dates_of`, of one cell."""
     text = cell.strip()
-    if len(text) > LONGEST:
-        return NO_DATE
+    if len(text) > limits.LONGEST_DATE:
+        return (math.nan, math.nan)
     try:
         return _seconds(datetime.fromisoformat(text))
     except (ValueError, OverflowError):  # no date, or in UTC one that no calendar has
         pass
     match = _DATE.fullmatch(text)
     if match is None:
-        return NO_DATE
+        return (math.nan, math.nan)
     try:
         day = datetime(*_day(match["first"], match["second"], match["third"], match["sign"], order))
         return _seconds(_at(day, match["time"] or ""))
     except (ValueError, OverflowError, KeyError):
-        return NO_DATE
+        return (math.nan, math.nan)
 
 
 def time_of_day(cell: str) -> float:
@@ -147,7 +141,7 @@ def time_of_day(cell: str) -> float:
     (50700.0, 50700.0)
     """
     try:
-        clock = _at(datetime(1970, 1, 1), cell.strip()[: LONGEST + 1])
+        clock = _at(datetime(1970, 1, 1), cell.strip()[: limits.LONGEST_DATE + 1])
     except (ValueError, KeyError):
         return float("nan")
     return clock.replace(tzinfo=UTC).timestamp()
@@ -171,7 +165,7 @@ def _day(first: str, second: str, third: str, sign: str, order: Order) -> tuple[
 
 
 def _year(number: int, short: bool) -> int:
-    return number + (1900 if number >= _PIVOT else 2000) if short else number
+    return number + (1900 if number >= limits.LAST_CENTURY else 2000) if short else number
 
 
 def _month(text: str) -> int:

@@ -27,8 +27,6 @@ from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
 
-_MICROSECONDS = 1e6
-
 
 @dataclass(frozen=True)
 class Readings:
@@ -231,7 +229,7 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     near = np.where(own - base[before] <= base[behind] - own, before, behind)
     usual = float(np.median(np.diff(base))) if len(base) > 1 else 0.0
     away = np.abs(base[near] - own)
-    away = np.round(away * _MICROSECONDS) / _MICROSECONDS
+    away = np.round(away * 1e6) / 1e6
     taken = np.where(away <= 0.5 * usual, near, -1)
     order = np.lexsort((away, taken))
     again = np.concatenate([[False], np.diff(taken[order]) == 0])

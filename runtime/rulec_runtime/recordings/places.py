@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import parts_of
@@ -22,8 +23,6 @@ UNITS = ("unit", "units", "einheit", "uom")
 DAYS, CLOCKS = ("date", "datum"), ("time", "zeit", "uhrzeit")
 PARTS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
 
-MOST_OF_LONG = 10
-"""Columns of a table that has a reading a row, where no column map says so."""
 
 _NUMBERED = re.compile(r"(?:time|zeit)[ ._-]?\d+", re.IGNORECASE)
 _BETWEEN = " ._/:-()[]"
@@ -73,7 +72,7 @@ def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
         )
     if not form.layout and pairs:
         return Places("pairs", pairs=pairs)
-    few = len(titles) <= MOST_OF_LONG and min(tag, value, *(time or (-1,))) >= 0
+    few = len(titles) <= limits.COLUMNS_OF_LONG and min(tag, value, *(time or (-1,))) >= 0
     if form.layout == "long" or (not form.layout and few):
         if min(tag, value, *(time or (-1,))) < 0:
             raise RecordingRefused(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.recordings.csv_table import (
     Column,
@@ -25,9 +26,6 @@ from rulec_runtime.recordings.table import Sheet, Table
 from rulec_runtime.recordings.text_parts import BATCH, Part, batches_of
 from rulec_runtime.recordings.time_column import order_in
 from rulec_runtime.recordings.titles import is_time, units_below
-
-SAMPLE = 200
-"""Rows that show how numbers are written."""
 
 
 @dataclass(kw_only=True)
@@ -98,7 +96,7 @@ class TextTable:
         """Rows with another number of cells than the titles are left out, as no cell of them can
         be trusted. Raises `RecordingRefused`."""
         beside = len(numbers) + 3 * len(kept)
-        sample = list(islice(self.lines(), SAMPLE))
+        sample = list(islice(self.lines(), limits.SHOWING_ROWS))
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         taken = _Taken(
             path=self.path,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm, Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
@@ -30,9 +31,6 @@ NAMES = (
 
 TEMPERATURE = "T"
 """What is no name of the time column: t is a time, and T a temperature (ISO 80000)."""
-
-FIRST = 200
-"""Rows that show in which order dates are."""
 
 
 def is_time(name: str) -> bool:
@@ -90,7 +88,7 @@ def order_in(path: Path, cells: Callable[[], Iterable[str]], form: FileForm) -> 
     dates can be read in several."""
     if form.dates:
         return form.dates
-    found = order_of(islice(cells(), FIRST))
+    found = order_of(islice(cells(), limits.SHOWING_ROWS))
     if isinstance(found, Ambiguous):
         found = order_of(cells())
     if isinstance(found, Ambiguous):

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.counted_times import DAY, counting_of, dated
+from rulec_runtime.recordings.counted_times import SPREADSHEET, counting_of, dated
 from rulec_runtime.recordings.dates import dates_of, time_of_day
 from rulec_runtime.recordings.table import Cells, Dates, texts_of
 from rulec_runtime.recordings.time_column import order_in, plain_times
@@ -56,6 +56,6 @@ def _seconds_of_day(cells: Sequence[str]) -> Array:
     """Seconds since midnight; of a spreadsheet they may be a share of a day."""
     numbers = plain_times(cells)
     if np.isfinite(numbers).any():
-        return numbers * DAY if np.nanmax(numbers) < 1 else numbers
+        return numbers * SPREADSHEET.factor if np.nanmax(numbers) < 1 else numbers
     known = {cell: time_of_day(cell) for cell in {*cells}}
     return np.array([known[cell] for cell in cells])
