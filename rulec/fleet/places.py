@@ -8,6 +8,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.formats import is_called_recording
 
@@ -87,7 +88,7 @@ def _elsewhere(place: str) -> Iterator[Found]:
             "pip install 'rulec[fleet]'"
         ) from None
     try:
-        system, root = fsspec.core.url_to_fs(place)
+        system, root = fsspec.core.url_to_fs(check_address(place))
         listed = system.find(root, detail=True)
     except (OSError, ValueError, ImportError) as error:
         raise Refusal(f"{place}: cannot be listed ({error})") from None

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rulec_runtime.output.open_file import begin_of
 
-from rulec.language.diagnostics import Diagnostic, Place, split_lines
+from rulec.language.diagnostics import Diagnostic, Place, is_ours, no_file_of_ours, split_lines
 from rulec.limits import MAX_FILE_BYTES, MAX_FILE_NUMBER, MAX_INTEGER_DIGITS, MAX_NESTING
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -69,8 +70,7 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; on a mistake the document is None."""
     name = display(path)
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_FILE_BYTES + 1)
+        raw = begin_of(path, MAX_FILE_BYTES + 1)
     except FileNotFoundError:
         hint = "`rulec init plant NAME` writes a first plant, to be filled in"
         message = "there is no such file or folder"
@@ -82,6 +82,13 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
         message = f"the file has more than {MAX_FILE_BYTES / 1e6:g} MB"
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
     raw = raw.removeprefix(codecs.BOM_UTF8)
+    document, found = _decoded(name, raw)
+    # Where it breaks in a file of something else tells what stands in it.
+    told = document is not None or found[0].code == "KB006" or is_ours(raw.decode(errors="replace"))
+    return (document, found) if told else (None, [no_file_of_ours(Place(name))])
+
+
+def _decoded(name: str, raw: bytes) -> tuple[Document | None, list[Diagnostic]]:
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
 from rulec_runtime.recordings.given import opened, place_of
 from rulec_runtime.recordings.long_table import wide
 from rulec_runtime.recordings.table import Sheet
@@ -85,6 +85,8 @@ def opened_sheet(path: Path, times: Collection[str]) -> Iterator[Sheet]:
         kind = format_of(file, place)
         reader = _reader(kind, place)
         found = _careful(lambda: reader(file, place, times), kind, place)
+        for one in found:
+            refuse_columns(path, len(one.titles))
         sheet = which(path, [wide(path, one, times) for one in found], name, times)
         read, lines = sheet.read, sheet.lines
         yield replace(

@@ -17,7 +17,7 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
-from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.scratch import blocks, let_go
 from rulec_runtime.recordings.time_column import NAMES, read_times
@@ -60,8 +60,13 @@ def files_of(path: Path) -> list[Path]:
     if place == STANDARD_INPUT:
         return [path]
     if not place.is_dir():
-        if not place.is_file():
+        if not place.exists():
             raise RecordingRefused(f"{path}: there is no such file")
+        if not place.is_file():
+            raise RecordingRefused(
+                f"{path}: this is no file but a pipe or a device; give - and let it come on "
+                "standard input"
+            )
         return [path]
     files = sorted(f for f in place.iterdir() if is_called_recording(f))
     csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]
@@ -92,7 +97,12 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{table.first_left_out})"
         )
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes)
+    try:
+        time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes)
+    except RecordingRefused:
+        if header.targets:
+            raise
+        raise foreign(str(path), ruleset) from None  # nothing is quoted of a file of others
     return RecordingFile(
         path=path,
         header=header,

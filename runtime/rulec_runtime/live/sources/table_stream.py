@@ -21,8 +21,7 @@ from rulec_runtime.recordings.csv_table import (
     read_cells,
     refuse_words,
 )
-from rulec_runtime.recordings.header import Header, Target, assign
-from rulec_runtime.recordings.recording import foreign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.recording_file import in_si, largest_reading, times_of
 from rulec_runtime.recordings.time_column import dates_of, factor_of_time, plain_times
 from rulec_runtime.recordings.titles import left_out_above
