@@ -75,7 +75,8 @@ def _files(place: str) -> Iterator[Found]:
         for name in names:
             file = Path(folder) / name
             if is_called_recording(file):
-                state = file.stat()
+                # What a link to nothing is worth its plant-day tells, and stops nobody else.
+                state = file.stat() if file.exists() else file.lstat()
                 yield str(file), f"{state.st_size} {state.st_mtime_ns}"
 
 

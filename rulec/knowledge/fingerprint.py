@@ -48,7 +48,7 @@ def file_of(plant: Path) -> Path:
 
 def print_of_text(plant: Path) -> str:
     """Hash of the plant file alone and of the tool; raises OSError where it cannot be read."""
-    return _hash((_tool(), str(plant.resolve()), _bytes_of(plant)))
+    return _hash((_tool(), os.path.realpath(plant), _bytes_of(plant)))
 
 
 def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = False) -> str:
@@ -74,7 +74,7 @@ def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = Fals
 
 def _contents(folder: Path, files: Iterable[Path]) -> Iterator[str | bytes]:
     """Real place of a folder, and of each file name and bytes."""
-    yield str(folder.resolve())
+    yield os.path.realpath(folder)
     for file in files:
         yield os.path.relpath(file, folder)
         yield _bytes_of(file)

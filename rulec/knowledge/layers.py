@@ -178,10 +178,11 @@ def _folder(folder: Path, kind: str) -> Layer:
     return Layer("/".join(folder.resolve().parts[-2:]), kind, folder)
 
 
-def leads_out(place: Place, name: str = "this link") -> Diagnostic:
-    """That what a file names, or a link beside it, lies where it may not be read."""
-    hint = f"it may lie beside this folder at most; {FOLDERS} names further folders"
-    return Diagnostic(place, "KB016", f"'{name}' leads out of the folder of this file", hint)
+def leads_out(place: Place, name: str = "") -> Diagnostic:
+    """That what a file names, or else a link, leads to where nothing may be read."""
+    what = f"'{name}' leads out of the folder of this file" if name else "this link leads out"
+    hint = f"it may lead to a folder beside its own at most; {FOLDERS} names further ones"
+    return Diagnostic(place, "KB016", what, hint)
 
 
 def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:

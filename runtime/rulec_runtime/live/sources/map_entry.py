@@ -85,6 +85,8 @@ def read_entries(path: Path, extra_of: str) -> Entry:
         raise SourceRefused(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > limits.LARGEST_MAP:
         raise SourceRefused(f"{path}: a map has less than {limits.LARGEST_MAP} bytes")
+    if data.strip() and b"signals" not in data:  # of a file of others nothing is quoted
+        raise SourceRefused(f"{path}: this is no map; it needs 'signals:'")
     try:
         node = yaml.compose(data.decode("utf-8-sig"), Loader=yaml.SafeLoader)
     except UnicodeDecodeError:
