@@ -31,6 +31,9 @@ _STEERING = re.compile(
 """Controls (C0, C1), turns of reading direction and halves of characters: an escape in double
 quotes can write them, and a terminal would obey them."""
 
+_QUOTING = ("KB005", "KB008", "KB013")
+"""What is told with words of the file: of a file that is none of ours nobody should read them."""
+
 _WORDS: dict[str, bool | None] = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _WORDS |= {"true": True, "True": True, "TRUE": True}
 _WORDS |= {"false": False, "False": False, "FALSE": False}
@@ -83,9 +86,9 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
     raw = raw.removeprefix(codecs.BOM_UTF8)
     document, found = _decoded(name, raw)
-    # Where it breaks in a file of something else tells what stands in it.
-    told = document is not None or found[0].code == "KB006" or is_ours(raw.decode(errors="replace"))
-    return (document, found) if told else (None, [no_file_of_ours(Place(name))])
+    if any(one.code in _QUOTING for one in found) and not is_ours(raw.decode(errors="replace")):
+        return None, [no_file_of_ours(Place(name))]
+    return document, found
 
 
 def _decoded(name: str, raw: bytes) -> tuple[Document | None, list[Diagnostic]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import io
 import os
@@ -45,7 +46,13 @@ def opened(path: Path) -> BinaryIO:
     place = place_of(path)[0]
     if place == STANDARD_INPUT:
         return io.BytesIO(_whole(sys.stdin.buffer))
-    return open_file.opened(place)
+    try:
+        return open_file.opened(place)
+    except OSError as error:
+        if error.errno != errno.EINVAL:
+            raise
+        hint = "give - and let it come on standard input"
+        raise RecordingRefused(f"{path}: {error.strerror}; {hint}") from None
 
 
 def bytes_of(path: Path) -> bytes:

@@ -62,11 +62,6 @@ def files_of(path: Path) -> list[Path]:
     if not place.is_dir():
         if not place.exists():
             raise RecordingRefused(f"{path}: there is no such file")
-        if not place.is_file():
-            raise RecordingRefused(
-                f"{path}: this is no file but a pipe or a device; give - and let it come on "
-                "standard input"
-            )
         return [path]
     files = sorted(f for f in place.iterdir() if is_called_recording(f))
     csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]
