@@ -116,6 +116,8 @@ def test_refused_or_done_safely(
     assert not odd
     assert "Traceback" not in outcome.text
     assert CANARY not in outcome.text
+    if case.family == "paths":
+        assert "KB016" in outcome.text
     assert ["precious"] == [f.name for f in outside.iterdir()]
     assert (outside / "precious").read_text() == PRECIOUS
     assert {"inside", "outside"} == {f.name for f in tmp_path.iterdir()}
