@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
@@ -91,8 +92,11 @@ def _elsewhere(place: str) -> Iterator[Found]:
     try:
         system, root = fsspec.core.url_to_fs(check_address(place))
         listed = system.find(root, detail=True)
-    except (OSError, ValueError, ImportError) as error:
-        raise Refusal(f"{place}: cannot be listed ({error})") from None
+    except Refusal:
+        raise
+    except Exception as error:  # each of the libraries behind it has exceptions of its own
+        told = f"{place}: cannot be listed ({error})"
+        raise Refusal(re.sub("//[^/@]*@", "//", told)) from None  # without a password
     for path, state in listed.items():
         if is_called_recording(Path(path)):
             marks = (state.get(k) for k in ("size", "mtime", "LastModified", "etag", "ETag"))
