@@ -85,7 +85,7 @@ def is_ours(text: str) -> bool:
 
     Of any other nothing is quoted: a plant may name whatever its author wants to see.
 
-    >>> is_ours("# p\nplant: p\n"), is_ours("root:x:0:0"), is_ours("{'units': {}}")
+    >>> is_ours("plant: p"), is_ours("root:x:0:0"), is_ours("{'units': {}}")
     (True, False, True)
     """
     return _OURS.search(text) is not None

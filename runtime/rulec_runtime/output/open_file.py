@@ -7,9 +7,11 @@ can be; of what a file names only what lies near it; of addresses only those of 
 from __future__ import annotations
 
 import errno
+import functools
 import io
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -57,21 +59,30 @@ def text_of(path: str | Path, most: int) -> str:
 def is_near(target: Path, folder: Path) -> bool:
     """Whether what a file of a folder names lies below that folder or below the one around it, as
     plants share files, or below one of `RULEC_FILES`. Links count by where they lead."""
-    home = os.path.realpath(folder)
-    around = os.path.dirname(home)
-    named = filter(None, os.environ.get(FOLDERS, "").split(os.pathsep))
-    # All lies below the root, so what lies there has nothing around it.
-    near = [home] if os.path.dirname(around) == around else [around]
-    return any(is_below(target, Path(one)) for one in (*near, *named))
+    return _is_in(target, _near(os.path.abspath(folder), os.environ.get(FOLDERS, "")))
 
 
 def is_below(target: Path, folder: Path) -> bool:
     """Whether something lies in a folder, links followed."""
+    return _is_in(target, (os.path.realpath(folder),))
+
+
+@functools.lru_cache(maxsize=16)
+def _near(folder: str, named: str) -> tuple[str, ...]:
+    """Kept, as a file may name thousands of others."""
+    home = os.path.realpath(folder)
+    around = os.path.dirname(home)
+    # All lies below the root, so what lies there has nothing around it.
+    first = home if os.path.dirname(around) == around else around
+    return (first, *(os.path.realpath(one) for one in named.split(os.pathsep) if one))
+
+
+def _is_in(target: Path, folders: Iterable[str]) -> bool:
     try:
-        real, home = os.path.realpath(target), os.path.realpath(folder)
-        return os.path.commonpath([real, home]) == home
-    except ValueError:  # on two drives, or with a zero in its name
+        real = os.path.realpath(target)
+    except ValueError:  # a zero in its name
         return False
+    return any(real == one or real.startswith(os.path.join(one, "")) for one in folders)
 
 
 def check_address(address: str) -> str:
