@@ -257,6 +257,11 @@ def _fleet(fleet: argparse.ArgumentParser) -> None:
         "--again", action="store_true", help="judge also what was judged before and is unchanged"
     )
     fleet.add_argument(
+        "--results",
+        metavar="FOLDER",
+        help="write there; the fleet itself can only name a folder below its own",
+    )
+    fleet.add_argument(
         "--mismatch", action="store_true", help="ask instead what physics the models leave out"
     )
     json_option(fleet)

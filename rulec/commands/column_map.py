@@ -14,7 +14,7 @@ from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset, SignalSpec
 from rulec_runtime.recordings.counted_times import COUNTINGS, SPREADSHEET, counting_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
-from rulec_runtime.recordings.formats import opened_sheet, opened_tables
+from rulec_runtime.recordings.formats import opened_sheet, opened_table
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.places import Places, places_of
 from rulec_runtime.recordings.quality import standard_of
@@ -89,8 +89,8 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         read = told if told and parse_unit(told, ruleset.units) is not None else signal.unit
         columns[signal.id] = title, read
         bare |= set() if told else {signal.id}
-    with opened_tables(path, form) as tables:
-        places, table = _timed(path, tables, form)
+    with opened_table(path, form) as table:
+        places = places_of(path, table.titles, form)
         time = _time(path, table, places, form, ruleset)
         file = {**_layout(path, table, places, form), **_numbers(path, table, places, form)}
     told = time.get("from", "")
@@ -110,12 +110,6 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
     times = {*told} if several else {told}
     taken = {title for title, _ in columns.values()} | times
     return _Found(file, time, columns, frozenset(bare), tuple(t for t in titles if t not in taken))
-
-
-def _timed(path: Path, tables: Sequence[Sheet], form: FileForm) -> tuple[Places, Sheet]:
-    """The table that has a time, with what its columns are."""
-    found = [(places_of(path, table.titles, form), table) for table in tables]
-    return next(((p, t) for p, t in found if p.time or p.pairs), found[0])
 
 
 def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:

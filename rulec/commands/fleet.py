@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from rich.console import Console
 from rich.table import Table
@@ -43,7 +44,10 @@ def run(options: argparse.Namespace) -> int:
     """Judge what is not done yet, write tables and ranking."""
     check_outputs(options)
     engine = chosen(options.engine, options.jobs, options.scheduler)
-    fleet = read_fleet(Path(options.fleet), ruleset_of)
+    results = None if options.results is None else Path(options.results).resolve()
+    fleet = read_fleet(Path(options.fleet), ruleset_of, results)
+    if "://" in fleet.recordings:
+        note_aside(options, f"{fleet.name}: recordings come from {_host(fleet.recordings)}")
     if options.mismatch:
         from rulec.commands import fleet_mismatch
 
@@ -69,6 +73,12 @@ def run(options: argparse.Namespace) -> int:
     _show(console(options), plants, page)
     write_json(options, _form(fleet, plants, rows))
     return 0
+
+
+def _host(address: str) -> str:
+    """Scheme and host of an address, without a password in it."""
+    parts = urlsplit(address)
+    return f"{parts.scheme}://{parts.hostname or ''}"
 
 
 def _counted(tasks: Sequence[Task]) -> str:

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_data, write_text
 
@@ -14,6 +15,7 @@ from rulec.commands.editor_line import MARK, SCHEMA, line, schemas, target
 from rulec.knowledge.layers import yaml_files_in
 from rulec.language.document import read_document
 from rulec.language.schema import kind_of
+from rulec.limits import MAX_FILE_BYTES
 
 _LINE = re.compile(rf"^#\s*{MARK}\s*\$schema=(\S+)\s*$", re.MULTILINE)
 
@@ -30,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
         kind = _kind(file)
         if kind is None:
             continue
-        raw = file.read_bytes()
+        raw = bytes_of(file, MAX_FILE_BYTES)
         text = raw.decode("utf-8-sig")
         found = _LINE.search(text)
         if found and _leads(file, found[1]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ def basis_of(
     """
     return {
         "plant": _hashes(_plant_files(sources)),
-        "given": [recording.resolve().as_posix() for recording in recordings],
+        "given": [_real(recording) for recording in recordings],
         "recordings": _hashes(_files(recordings)),
         **({"in_memory": True} if in_memory else {}),
     }
@@ -91,4 +92,9 @@ def _plant_files(sources: Sources) -> Iterator[Path]:
 
 
 def _hashes(files: Iterator[Path] | list[Path]) -> dict[str, str]:
-    return {file.resolve().as_posix(): hashlib.sha256(bytes_of(file)).hexdigest() for file in files}
+    return {_real(file): hashlib.sha256(bytes_of(file)).hexdigest() for file in files}
+
+
+def _real(file: Path) -> str:
+    """Where it is; `Path.resolve` would raise on a link to itself."""
+    return Path(os.path.realpath(file)).as_posix()

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.output.open_file import text_of
+
 from rulec.knowledge.module_type import Accuracy, Definition, ModuleType, Parameter, State
 from rulec.language.document import Document
 from rulec.language.expression import Expression, constant
 from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
-from rulec.limits import ASSUMED_ACCURACY
+from rulec.limits import ASSUMED_ACCURACY, MAX_FILE_BYTES
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
 
@@ -37,7 +39,7 @@ def write_module(
 def author_comments(file: Path) -> list[str]:
     """Comments at the top of a file, without the line for editors."""
     found = []
-    for line in file.read_text(encoding="utf-8-sig").splitlines():
+    for line in text_of(file, MAX_FILE_BYTES).splitlines():
         if not line.startswith("#"):
             break
         if "yaml-language-server" not in line:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rulec_runtime.output.open_file import text_of
 
 from rulec.effects.adopt import Adopted, Adoption
 from rulec.effects.recalibrate import calibration
@@ -19,6 +20,7 @@ from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
 from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
+from rulec.limits import MAX_FILE_BYTES
 
 PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
 CALIBRATION = "calibration.yaml"
@@ -35,7 +37,7 @@ def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterato
     for key in ("columns", "adjacency"):
         if key in sources.plant.data:
             file = Path(sources.plant.path).parent / sources.plant.data[key]
-            yield file.name, file.read_text(encoding="utf-8-sig")
+            yield file.name, text_of(file, MAX_FILE_BYTES)
     yield from knowledge_files(sources, adoption)
 
 
@@ -102,7 +104,7 @@ def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str,
         for file in layer.files:
             document, _ = (None, ()) if file.resolve() in amended else read_document(file)
             if document is not None and kind_of(document) not in (None, *OF_PLANTS):
-                yield _copied(layer, file), file.read_text("utf-8-sig")
+                yield _copied(layer, file), text_of(file, MAX_FILE_BYTES)
     for file in sorted((shipped(KB) / "schema").glob("*.json")):
         yield f"{KB}/schema/{file.name}", file.read_text("utf-8")
     for own in adoption.changed.values():

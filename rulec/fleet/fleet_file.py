@@ -11,10 +11,13 @@ from typing import Any
 
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
 from rulec_runtime.fleet.task import hash_of
+from rulec_runtime.output.open_file import check_address, is_below, is_near
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 
 from rulec.fleet.plan import Fleet
+from rulec.knowledge.layers import PLANT, leads_out
 from rulec.knowledge.read import read_alone
 from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Refused, did_you_mean
@@ -22,11 +25,12 @@ from rulec.language.reader import Reader
 
 RulesetOf = Callable[[Path], Ruleset]
 
-TIME = "time"
+TIME, LOCAL = "time", "file://"
 
 
-def read_fleet(path: Path, ruleset_of: RulesetOf) -> Fleet:
-    """Read a fleet; `ruleset_of` gives the ruleset of a plant's folder or of a ruleset file.
+def read_fleet(path: Path, ruleset_of: RulesetOf, results: Path | None = None) -> Fleet:
+    """Read a fleet; `ruleset_of` gives the ruleset of a plant's folder or of a ruleset file,
+    `results` is a folder for them in place of the one that the file names.
 
     Raises `Refused` with every mistake in the file.
     """
@@ -47,26 +51,31 @@ def read_fleet(path: Path, ruleset_of: RulesetOf) -> Fleet:
         message = "nothing says which plant or ruleset judges the fleet"
         reader.report_key(("fleet",), "KB150", message, "add 'judged_by'")
     first, last = _days(reader, data.get("days", {}))
+    recordings = _recordings(reader, base)
+    if results is None:
+        results = (base / data.get("results", f"{data['fleet']}.results")).resolve()
+        if not is_below(results, base):
+            message = f"results would be written to '{results}', which is not below this file"
+            reader.report(("results",), "KB016", message, "name the folder with --results")
     if reader.found:
         raise Refused(reader.found)
     made: dict[str, str] = {}
     texts: dict[str, str] = {}
     for name, file in files.items():
         if file not in made:
-            made[file] = _ruleset(reader, places[name], base / file, ruleset_of)
+            made[file] = _ruleset(reader, places[name], base, ruleset_of)
             texts[hash_of(made[file])] = made[file]
     if reader.found:
         raise Refused(reader.found)
     default = hash_of(made[files[""]]) if "" in files else ""
     partitions = data.get("partitions", {})
-    place = data["recordings"]
     return Fleet(
         name=data["fleet"],
         title=data.get("title", data["fleet"]),
-        recordings=place if "://" in place else str((base / place).resolve()),
+        recordings=recordings,
         plant_key=partitions.get("plant", "plant"),
         day_key=partitions.get("day", "day"),
-        results=(base / data.get("results", f"{data['fleet']}.results")).resolve(),
+        results=results,
         rulesets=texts,
         judged_by={hash_of(text): str((base / file).resolve()) for file, text in made.items()},
         titles=bool(data.get("titles")),
@@ -77,6 +86,22 @@ def read_fleet(path: Path, ruleset_of: RulesetOf) -> Fleet:
         last=last,
         trace=bool(data.get("trace", False)),
     )
+
+
+def _recordings(reader: Reader, base: Path) -> str:
+    """Where recordings are: a folder near the file, or an address elsewhere."""
+    place: str = reader.document.data["recordings"]
+    if "://" in place:
+        try:
+            check_address(place)
+        except Refusal as refusal:
+            reader.report(("recordings",), "KB016", str(refusal))
+        if not place.startswith(LOCAL):
+            return place
+    folder = (base / place.removeprefix(LOCAL)).resolve()
+    if not is_near(folder, base):
+        reader.found.append(leads_out(reader.document.place("recordings"), place))
+    return str(folder)
 
 
 def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
@@ -95,9 +120,13 @@ def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
     return first, last
 
 
-def _ruleset(reader: Reader, path: tuple[str, ...], file: Path, ruleset_of: RulesetOf) -> str:
+def _ruleset(reader: Reader, path: tuple[str, ...], base: Path, ruleset_of: RulesetOf) -> str:
     """Text of the ruleset of a plant, with the fleet's names of columns; empty where there is
     none."""
+    file = base / reader.part(path)
+    if not (file / PLANT).is_file() and not is_near(file, base):
+        reader.found.append(leads_out(reader.document.place(*path), reader.part(path)))
+        return ""
     if not file.exists():
         message = f"there is no plant or ruleset '{reader.part(path)}'"
         reader.report(path, "KB001", message, "paths are seen from the fleet file")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
 from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.formats import is_called_recording
 
@@ -74,7 +76,8 @@ def _files(place: str) -> Iterator[Found]:
         for name in names:
             file = Path(folder) / name
             if is_called_recording(file):
-                state = file.stat()
+                # What a link to nothing is worth its plant-day tells, and stops nobody else.
+                state = file.stat() if file.exists() else file.lstat()
                 yield str(file), f"{state.st_size} {state.st_mtime_ns}"
 
 
@@ -87,10 +90,13 @@ def _elsewhere(place: str) -> Iterator[Found]:
             "pip install 'rulec[fleet]'"
         ) from None
     try:
-        system, root = fsspec.core.url_to_fs(place)
+        system, root = fsspec.core.url_to_fs(check_address(place))
         listed = system.find(root, detail=True)
-    except (OSError, ValueError, ImportError) as error:
-        raise Refusal(f"{place}: cannot be listed ({error})") from None
+    except Refusal:
+        raise
+    except Exception as error:  # each of the libraries behind it has exceptions of its own
+        told = f"{place}: cannot be listed ({error})"
+        raise Refusal(re.sub("//[^/@]*@", "//", told)) from None  # without a password
     for path, state in listed.items():
         if is_called_recording(Path(path)):
             marks = (state.get(k) for k in ("size", "mtime", "LastModified", "etag", "ETag"))

@@ -13,7 +13,7 @@ class Fleet:
 
     Attributes
     ----------
-    recordings : folder, or address of one that fsspec knows, as ``s3://bucket/recordings``.
+    recordings : folder, or address of one elsewhere, as ``s3://bucket/recordings``.
     plant_key, day_key : names of the partitions, as in ``plant=P1/day=2026-01-01/``.
     results : folder of results.
     rulesets : text of each ruleset by its hash.

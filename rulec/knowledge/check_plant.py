@@ -206,6 +206,10 @@ class _PlantReader(Reader):
             self._report_at(Place(file), "KB083", "this table has one column", hint)
             return ()
         first, names = (table[0][0], table[0][1][1:]) if table else (1, [])
+        if self._names.keys().isdisjoint(names):
+            message = f"the first row of '{name}' names no module of this plant"
+            self.report(("adjacency",), "KB083", message, "a column, and below it a row, for each")
+            return ()
         result: list[tuple[str, str]] = []
         self._compare(Place(file, first), names, "column")
         self._compare(Place(file, first), [row[0] for _, row in table[1:]], "row")

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime import limits as limits_of_runtime
+from rulec_runtime.output.open_file import begin_of, is_near
 
 from rulec.knowledge.layers import KB, PLANT, layers_of, shipped, yaml_files_in
 from rulec.language.diagnostics import Place
@@ -47,7 +48,7 @@ def file_of(plant: Path) -> Path:
 
 def print_of_text(plant: Path) -> str:
     """Hash of the plant file alone and of the tool; raises OSError where it cannot be read."""
-    return _hash((_tool(), str(plant.resolve()), _bytes_of(plant)))
+    return _hash((_tool(), os.path.realpath(plant), _bytes_of(plant)))
 
 
 def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = False) -> str:
@@ -63,6 +64,8 @@ def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = Fals
         parts += (layer.name, layer.kind, layer.version)
         parts += _contents(layer.folder, layer.files)
     beside = [folder / name for key in _NAMING[1:] for name in named[key]]
+    if not all(is_near(file, folder) for file in beside):
+        raise OSError("a file of the plant is none that may be read")
     parts += _contents(folder, beside)
     if whole:
         parts += _contents(folder, yaml_files_in(folder))
@@ -71,7 +74,7 @@ def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = Fals
 
 def _contents(folder: Path, files: Iterable[Path]) -> Iterator[str | bytes]:
     """Real place of a folder, and of each file name and bytes."""
-    yield str(folder.resolve())
+    yield os.path.realpath(folder)
     for file in files:
         yield os.path.relpath(file, folder)
         yield _bytes_of(file)
@@ -79,8 +82,7 @@ def _contents(folder: Path, files: Iterable[Path]) -> Iterator[str | bytes]:
 
 def _bytes_of(file: Path) -> bytes:
     """As much of a file as is ever read of it."""
-    with file.open("rb") as stream:
-        return stream.read(MAX_FILE_BYTES + 1)
+    return begin_of(file, MAX_FILE_BYTES + 1)
 
 
 @cache

@@ -23,6 +23,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from rulec_runtime.output.open_file import FOLDERS, begin_of, is_below, is_near
+
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.limits import MAX_FILE_BYTES
 
@@ -85,7 +87,8 @@ class Layer:
 def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
     """Layers of the plant in a folder; `named` are the folders that its file names, with places.
 
-    Raises `Refused` (KB001) where a folder or a package is not there, or holds no YAML.
+    Raises `Refused` where a folder or a package is not there, or holds no YAML (KB001), or leads
+    out of the plant's folder (KB016).
     """
     return _stack(_layers(plant, named))
 
@@ -142,8 +145,12 @@ def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
 
 def _layers(plant: Path, named: Sequence[tuple[str, Place]]) -> Iterator[Layer]:
     if (plant / KB).is_dir():
+        if not is_near(plant / KB, plant):
+            raise Refused([leads_out(Place((plant / KB).as_posix()))])
         yield _folder(plant / KB, OWN)
     for text, place in named:
+        if not is_near(plant / text, plant) and not is_below(plant / text, shipped(KB)):
+            raise Refused([leads_out(place, text)])
         yield _existing(plant / text, text, place, NAMED)
     yield from _ambient(plant)
 
@@ -171,6 +178,13 @@ def _folder(folder: Path, kind: str) -> Layer:
     return Layer("/".join(folder.resolve().parts[-2:]), kind, folder)
 
 
+def leads_out(place: Place, name: str = "") -> Diagnostic:
+    """That what a file names, or else a link, leads to where nothing may be read."""
+    what = f"'{name}' leads out of the folder of this file" if name else "this link leads out"
+    hint = f"it may lead to a folder beside its own at most; {FOLDERS} names further ones"
+    return Diagnostic(place, "KB016", what, hint)
+
+
 def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
     if not os.path.isdir(folder) or not _has_knowledge(folder):
         message = f"there is no knowledge in '{text}'"
@@ -188,8 +202,7 @@ def _has_knowledge(folder: Path) -> bool:
 def has_line(file: Path, key: re.Pattern[bytes]) -> bool:
     """Whether a file has a key, without parsing it; one that cannot be read has none."""
     try:
-        with file.open("rb") as stream:
-            return key.search(stream.read(MAX_FILE_BYTES)) is not None
+        return key.search(begin_of(file, MAX_FILE_BYTES)) is not None
     except OSError:
         return False
 

@@ -7,6 +7,8 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from rulec_runtime.output.open_file import begin_of, is_near
+
 from rulec.knowledge.layers import (
     KB,
     PLANT,
@@ -14,6 +16,7 @@ from rulec.knowledge.layers import (
     Layer,
     layers_around,
     layers_of,
+    leads_out,
     root_of,
     yaml_files_in,
 )
@@ -210,7 +213,9 @@ def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
             message = "there is no YAML file in this folder"
             hint = "the files of a plant end in .yaml"
             found.append(Diagnostic(Place(path.as_posix()), "KB001", message, hint))
-        return files
+        near = {file: is_near(file, path) for file in files}
+        found.extend(leads_out(Place(file.as_posix())) for file in files if not near[file])
+        return [file for file in files if near[file]]
     return [path]
 
 
@@ -229,11 +234,22 @@ def _read_attached(
     place, name = plant.place(*path), plant.data
     for step in path:
         name = name[step]
-    if not os.path.isfile(file.parent / name):
-        message, hint = f"there is no file '{name}'", "a path as seen from this file"
-        found.append(Diagnostic(place, "KB001", message, hint))
+    if not _may_be_read(file, name, place, found):
         return None
     return _read(file.parent / name, kind, found, place)
+
+
+def _may_be_read(file: Path, name: str, place: Place, found: list[Diagnostic]) -> bool:
+    """Is there a file that a plant file may name? Else it is told at the place of its name."""
+    if not is_near(file.parent / name, file.parent):
+        found.append(leads_out(place, name))
+        return False
+    if not os.path.isfile(file.parent / name):
+        is_other = os.path.exists(file.parent / name)
+        message = f"'{name}' is no regular file" if is_other else f"there is no file '{name}'"
+        found.append(Diagnostic(place, "KB001", message, "a path as seen from this file"))
+        return False
+    return True
 
 
 def _read_calibrations(
@@ -259,14 +275,13 @@ def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tup
     if name is None:
         return None
     place = plant.place("adjacency")
+    if not _may_be_read(file, name, place, found):
+        return None
     try:
-        with (file.parent / name).open("rb") as stream:
-            text = stream.read(MAX_FILE_BYTES).decode("utf-8-sig")
+        return name, begin_of(file.parent / name, MAX_FILE_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         found.append(Diagnostic(place, "KB003", f"'{name}' is not UTF-8", "save it as UTF-8"))
-        return None
-    except (OSError, ValueError):
-        message, hint = f"there is no file '{name}'", "a path as seen from this file"
-        found.append(Diagnostic(place, "KB001", message, hint))
-        return None
-    return name, text
+    except OSError as error:
+        message = f"cannot read '{name}': {error.strerror or error}"
+        found.append(Diagnostic(place, "KB001", message))
+    return None

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge.layers import PACKAGE, Layer, has_line, shipped
+from rulec_runtime.output.open_file import is_near
+
+from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
-from rulec.language.diagnostics import Diagnostic, Place, nearest
+from rulec.language.diagnostics import KINDS, Diagnostic, Place, nearest, no_file_of_ours
 from rulec.language.document import Document
-from rulec.language.schema import KINDS, check_schema, kind_of
+from rulec.language.schema import check_schema, kind_of
 
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 
@@ -119,6 +121,10 @@ def _words(data: Any) -> Iterator[str]:
 
 
 def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | None) -> None:
+    beside = held.layer.folder.parent if held.layer.kind == OWN else held.layer.folder
+    if held.layer.is_own and not is_near(file, beside):
+        held.mistakes.append(leads_out(Place(file.as_posix())))
+        return
     document = open_document(file, None, held.mistakes, read)
     if document is None:
         return
@@ -152,13 +158,12 @@ def open_document(
         return document
     first = list(document.data)[:1] if isinstance(document.data, dict) else []
     near = nearest(first[0], KINDS) if first else None
-    if actual is not None:
-        expected, hint = f"a {kind} file", f"its first key should be '{kind}'"
-    else:
-        expected, hint = "a file of this tool", "first key: " + ", ".join(KINDS)
-        hint = f"did you mean '{near}'?" if near and near != first[0] else hint
     place = document.key(*first)
-    found.append(Diagnostic(place, "KB012", f"this is not {expected}", hint, asked))
+    if actual is None:
+        found.append(no_file_of_ours(place, near if near not in first else None, asked))
+        return None
+    message, hint = f"this is not a {kind} file", f"its first key should be '{kind}'"
+    found.append(Diagnostic(place, "KB012", message, hint, asked))
     return None
 
 

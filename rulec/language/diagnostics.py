@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import difflib
-import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
 
+from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.refusal import Refusal
 
 from rulec.limits import MAX_DIAGNOSTICS, MAX_EXCERPT_BYTES, MAX_MESSAGE_LENGTH, NEAREST_NAME
 
 WIDTH = 96
+
+KINDS = (
+    "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "limits",
+    "fleet", "units",
+)  # fmt: skip
+"""Kinds of files, by the key that each has at its top."""
+
+_OURS = re.compile(rf"""^(?:\{{\s*)?(["']?)(?:{"|".join(KINDS)})\1[ \t]*:(?:\s|\Z)""", re.MULTILINE)
 
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -73,6 +80,25 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return near[0] if near else None
 
 
+def is_ours(text: str) -> bool:
+    """Whether a text is that of a file of this tool, as far as can be told without parsing it.
+
+    Of any other nothing is quoted: a plant may name whatever its author wants to see.
+
+    >>> is_ours("plant: p"), is_ours("root:x:0:0"), is_ours("{'units': {}}")
+    (True, False, True)
+    """
+    return _OURS.search(text) is not None
+
+
+def no_file_of_ours(
+    place: Place, near: str | None = None, asked: Place | None = None
+) -> Diagnostic:
+    """That a file is none of this tool; `near` is the key that was meant, `asked` who wants it."""
+    hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
+    return Diagnostic(place, "KB012", "this is not a file of this tool", hint, asked)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Suggest the nearest known name, or list the few that exist.
 
@@ -123,18 +149,15 @@ def split_lines(text: str) -> list[str]:
 
 
 def _excerpt(place: Place, hint: str) -> list[str]:
-    """Quote the line of a place with a caret under the offending part."""
+    """Quote the line of a place with a caret under the offending part, in a file of ours."""
     hint = hint if len(hint) <= MAX_MESSAGE_LENGTH else hint[:MAX_MESSAGE_LENGTH] + "..."
     bare = [f"  {hint}"] if hint else []
-    if not os.path.isfile(place.file):  # a pipe can be read only once
-        return bare
     try:
-        with Path(place.file).open("rb") as stream:
-            raw = stream.read(MAX_EXCERPT_BYTES)
-    except OSError:
+        whole = begin_of(place.file, MAX_EXCERPT_BYTES).decode("utf-8-sig", "replace")
+    except (OSError, ValueError):
         return bare
-    text = split_lines(raw.decode("utf-8-sig", "replace"))
-    if not 1 <= place.line <= len(text) or not any(text):
+    text = split_lines(whole)
+    if not 1 <= place.line <= len(text) or not is_ours(whole):
         return bare
     source = text[place.line - 1]
     start = min(place.column - 1, len(source))

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from rulec_runtime.output.open_file import begin_of
 
-from rulec.language.diagnostics import Diagnostic, Place, split_lines
+from rulec.language.diagnostics import Diagnostic, Place, is_ours, no_file_of_ours, split_lines
 from rulec.limits import MAX_FILE_BYTES, MAX_FILE_NUMBER, MAX_INTEGER_DIGITS, MAX_NESTING
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -29,6 +30,9 @@ _STEERING = re.compile(
 )
 """Controls (C0, C1), turns of reading direction and halves of characters: an escape in double
 quotes can write them, and a terminal would obey them."""
+
+_QUOTING = ("KB005", "KB008", "KB013")
+"""What is told with words of the file: of a file that is none of ours nobody should read them."""
 
 _WORDS: dict[str, bool | None] = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _WORDS |= {"true": True, "True": True, "TRUE": True}
@@ -69,8 +73,7 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; on a mistake the document is None."""
     name = display(path)
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_FILE_BYTES + 1)
+        raw = begin_of(path, MAX_FILE_BYTES + 1)
     except FileNotFoundError:
         hint = "`rulec init plant NAME` writes a first plant, to be filled in"
         message = "there is no such file or folder"
@@ -82,6 +85,13 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
         message = f"the file has more than {MAX_FILE_BYTES / 1e6:g} MB"
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
     raw = raw.removeprefix(codecs.BOM_UTF8)
+    document, found = _decoded(name, raw)
+    if any(one.code in _QUOTING for one in found) and not is_ours(raw.decode(errors="replace")):
+        return None, [no_file_of_ours(Place(name))]
+    return document, found
+
+
+def _decoded(name: str, raw: bytes) -> tuple[Document | None, list[Diagnostic]]:
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -12,14 +12,9 @@ from typing import Any
 
 import jsonschema
 
-from rulec.language.diagnostics import Diagnostic, did_you_mean, nearest
+from rulec.language.diagnostics import KINDS, Diagnostic, did_you_mean, nearest
 from rulec.language.document import Document, Path_
 from rulec.limits import MAX_UNKNOWN_KEYS
-
-KINDS = (
-    "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "limits",
-    "fleet", "units",
-)  # fmt: skip
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
 """Keys that name a kind of file, but that a plant has too, with another type."""

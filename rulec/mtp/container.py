@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from rulec_runtime.output.open_file import begin_of
+
 from rulec.mtp import limits
 from rulec.mtp.refused import MtpRefused
 
@@ -33,8 +35,7 @@ def read_members(path: Path) -> list[Member]:
     Raises `MtpRefused` where there is none, or where the container is damaged or hostile, and
     OSError where the file cannot be read.
     """
-    with path.open("rb") as file:
-        data = file.read(limits.LARGEST_FILE + 1)
+    data = begin_of(path, limits.LARGEST_FILE + 1)
     name = path.name
     if len(data) > limits.LARGEST_FILE:
         raise MtpRefused(

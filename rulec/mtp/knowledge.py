@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from rulec_runtime.output.open_file import begin_of
+
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.layers import Layer
@@ -23,17 +25,12 @@ def read_units_and_sensors(layers: Iterable[Layer]) -> Knowledge:
     """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
     stack = tuple(layers)
     files = dict.fromkeys(file for layer in reversed(stack) for file in layer.files)
-    documents = [_document(file) for file in files if _ASKED.search(_head(file))]
+    documents = [_document(file) for file in files if _ASKED.search(begin_of(file, _HEAD))]
     by_kind = {
         kind: tuple(document for document in documents if kind_of(document) == kind)
         for kind in ("sensor", "units")
     }
     return check_knowledge(Sources(layers=stack, by_kind=by_kind))
-
-
-def _head(file: Path) -> bytes:
-    with file.open("rb") as stream:
-        return stream.read(_HEAD)
 
 
 def _document(file: Path) -> Document:

@@ -98,6 +98,23 @@ so that bounds are widened. Origin: distribution, normal quantile of 97.7 %."""
 
 # Reading files ---------------------------------------------------------------------------------
 
+LARGEST_FILE = 2**38
+"""Bytes of any file at most. Origin: assumed; a year of 100 signals at 1 kHz, packed."""
+
+LARGEST_JSON = 2**30
+"""Bytes of a file of JSON at most. Origin: measured, the ruleset of 1000 modules in a row has a
+tenth (docs/figures.yaml)."""
+
+LARGEST_PIPE = 2**30
+"""Bytes from standard input at most, which stay in memory. Origin: assumed; longer ones can be kept
+in a file, which need not stay there."""
+
+LONGEST_LINE = 2**24
+"""Bytes of a line of a CSV file at most. Origin: assumed; 50 000 numbers need a megabyte."""
+
+MOST_COLUMNS = 50_000
+"""Columns of a table at most. Origin: assumed; the largest plants have some thousand signals."""
+
 LONGEST_UNIT = 40
 """Characters of a unit at most. Origin: assumed."""
 

@@ -26,6 +26,7 @@ from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import ranked, verdict
+from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS
 from tests.conftest import ROOT, compiled
 
@@ -223,6 +224,22 @@ def test_titles_and_days_of_a_fleet(home: Path) -> None:
     assert columns == {"PT1": pytest.approx(100.0)}
     assert json.loads(text)["time_column"] == "TS"
     assert [("P1", "2026-01-02")] == [(t.plant, t.day) for t in tasks_of(found)]
+
+
+def test_results_go_elsewhere_only_by_the_command(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A fleet that somebody sent writes below its own folder; hosts that it asks are told."""
+    file, other = home / "elsewhere.yaml", home.parent / "other"
+    file.write_text("fleet: few\nrecordings: recordings\njudged_by: abc.json\nresults: ../other\n")
+    with pytest.raises(Refused, match="KB016"):
+        read_fleet(file, ruleset_of)
+    assert other == read_fleet(file, ruleset_of, other).results
+    file.write_text("fleet: few\nrecordings: http://me:secret@127.0.0.1:1/x\njudged_by: abc.json\n")
+    assert 1 == main(["fleet", str(file)])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "few: recordings come from http://127.0.0.1 rulec: " in said
+    assert "secret" not in said
 
 
 def test_recordings_elsewhere(fleet: Fleet, home: Path, here: dict[Task, Row]) -> None:

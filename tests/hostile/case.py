@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ Content = str | bytes
 class Case:
     """Files by name, and the arguments of `rulec`, which is started in their folder.
 
+    `links` lead somewhere, `odd` are no files.
+
     `{kb}`, `{plants}` and `{rules}` in an argument or a text stand for what is shipped.
     """
 
@@ -24,6 +27,7 @@ class Case:
     arguments: tuple[str, ...]
     files: Mapping[str, Content] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
+    odd: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def id(self) -> str:
@@ -37,7 +41,29 @@ class Case:
             raw = content if isinstance(content, bytes) else content.encode()
             path.write_bytes(raw)
         for name, target in self.links.items():
-            (folder / name).symlink_to(target)
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.symlink_to(target)
+        for name, kind in self.odd.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            ODD[kind](path)
+
+
+def _large(path: Path) -> None:
+    """A terabyte that takes no room."""
+    with path.open("wb") as file:
+        file.truncate(2**40)
+
+
+ODD: dict[str, Callable[[Path], None]] = {
+    "a pipe": os.mkfifo,
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "a folder": Path.mkdir,
+    "a link to itself": lambda path: path.symlink_to(path.name),
+    "a terabyte": _large,
+}
+"""What may stand in the place of a file."""
 
 
 def sealed(data: Mapping[str, Any]) -> str:

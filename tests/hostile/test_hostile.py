@@ -17,14 +17,16 @@ import pytest
 
 from rulec.cli import main
 from tests.conftest import ROOT, compiled
-from tests.hostile import argument_cases, json_cases, recording_cases, yaml_cases
+from tests.hostile import argument_cases, file_cases, json_cases, recording_cases, yaml_cases
 from tests.hostile.case import Case
+from tests.hostile.texts import CANARY, SECRETS
 
 CASES = [
     *yaml_cases.cases(),
     *recording_cases.cases(),
     *json_cases.cases(),
     *argument_cases.cases(),
+    *file_cases.cases(),
 ]
 
 LIMIT = 10
@@ -34,7 +36,10 @@ what is refused takes less than one."""
 WAITS = 60
 """Seconds on the clock after which it does so too, as when it waits for a pipe."""
 
-LEAST = 300
+LEAST, LEAST_FILES = 900, 250
+"""Inputs of all families, and those that are hostile as files or name others."""
+
+PRECIOUS = SECRETS["a list of users"]
 
 
 class Hangs(BaseException):
@@ -96,7 +101,7 @@ def test_refused_or_done_safely(
     inside, outside = tmp_path / "inside", tmp_path / "outside"
     inside.mkdir()
     outside.mkdir()
-    (outside / "precious").write_text("precious")
+    (outside / "precious").write_text(PRECIOUS)
     case.lay_out(inside)
     monkeypatch.chdir(inside)
     if case.arguments[0] == "check":
@@ -110,9 +115,16 @@ def test_refused_or_done_safely(
     odd = {c for c in outcome.text if not (c.isprintable() or c in "\n\u00a0\u202f")}
     assert not odd
     assert "Traceback" not in outcome.text
+    assert CANARY not in outcome.text
+    if case.family == "paths":
+        assert "KB016" in outcome.text
     assert ["precious"] == [f.name for f in outside.iterdir()]
-    assert (outside / "precious").read_text() == "precious"
+    assert (outside / "precious").read_text() == PRECIOUS
     assert {"inside", "outside"} == {f.name for f in tmp_path.iterdir()}
+    given = {*case.files, *case.links, *case.odd}
+    for file in inside.rglob("*"):
+        if file.relative_to(inside).as_posix() not in given and file.is_file():
+            assert CANARY.encode() not in file.read_bytes()
     left = [f.name for f in inside.rglob("*.part") if f.name not in case.links]
     assert left == []
     for file in inside.rglob("out.csv"):
@@ -144,4 +156,5 @@ def test_enough_of_each_family(record_property: pytest.RecordProperty) -> None:
         print(f"{count:4} {family}")
     print(f"{len(CASES):4} in all")
     assert len({case.id for case in CASES}) == len(CASES) >= LEAST
+    assert len(list(file_cases.cases())) >= LEAST_FILES
     assert min(counts.values()) >= 8

@@ -12,6 +12,17 @@ STEERING = {
 }
 """Characters that a terminal obeys, or that turn its text around."""
 
+CANARY = "hunter2canary"
+
+SECRETS = {
+    "a list of users": f"root:x:0:0:{CANARY}:/root:/bin/sh\ndaemon:{CANARY}:1:1::/:/bin/sh\n",
+    "YAML of others": f"{CANARY}: 1\npassword: {CANARY}\n{CANARY}: 2\n",
+    "broken YAML": f"{CANARY}: !!{CANARY} 1e999\n{CANARY}: &{CANARY} [{CANARY}\n",
+    "a table": f"time,{CANARY}\n{CANARY},{CANARY}\n{CANARY},1\n",
+    "JSON": f'{{"{CANARY}": "{CANARY}", "a": [1, 2]}}\n',
+}
+"""Files that are none of this tool; nobody should read in a message what stands in them."""
+
 ESCAPED = {
     "escape": r"\e[2J",
     "hex": r"\x1b[31m",

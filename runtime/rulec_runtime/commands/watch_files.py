@@ -6,12 +6,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from rulec_runtime.commands.waiting import closed, waiting_in
+from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal.files import Files
 from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.sinks import KeptSink, WatchSink
+from rulec_runtime.output.open_file import bytes_of
 
 
 class KeptFiles:
@@ -31,7 +33,7 @@ class KeptFiles:
         state = self._files.state
         found = []
         if state is not None and state.exists():
-            found.append((state.read_bytes(), str(state)))
+            found.append((bytes_of(state, limits.LARGEST_STATE), str(state)))
         if state is not None and self._left is not None:
             found.append((self._left[1], str(self._outbox.file)))
         return found

@@ -18,6 +18,7 @@ from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.fleet.task import Task
+from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.csv_table import RecordingRefused
@@ -94,7 +95,7 @@ def fetched(address: str, stack: ExitStack) -> Path:
     import fsspec
 
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rulec-")))
-    system, path = fsspec.core.url_to_fs(address)
+    system, path = fsspec.core.url_to_fs(check_address(address))
     file = folder / Path(path).name
     system.get_file(path, str(file))
     return file

@@ -69,6 +69,9 @@ FAILED = 3
 """Exit code where something is active that was asked for with `--fail-on`. Origin: assumed; 1 and 2
 are mistakes."""
 
+LARGEST_STATE = 2**28
+"""Bytes of a state at most. Origin: assumed; that of 200 signals has a few megabytes."""
+
 STATE_FORM = 1
 """Form in which what is remembered is written. Origin: numerical; counts its versions."""
 

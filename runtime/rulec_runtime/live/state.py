@@ -69,6 +69,9 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
     """
     broken = RecordingRefused(f"{name}: this is no state of a watch; remove it to begin anew")
     try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            if sum(part.file_size for part in packed.infolist()) > len(data):
+                raise broken  # nothing in a state is packed, so this is a bomb
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = dict(archive)
         text = json.loads(str(arrays.pop("text")))
@@ -79,7 +82,8 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
                 "begin anew, or name another file"
             )
         return _memory(ruleset, arrays, text), dict(text["position"])
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, TypeError) as error:
+    except (ValueError, LookupError, OSError, EOFError, zipfile.BadZipFile, TypeError,
+            AttributeError, RuntimeError, MemoryError) as error:  # fmt: skip
         raise broken from error
 
 

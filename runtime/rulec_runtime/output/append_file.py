@@ -8,6 +8,8 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from rulec_runtime.output.open_file import opened
+
 
 class Appended:
     """A file of lines, open for one process at a time.
@@ -33,16 +35,19 @@ class Appended:
             os.close(self._file)
             raise
 
-    def lines(self) -> Iterator[bytes]:
-        """All whole lines, without their ends."""
-        with self.path.open("rb") as file:
-            for line in file:
+    def lines(self, longest: int) -> Iterator[bytes]:
+        """All whole lines, without their ends; of a longer one the begin in its place."""
+        with opened(self.path) as file:
+            while line := file.readline(longest + 2):
+                if len(line) > longest + 1:
+                    yield line
+                    return
                 if line.endswith(b"\n"):
                     yield line[:-1]
 
     def half(self, most: int) -> bytes:
         """What stands behind the last whole line, so many bytes of it at most."""
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             file.seek(self._size)
             return file.read(most)
 
@@ -80,7 +85,7 @@ class Appended:
     def _whole(self) -> int:
         """Bytes up to the end of the last whole line."""
         end = os.fstat(self._file).st_size
-        with self.path.open("rb") as file:
+        with opened(self.path) as file:
             while end > 0:
                 begin = max(end - (1 << 16), 0)
                 file.seek(begin)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime import limits
+from rulec_runtime.output.open_file import bytes_of
 
 DIGEST = "digest"
 """Key that holds the digest of all else in a file."""
@@ -22,7 +23,7 @@ class Damaged(ValueError):
 def read_json(path: Path) -> Any:
     """Content of a JSON file; raises `Damaged`, or OSError where it cannot be opened."""
     try:
-        return parse_json(path.read_text(encoding="utf-8"))
+        return parse_json(bytes_of(path, limits.LARGEST_JSON).decode("utf-8"))
     except UnicodeDecodeError:
         raise Damaged("it is not UTF-8") from None
 

@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_file import TextFile, text_file
 from rulec_runtime.recordings.text_parts import Part, parts_of, rows_of
@@ -19,7 +19,7 @@ from rulec_runtime.recordings.titles import left_out_above, rejoined
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     """The one table of a CSV file (also .gz): comma, semicolon or tab; decimal point or comma."""
     text = text_file(file, path)
-    found = _titles_in(text, times)
+    found = _titles_in(path, text, times)
     start, separator = found.number, found.separator
 
     def lines_from() -> Iterator[str]:
@@ -40,9 +40,10 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     return [text_sheet(path, "", titles, below, separator, remarks, text.lines, timed, parts)]
 
 
-def _titles_in(text: TextFile, times: Collection[str]) -> TitleLine:
+def _titles_in(path: Path, text: TextFile, times: Collection[str]) -> TitleLine:
     search = TitleSearch(times)
     for line in text.opened():
+        refuse_columns(path, max(map(line.count, ",;\t")))
         if found := search.add(line):
             return found
     return search.so_far() or TitleLine(text.lines, ",", 0)

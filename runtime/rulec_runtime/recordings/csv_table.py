@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.numbers import UNKNOWN, Convention
@@ -27,6 +28,15 @@ BLANK = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 
 class RecordingRefused(Refusal):
     """The file cannot be used as a recording; the message says why and what to do."""
+
+
+def refuse_columns(path: Path, count: int) -> None:
+    """Raise `RecordingRefused` where a table has too many columns."""
+    if count > limits.MOST_COLUMNS:
+        raise RecordingRefused(
+            f"{path}: a table with more than {limits.MOST_COLUMNS} columns; export those of this "
+            "plant alone"
+        )
 
 
 class Unclear(RecordingRefused):

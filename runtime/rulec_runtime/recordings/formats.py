@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Protocol
 
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.recordings.arrange import arrange
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
 from rulec_runtime.recordings.given import opened, place_of
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.titles import names_of_times
@@ -81,35 +81,33 @@ _NO_RECORDING = (
 
 
 @contextmanager
-def opened_tables(path: Path, form: FileForm = AS_SEEN) -> Iterator[list[Sheet]]:
-    """The tables of a file as they are written, readable while the context lasts."""
-    place, times = place_of(path)[0], names_of_times(form)
-    with opened(path) as file:
-        kind = format_of(file, place)
-        reader = _reader(kind, place)
-        yield _careful(lambda: reader(file, place, times), kind, place)
-
-
-@contextmanager
 def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
     """The table that a path names, a column per signal, readable while the context lasts.
 
-    `form` is what a column map says of it.
-
-    Raises `RecordingRefused` where it cannot be read, or where nothing says which one is meant.
+    `form` is what a column map says of it. Raises `RecordingRefused` where it cannot be read, or
+    where nothing says which one is meant.
     """
+    with opened_table(path, form) as table:
+        sheet = arrange(path, table, form)
+        yield replace(sheet, read=lambda kept, numbers, _=form: sheet.read(kept, numbers, form))
+
+
+@contextmanager
+def opened_table(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
+    """The same, as it is written."""
     place, name = place_of(path)
     times = names_of_times(form)
     with opened(path) as file:
         kind = format_of(file, place)
         reader = _reader(kind, place)
         found = _careful(lambda: reader(file, place, times), kind, place)
-        arranged = _careful(lambda: [arrange(path, one, form) for one in found], kind, place)
-        sheet = which(path, arranged, name, times)
+        for one in found:
+            refuse_columns(path, len(one.titles))
+        sheet = which(path, found, name, times)
         read, lines = sheet.read, sheet.lines
         yield replace(
             sheet,
-            read=lambda kept, numbers, _=form: _careful(
+            read=lambda kept, numbers, form=form: _careful(
                 lambda: read(kept, numbers, form), kind, place
             ),
             lines=partial(_careful, lines, kind, place),

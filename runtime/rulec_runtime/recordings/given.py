@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import io
 import os
 import sys
 from pathlib import Path
 from typing import BinaryIO
+
+from rulec_runtime import limits
+from rulec_runtime.output import open_file
+from rulec_runtime.recordings.csv_table import RecordingRefused
 
 STANDARD_INPUT = Path("-")
 
@@ -41,7 +46,13 @@ def opened(path: Path) -> BinaryIO:
     place = place_of(path)[0]
     if place == STANDARD_INPUT:
         return io.BytesIO(_whole(sys.stdin.buffer))
-    return place.open("rb")
+    try:
+        return open_file.opened(place)
+    except OSError as error:
+        if error.errno != errno.EINVAL:
+            raise
+        hint = "give - and let it come on standard input"
+        raise RecordingRefused(f"{path}: {error.strerror}; {hint}") from None
 
 
 def bytes_of(path: Path) -> bytes:
@@ -53,4 +64,9 @@ def bytes_of(path: Path) -> bytes:
 @functools.lru_cache(maxsize=1)
 def _whole(stream: BinaryIO) -> bytes:
     """What a stream gives until its end, kept: nobody can read it twice."""
-    return stream.read()
+    data = stream.read(limits.LARGEST_PIPE + 1)
+    if len(data) > limits.LARGEST_PIPE:
+        raise RecordingRefused(
+            f"-: more than {limits.LARGEST_PIPE >> 20} MB came on standard input; give a file"
+        )
+    return data

@@ -90,10 +90,24 @@ def assign(
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
         hint = ""
-        if header.strangers and not ruleset.time_column:
+        if header.strangers and header.targets and not ruleset.time_column:
             first = header.strangers[0]
             hint = f"; if it is '{first}', rename it, or say so in the column map (columns.yaml)"
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'{hint}")
+
+
+def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
+    """Why a file of which no column belongs to the plant is none of its recordings."""
+    return RecordingRefused(
+        f"{name}: no column belongs to this plant. Expected columns such as "
+        f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
+    )
+
+
+def _example(ruleset: Ruleset) -> str:
+    if ruleset.columns:
+        return ruleset.columns[0].column
+    return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
 
 
 def result_of(name: str, ruleset: Ruleset) -> bool:

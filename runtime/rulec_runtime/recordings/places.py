@@ -103,10 +103,8 @@ def _stated(
         return _first(names, usual)
     found = [i for i, t in enumerate(titles) if title in (t.strip(), parts_of(t.strip())[0])]
     if not found:
-        shown = ", ".join(f"'{t.strip()}'" for t in titles[:8])
         raise RecordingRefused(
-            f"{path}: there is no column '{title[:40]}', which the column map names as {what}; the "
-            f"file has {shown}"
+            f"{path}: there is no column '{title[:40]}', which the column map names as {what}"
         )
     return found[0]
 

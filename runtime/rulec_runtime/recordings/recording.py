@@ -18,6 +18,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.clock import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.header import foreign
 from rulec_runtime.recordings.piecewise import interval_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 from rulec_runtime.recordings.scratch import (
@@ -193,20 +194,6 @@ def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Rulese
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
         yield f"columns that belong to no signal of this plant: {shown}{more}"
-
-
-def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
-    """Why a file of which no column belongs to the plant is none of its recordings."""
-    return RecordingRefused(
-        f"{name}: no column belongs to this plant. Expected columns such as "
-        f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
-    )
-
-
-def _example(ruleset: Ruleset) -> str:
-    if ruleset.columns:
-        return ruleset.columns[0].column
-    return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
 
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:

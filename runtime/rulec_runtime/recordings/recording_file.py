@@ -18,7 +18,7 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
-from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.scratch import blocks, let_go
 from rulec_runtime.recordings.time_column import read_times
@@ -62,7 +62,7 @@ def files_of(path: Path) -> list[Path]:
     if place == STANDARD_INPUT:
         return [path]
     if not place.is_dir():
-        if not place.is_file():
+        if not place.exists():
             raise RecordingRefused(f"{path}: there is no such file")
         return [path]
     files = sorted(f for f in place.iterdir() if is_called_recording(f))
@@ -100,7 +100,12 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{table.first_left_out})"
         )
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
-    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
+    try:
+        time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes, form)
+    except RecordingRefused:
+        if header.targets:
+            raise
+        raise foreign(str(path), ruleset) from None  # nothing is quoted of a file of others
     return RecordingFile(
         path=path,
         header=header,

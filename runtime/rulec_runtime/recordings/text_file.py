@@ -63,11 +63,21 @@ def text_file(file: BinaryIO, path: Path) -> TextFile:
     wide = begin[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
     decoder = codecs.getincrementaldecoder("utf-16" if wide else "utf-8")()
     encoding, lines, holds_zero, zero_bytes = "utf-16" if wide else "utf-8-sig", 1, False, False
+    open_line = 0
     for piece in _pieces(file, packed, path):
         lines += piece.count(b"\n") + piece.count(b"\r")
         zero_bytes = zero_bytes or b"\0" in piece
         encoding, zero = _decoded(decoder, piece, encoding, wide)
         holds_zero = holds_zero or zero
+        if holds_zero or (zero_bytes and not wide):
+            break  # it may go on for long
+        end = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
+        open_line = open_line + len(piece) if end < 0 else len(piece) - end
+        if open_line > limits.LONGEST_LINE:
+            raise RecordingRefused(
+                f"{path}: a line of it has more than {limits.LONGEST_LINE >> 20} MB, as no "
+                "recording has; export it again"
+            )
     encoding, zero = _decoded(decoder, b"", encoding, wide, final=True)
     if zero_bytes if encoding == _ANY or not wide else holds_zero or zero:
         raise RecordingRefused(f"{path}: this is a binary file; export the recording as CSV")

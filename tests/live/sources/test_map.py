@@ -59,8 +59,9 @@ def test_a_map_says_where_signals_are(tmp_path: Path, abc: Ruleset) -> None:
         ("signals", "security: {policy: Basic256}\nsignals", "'policy' is one of Basic256Sha256"),
         ("{node", "[node", "line 6: this is not YAML"),
         (GOOD, "", "the map is empty"),
-        (GOOD, "a: &a [*a]", "unknown key 'a'"),
-        (GOOD, "[" * 5000, "nested too deep|not YAML"),
+        ("signals", "a: &a [*a]\nsignals", "unknown key 'a'"),
+        ("signals:", f"signals: {'[' * 5000}", "nested too deep|not YAML"),
+        (GOOD, "a: secret", "this is no map"),
     ],
 )
 def test_a_mistake_is_told_with_its_line(

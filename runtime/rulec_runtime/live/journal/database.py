@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sqlite3
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from sqlalchemy import exc
 
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.output.open_file import begin_of
 
 READING = {"rulec_reading": True}
 """Execution options of a transaction that only reads."""
@@ -52,12 +52,7 @@ def engine_of(where: str, make: bool) -> tuple[sa.Engine, str]:
 def _file(path: Path, make: bool) -> sa.Engine:
     """SQLite in WAL mode, each transaction on the disk before it counts."""
     try:
-        found = os.stat(path)
-        if not stat.S_ISREG(found.st_mode):
-            raise JournalRefused(f"{path} is no file")
-        with path.open("rb") as file:
-            begins = file.read(len(_MAGIC))
-        if begins not in (_MAGIC, b""):
+        if begin_of(path, len(_MAGIC)) not in (_MAGIC, b""):
             raise JournalRefused(f"{path} is no journal, nor any database of SQLite")
     except (FileNotFoundError, NotADirectoryError):
         if not make:

@@ -27,6 +27,7 @@ from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.network import is_loopback
+from rulec_runtime.output.open_file import bytes_of
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.report.wording import STATUS
 
@@ -221,5 +222,5 @@ async def _device_types(server: Any, devices: int) -> Any:
 
 def _content(file: Path) -> tuple[bytes, str]:
     """A certificate or key, and its form."""
-    content = file.read_bytes()
+    content = bytes_of(file, limits.LARGEST_CERTIFICATE)
     return content, "pem" if content.lstrip().startswith(b"-----BEGIN") else "der"

@@ -72,5 +72,8 @@ LARGEST_REQUEST = 1 << 20
 """Bytes of a request to the server of device health at most. Origin: assumed; one that asks for
 10,000 nodes."""
 
+LARGEST_CERTIFICATE = 1 << 20
+"""Bytes of a certificate or key at most. Origin: assumed; they have some thousand."""
+
 LISTED = 40
 """Events that a table shows where no period is asked for. Origin: assumed; two screens."""

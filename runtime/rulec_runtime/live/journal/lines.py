@@ -102,7 +102,7 @@ class LinesFile:
                 raise other_content(self.place, plant, number, record, forms[number])
 
     def _records(self, file: Appended) -> Iterator[tuple[str, Record]]:
-        for i, line in enumerate(file.lines(), start=1):
+        for i, line in enumerate(file.lines(limits.LONGEST_LINE), start=1):
             try:
                 if len(line) > limits.LONGEST_LINE:
                     raise Damaged("it is too long")

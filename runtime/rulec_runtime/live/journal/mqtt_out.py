@@ -22,6 +22,7 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.form import form_for, iso, json_line
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.network import is_loopback, tls_reason
+from rulec_runtime.output.open_file import opened
 from rulec_runtime.output.terminal import machine_text
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -76,6 +77,8 @@ class MqttOut:
             client.username_pw_set(user, password)
         if parts.scheme == "mqtts":
             try:
+                if authorities:
+                    opened(authorities).close()  # the library would wait for a pipe
                 client.tls_set(ca_certs=authorities)
             except OSError as error:
                 raise JournalRefused(f"{authorities}: {error.strerror or error}") from None

@@ -24,6 +24,7 @@ from rulec_runtime.live.sources.rotation import (
 )
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_stream import TableStream
+from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording_file import times_of
 
@@ -154,7 +155,7 @@ class GrowingFile:
     def _open(self, path: Path) -> BinaryIO:
         """Begin with a file whose header nobody has read."""
         self.close()
-        self._file = file = path.open("rb", buffering=0)
+        self._file = file = opened(path, buffering=0)
         self._head, self._replaced, self.ended, self._refused = None, None, False, False
         self._cutter, self._tail = LineCutter(), b""
         self._table = self._new_table()

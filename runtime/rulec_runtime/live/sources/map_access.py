@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map_entry import Entry
+from rulec_runtime.output.open_file import text_of
 
 ACCESS = ("security", "user", "password")
 """Keys of a map that say how to get in."""
@@ -98,7 +99,6 @@ def _secret(path: Path, entry: Entry) -> str:
             raise own["env"].refused(f"the environment has no variable '{name[:60]}'")
         return os.environ[name]
     try:
-        with _file(path, own["file"]).open(encoding="utf-8") as file:
-            return file.read(limits.LARGEST_MAP).strip()
+        return text_of(_file(path, own["file"]), limits.LARGEST_MAP).strip()
     except (OSError, UnicodeDecodeError):
         raise own["file"].refused("the file of the password cannot be read") from None

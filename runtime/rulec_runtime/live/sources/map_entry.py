@@ -10,6 +10,7 @@ from typing import Any
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.refused import SourceRefused, extra
+from rulec_runtime.output.open_file import begin_of
 
 
 class Entry:
@@ -79,12 +80,13 @@ def read_entries(path: Path, extra_of: str) -> Entry:
     """The whole of a map. Raises `SourceRefused`."""
     yaml = extra("yaml", extra_of)
     try:
-        with path.open("rb") as file:
-            data = file.read(limits.LARGEST_MAP + 1)
+        data = begin_of(path, limits.LARGEST_MAP + 1)
     except OSError as error:
         raise SourceRefused(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > limits.LARGEST_MAP:
         raise SourceRefused(f"{path}: a map has less than {limits.LARGEST_MAP} bytes")
+    if data.strip() and b"signals" not in data:  # of a file of others nothing is quoted
+        raise SourceRefused(f"{path}: this is no map; it needs 'signals:'")
     try:
         node = yaml.compose(data.decode("utf-8-sig"), Loader=yaml.SafeLoader)
     except UnicodeDecodeError:

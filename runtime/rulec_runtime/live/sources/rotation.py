@@ -13,6 +13,7 @@ from typing import BinaryIO
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.line_cutter import LineCutter
 from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
+from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 
@@ -102,8 +103,8 @@ def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[s
             about = other.stat()
             if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
                 continue
-            with other.open("rb", buffering=0) as opened:
-                found = head_of(opened, other, times)
+            with opened(other, buffering=0) as begun:
+                found = head_of(begun, other, times)
         except (OSError, RecordingRefused):
             continue
         if head is not None and found is not None and found.digest == head.digest:

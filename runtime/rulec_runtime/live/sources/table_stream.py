@@ -25,11 +25,10 @@ from rulec_runtime.recordings.csv_table import (
     refuse_words,
 )
 from rulec_runtime.recordings.dates import dates_of
-from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.numbers import UNKNOWN, Convention
 from rulec_runtime.recordings.places import places_of
 from rulec_runtime.recordings.quality import judged
-from rulec_runtime.recordings.recording import foreign
 from rulec_runtime.recordings.recording_file import form_of, in_si, largest_reading, times_of
 from rulec_runtime.recordings.text_table import conventions
 from rulec_runtime.recordings.time_column import factor_of_time, order_in, plain_times

@@ -1,0 +1,114 @@
+"""Files that somebody gave: this alone opens them, and says what may be opened at all.
+
+Regular files, since a pipe may never end and a device may do anything; none larger than its kind
+can be; of what a file names only what lies near it; of addresses only those of few schemes.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import io
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import BinaryIO
+
+from rulec_runtime import limits
+from rulec_runtime.output.refusal import Refusal
+
+FOLDERS = "RULEC_FILES"
+"""Environment variable: further folders that files may lead to, separated as in PATH."""
+
+SCHEMES = ("s3", "gs", "abfs", "abfss", "https", "http", "file")
+"""Of addresses that are read. Others of fsspec run code, nest, or reach into archives."""
+
+
+def opened(path: str | Path, most: int | None = None, buffering: int = -1) -> BinaryIO:
+    """A regular file of `most` bytes; links to one are followed. Raises OSError, ValueError."""
+    _refuse(os.stat(path), path, most)  # before it is opened: a device would feel that
+    file = open(path, "rb", buffering, opener=_without_waiting)  # noqa: SIM115
+    try:
+        _refuse(os.fstat(file.fileno()), path, most)  # it may be another one by now
+    except OSError:
+        file.close()
+        raise
+    return file
+
+
+def begin_of(path: str | Path, most: int) -> bytes:
+    """As many bytes of a file as are there, `most` at most. Raises OSError, ValueError."""
+    with opened(path) as file:
+        return file.read(most)
+
+
+def bytes_of(path: str | Path, most: int) -> bytes:
+    """All bytes of a file, which has not more than so many. Raises OSError, ValueError."""
+    with opened(path, most) as file:
+        data = file.read(most + 1)  # it may grow, and some of /proc say that they are empty
+    _refuse_size(len(data), path, most)
+    return data
+
+
+def text_of(path: str | Path, most: int) -> str:
+    """The same as text in UTF-8, with or without mark, whatever ends its lines."""
+    return io.TextIOWrapper(io.BytesIO(bytes_of(path, most)), "utf-8-sig").read()
+
+
+def is_near(target: Path, folder: Path) -> bool:
+    """Whether what a file of a folder names lies below that folder or below the one around it, as
+    plants share files, or below one of `RULEC_FILES`. Links count by where they lead."""
+    return _is_in(target, _near(os.path.abspath(folder), os.environ.get(FOLDERS, "")))
+
+
+def is_below(target: Path, folder: Path) -> bool:
+    """Whether something lies in a folder, links followed."""
+    return _is_in(target, (os.path.realpath(folder),))
+
+
+@functools.lru_cache(maxsize=16)
+def _near(folder: str, named: str) -> tuple[str, ...]:
+    """Kept, as a file may name thousands of others."""
+    home = os.path.realpath(folder)
+    around = os.path.dirname(home)
+    # All lies below the root, so what lies there has nothing around it.
+    first = home if os.path.dirname(around) == around else around
+    return (first, *(os.path.realpath(one) for one in named.split(os.pathsep) if one))
+
+
+def _is_in(target: Path, folders: Iterable[str]) -> bool:
+    try:
+        real = os.path.realpath(target)
+    except ValueError:  # a zero in its name
+        return False
+    return any(real == one or real.startswith(os.path.join(one, "")) for one in folders)
+
+
+def check_address(address: str) -> str:
+    """An address whose scheme is meant, and that holds no other; else raises `Refusal`."""
+    if address.partition("://")[0] in SCHEMES and "::" not in address:
+        return address
+    raise Refusal(
+        f"'{address[:80]}' is no address that recordings are read from; write a path, or one of "
+        f"{', '.join(f'{name}://' for name in SCHEMES)}"
+    )
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """A pipe in place of the file that was looked at must not hold us up."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))
+
+
+def _refuse(found: os.stat_result, path: str | Path, most: int | None) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "this is no file but a folder", str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "this is no file but a pipe or a device", str(path))
+    _refuse_size(found.st_size, path, limits.LARGEST_FILE if most is None else most)
+
+
+def _refuse_size(size: int, path: str | Path, most: int) -> None:
+    if size > most:
+        text = f"it has more than {most / 1e6:,.0f} MB, as no file of its kind has"
+        raise OSError(errno.EFBIG, text, str(path))

@@ -1,0 +1,160 @@
+"""Hostile files in all places where a file is read, and paths that lead elsewhere."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+
+import numpy as np
+from rulec_runtime.live import limits
+
+from tests.conftest import ROOT, compiled
+from tests.hostile.case import ODD, Case, Content
+from tests.hostile.recording_cases import SHEET
+from tests.hostile.texts import CANARY, SECRETS
+
+PLANT = """plant: p
+title: t
+modules:
+  A: {type: dosing-pcp}
+  B: {type: dosing-pcp}
+  C: {type: static-mixer}
+"""
+JOINED = PLANT + "connections: [A -> C, B -> C]\n"
+SCHEMES = "reference data generic tar zip memory ftp local file simplecache::file"
+ABC = ROOT / "plants" / "abc"
+FLEET = f"fleet: f\nrecordings: recordings\njudged_by: {ABC}\n"
+DAY = "recordings/plant=p/day=2026-01-01"
+BASE: dict[str, Content] = {"r.csv": SHEET.text()}
+WATCH = ("watch", "{rules}", "--until-end", "--source")
+
+PLACES: dict[str, tuple[str, tuple[str, ...], dict[str, Content]]] = {
+    "plant": ("x.yaml", ("check", "x.yaml"), {}),
+    "folder of a plant": ("p/plant.yaml", ("compile", "p", "-o", "o.json"), {}),
+    "columns": ("x", ("check", "plant.yaml"), {"plant.yaml": JOINED + "columns: x\n"}),
+    "calibration": ("x", ("check", "plant.yaml"), {"plant.yaml": JOINED + "calibration: [x]\n"}),
+    "adjacency": ("x", ("check", "plant.yaml"), {"plant.yaml": PLANT + "adjacency: x\n"}),
+    "knowledge": ("p/kb/x.yaml", ("check", "p"), {"p/plant.yaml": JOINED}),
+    "named knowledge": (
+        "k/x.yaml",
+        ("compile", "p", "-o", "o.json"),
+        {"p/plant.yaml": JOINED + "kb: ../k\n", "k/f.yaml": "fault: f\n"},
+    ),
+    "schemas": ("f/x.yaml", ("schema", "f"), {"f/y.yaml": "fault: f\n"}),
+    "ruleset": ("x.json", ("diagnose", "x.json", "r.csv"), BASE),
+    "recording": ("x.csv", ("diagnose", "{rules}", "x.csv", "--json", "o.json"), {}),
+    "recording of its own kind": ("x.parquet", ("diagnose", "{rules}", "x.parquet"), {}),
+    "folder of recordings": ("f/x.csv", ("diagnose", "{rules}", "f"), {"f/r.csv": SHEET.text()}),
+    "checked recording": ("x.csv", ("check", "{plants}/abc", "x.csv"), {}),
+    "calibrated recording": ("x.csv", ("calibrate", "{plants}/abc", "x.csv", "-o", "c.yaml"), {}),
+    "compared recording": ("x.csv", ("mismatch", "{plants}/abc", "x.csv"), {}),
+    "inputs": ("x.csv", ("simulate", "{rules}", "x.csv", "-o", "o.csv"), {}),
+    "truth": ("x.csv", ("diagnose", "{rules}", "r.csv", "--truth", "x.csv", "-q"), BASE),
+    "limits": ("x.yaml", ("diagnose", "{plants}/abc", "r.csv", "--limits", "x.yaml"), BASE),
+    "fleet": ("x.yaml", ("fleet", "x.yaml"), {}),
+    "ruleset of a fleet": (
+        "x.json",
+        ("fleet", "f.yaml"),
+        {"f.yaml": FLEET.replace(str(ABC), "x.json")},
+    ),
+    "mismatch to adopt": ("x.json", ("adopt", "x.json", "-o", "new"), {}),
+    "mismatch to tell apart": ("x.json", ("experiment", "x.json"), {}),
+    "source": ("x.csv", (*WATCH, "x.csv"), {}),
+    "map": ("x.yaml", (*WATCH, "mqtt://localhost", "--map", "x.yaml"), {}),
+    "state": ("x", (*WATCH, "r.csv", "--state", "x"), BASE),
+    "events": ("x", (*WATCH, "r.csv", "--events", "x"), BASE),
+    "journal": ("x", ("journal", "x"), {}),
+    "authorities": (
+        "x",
+        (*WATCH, "r.csv", "--mqtt", "mqtts://localhost", "--mqtt-ca", "x", "--waiting", "."),
+        BASE,
+    ),
+    "package": ("x.mtp", ("import", "mtp", "x.mtp", "-o", "new"), {}),
+}
+"""Where a file is read: its name, the command, and the other files."""
+
+
+def cases() -> Iterator[Case]:
+    for place, (name, arguments, files) in PLACES.items():
+        for kind in ODD:
+            yield Case("no files", f"{kind} as {place}", arguments, files, odd={name: kind})
+        for kind, text in SECRETS.items():
+            own = {**files, name: text}
+            yield Case("files of others", f"{kind} as {place}", arguments, own)
+        link = {name: "../" * (1 + name.count("/")) + "outside/precious"}
+        yield Case("links", f"out, as {place}", arguments, files, link)
+    yield from _paths()
+    yield from _sizes()
+
+
+def _paths() -> Iterator[Case]:
+    aims = {
+        "of the root": "/etc/passwd",
+        "upwards": "../" * 12 + "etc/passwd",
+        "by a link": "away/passwd",
+        "to a process": "/proc/self/environ",
+        "to a device": "/dev/zero",
+    }
+    keys = {
+        "columns": JOINED + "columns: {}\n",
+        "calibration": JOINED + "calibration: [{}]\n",
+        "adjacency": PLANT + "adjacency: {}\n",
+        "kb": JOINED + "kb: {}\n",
+        "fleet": FLEET.replace(str(ABC), "{}"),
+        "recordings": FLEET.replace(": recordings", ": {}"),
+        "results": FLEET + "results: {}\n",
+    }
+    for key, text in keys.items():
+        for name, aim in aims.items():
+            files = {"p/plant.yaml": text.replace("{}", aim), f"p/{DAY}/r.csv": SHEET.text()}
+            arguments = ("fleet", "p/plant.yaml") if text.startswith("fleet") else ("check", "p")
+            yield Case("paths", f"{key} {name}", arguments, files, {"p/away": "/etc"})
+    for scheme in SCHEMES.split():
+        place = f"recordings: {scheme}:///etc/x"
+        files = {"f.yaml": FLEET.replace("recordings: recordings", place)}
+        yield Case("paths", f"a fleet at {scheme}", ("fleet", "f.yaml"), files)
+
+
+def _sizes() -> Iterator[Case]:
+    wide = "time [s]" + ",x" * 2_000_000 + "\n0" + ",1" * 2_000_000 + "\n"
+    for name, text in {
+        "two million columns": wide,
+        "two million columns, semicolons": wide.replace(",", ";"),
+        "a line of 20 MB": "time [s],A.dp [bar]\n" + "1" * 20_000_000,
+        "a title of 20 MB": "A" * 20_000_000 + "\n1\n",
+        "zeros": "time [s],A.dp [bar]\n" + "\0" * 1000,
+    }.items():
+        for place in ("recording", "source"):
+            file, arguments, _ = PLACES[place]
+            yield Case("sizes", f"{name} as {place}", arguments, {file: text})
+    for name, raw in _states():
+        file, arguments, files = PLACES["state"]
+        yield Case("sizes", f"{name} as state", arguments, {**files, file: raw})
+
+
+def _states() -> Iterator[tuple[str, bytes]]:
+    def archive(text: object, compressed: bool = False, **arrays: np.ndarray) -> bytes:
+        file = io.BytesIO()
+        write = np.savez_compressed if compressed else np.savez
+        write(file, text=np.array(json.dumps(text)), **arrays)
+        return file.getvalue()
+
+    yield "a packed bomb", archive({}, True, time=np.zeros(20_000_000, bool))
+    yield "another text", archive([CANARY])
+    yield "a number", archive(1)
+    yield "a deep text", archive(CANARY).replace(CANARY.encode(), b"[" * len(CANARY))
+    rules = compiled("abc")
+    own = {"form": limits.STATE_FORM, "plant": rules.plant, "sources": rules.sources, "dated": 1}
+    yield "half a state", archive(own)
+    header = (
+        b"\x93NUMPY\x01\0v\0{'descr': '<f8', 'fortran_order': False, 'shape': (%d,), }" % 10**15
+    )
+    npy = header.ljust(127) + b"\n"
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as packed:
+        packed.writestr("text.npy", npy)
+    yield "a petabyte in its head", file.getvalue()
+    yield "an array", npy
+    yield "a pickle", b"\x80\x04\x95" + b"c" * 100
