@@ -10,10 +10,12 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.output.terminal import one_line
 
 
-def notice(kind: NoticeKind, time: float, text: str, *, still: bool = False) -> Notice:
+def notice(
+    kind: NoticeKind, time: float, text: str, *, still: bool = False, signal: str = ""
+) -> Notice:
     """A notice whose text steers no terminal, whatever data stands in it."""
     short = text if len(text) <= limits.LONGEST_NOTICE else f"{text[: limits.LONGEST_NOTICE]}..."
-    return Notice(kind, time, one_line(short), still)
+    return Notice(kind, time, one_line(short), still, signal)
 
 
 class Remarks:

@@ -28,6 +28,7 @@ from rulec_runtime.live.view.gate import Gate
 from rulec_runtime.live.view.html import key_of, page_of
 from rulec_runtime.live.view.json_form import now_text
 from rulec_runtime.live.view.metrics import TYPE, metrics
+from rulec_runtime.live.view.visitor import Visitor
 from rulec_runtime.live.view.words import news
 
 Acknowledge = Callable[[str, str], None]
@@ -95,7 +96,7 @@ def serve(
         lifespan="off",
         ws="none",
         loop="asyncio",
-        http="h11",
+        http=Visitor,
         server_header=False,
         proxy_headers=False,
         limit_concurrency=limits.MOST_CONNECTIONS,
