@@ -33,6 +33,7 @@ PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "clock-mqtt": (clocks.mqtt, 3),
     "disk-journal": (disk.journal, 10),
     "disk-lines": (disk.lines, 10),
+    "disk-lines-killed": (disk.lines_killed, 10),
     "database": (disk.database, 1),
     "mutated-input": (mutated.standard_input, 10_000),
     "mutated-file": (mutated.growing_file, 10_000),

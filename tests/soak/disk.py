@@ -31,7 +31,13 @@ def lines(folder: Path, times: int) -> dict[str, Any]:
     return _full(folder, times, ("--events", "small/events.jsonl", "--state", "small/state"))
 
 
-def _full(folder: Path, times: int, options: tuple[str, ...]) -> dict[str, Any]:
+def lines_killed(folder: Path, times: int) -> dict[str, Any]:
+    """The same, killed twice while the disk is full."""
+    options = ("--events", "small/events.jsonl", "--state", "small/state")
+    return _full(folder, times, options, kills=2)
+
+
+def _full(folder: Path, times: int, options: tuple[str, ...], kills: int = 0) -> dict[str, Any]:
     rows = int((times + 1) * (FULL + FREE) / PAUSE) + LEAD + ON + OFF
     what, small = course(folder, rows), folder / "small"
     with _disk(small) as there:
@@ -45,7 +51,11 @@ def _full(folder: Path, times: int, options: tuple[str, ...]) -> dict[str, Any]:
             for _ in range(times):
                 _alive(watch, FREE)
                 _fill(small / "filler")
-                time.sleep(FULL)
+                for _ in range(kills):
+                    time.sleep(FULL / (kills + 1))
+                    watch.kill()
+                    watch.start()
+                time.sleep(FULL / (kills + 1))
                 ran += watch.runs
                 (small / "filler").unlink()
             while not logger.over.wait(0.5):

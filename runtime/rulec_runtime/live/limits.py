@@ -65,6 +65,10 @@ WAIT = 0.2
 """Seconds to wait for rows before looking whether anything else is to be done. Origin: assumed;
 shorter than a person notices."""
 
+STOOD_STILL = 5.0
+"""Seconds without a move from which on a process was frozen, suspended, or had its clock set.
+Origin: assumed; what moves does so at least once a second."""
+
 FAILED = 3
 """Exit code where something is active that was asked for with `--fail-on`. Origin: assumed; 1 and 2
 are mistakes."""

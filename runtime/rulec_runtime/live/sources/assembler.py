@@ -7,7 +7,6 @@ value. Values hold until they are told anew or their place is lost.
 
 from __future__ import annotations
 
-import time as clocks
 from collections.abc import Iterable, Mapping
 from threading import RLock
 
@@ -18,6 +17,7 @@ from rulec_runtime.live.sources.handover import Handover, now
 from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.unread import Unread
+from rulec_runtime.live.steady import steady
 
 
 class Assembler:
@@ -80,7 +80,7 @@ class Assembler:
             if here & self._pending and time - self._first_time >= self._interval / 2:
                 self._end_row()
             if not self._pending:
-                self._first, self._first_time = clocks.monotonic(), time
+                self._first, self._first_time = steady(), time
             again = [place for place in here if self._silence[place].heard()]
             for name, (reading, why) in values.items():
                 self._take(name, reading, why)
@@ -106,7 +106,7 @@ class Assembler:
     def tick(self) -> None:
         """To be called now and then: rows that wait for a place end, silent places are told."""
         with self._lock:
-            if self._pending and clocks.monotonic() - self._first >= self._interval:
+            if self._pending and steady() - self._first >= self._interval:
                 self._end_row()
             silent = [place for place, silence in self._silence.items() if silence.begins()]
             for place in silent:

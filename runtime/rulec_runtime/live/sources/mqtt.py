@@ -24,6 +24,7 @@ from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.sparkplug import Heard, Sparkplug
 from rulec_runtime.live.sources.unread import usable
+from rulec_runtime.live.steady import Standstill
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -98,7 +99,13 @@ class Mqtt:
         return client
 
     def _ticks(self) -> None:
-        while not self._stopped.wait(self._source.interval / 4):
+        still = Standstill()
+        while not self._stopped.wait(min(self._source.interval / 4, limits.TICK)):
+            if lasted := still.lasted:
+                text = f"this computer stood still for {lasted:.0f} s, or its clock was set"
+                told = notice("gap", now() - lasted, f"{text}; rows may be missing")
+                self._hand.notices([told])
+            still.moves()
             self._rows.tick()
 
     def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, code: Any, _p: Any) -> None:

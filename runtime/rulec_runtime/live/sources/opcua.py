@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time as clocks
 from collections.abc import Mapping
 from threading import Thread
 from typing import Any
@@ -18,6 +17,7 @@ from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.opcua_link import Link
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks
+from rulec_runtime.live.steady import Standstill, steady, steady_loop
 
 
 class OpcUa:
@@ -38,20 +38,28 @@ class OpcUa:
         self._source, self._remarks = source, Remarks()
         self._hand = Handover(tuple(place_of))
         self._rows = Assembler(source, place_of, self._hand, self._remarks)
+        self._still = Standstill()
         known = (resume or {}).get("namespaces", {})
         self._links = {
             s.name: Link(
-                source, s, ruleset, self._rows, self._hand, self._remarks, known.get(s.name, {})
+                source,
+                s,
+                ruleset,
+                self._rows,
+                self._hand,
+                self._remarks,
+                self._still,
+                known.get(s.name, {}),
             )
             for s in source.servers
         }
         self.ended = False
-        self._loop = asyncio.new_event_loop()
+        self._loop = steady_loop()
         self._thread = Thread(target=self._run, name="opcua", daemon=True)
         self._thread.start()
-        until = clocks.monotonic() + limits.OPENING
+        until = steady() + limits.OPENING
         for link in self._links.values():
-            link.answered.wait(max(0.0, until - clocks.monotonic()))
+            link.answered.wait(max(0.0, until - steady()))
         refused = [link.refused for link in self._links.values() if link.refused]
         if refused:
             self.close()
@@ -88,5 +96,9 @@ class OpcUa:
 
     async def _ticks(self) -> None:
         while True:
-            await asyncio.sleep(self._source.interval / 4)
+            await asyncio.sleep(min(self._source.interval / 4, limits.TICK))
+            if lasted := self._still.lasted:
+                for link in self._links.values():
+                    link.begin_anew(lasted)
+            self._still.moves()
             self._rows.tick()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
-import time as clocks
 from collections.abc import Mapping, Sequence
 from threading import Event
 from typing import Any
@@ -21,6 +20,7 @@ from rulec_runtime.live.sources.opcua_message import Message, node_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.unread import usable
+from rulec_runtime.live.steady import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -41,6 +41,7 @@ class Link:
         rows: Assembler,
         hand: Handover,
         remarks: Remarks,
+        still: Standstill,
         namespaces: Mapping[str, str],
     ) -> None:
         self._interval, self._stale = source.interval, source.stale
@@ -51,6 +52,7 @@ class Link:
         self._scales: dict[int, tuple[float, float]] = {}
         self._notes: Sequence[str] = ()
         self._lacking: set[int] = set()
+        self._still, self._stood = still, False
         self.namespaces = namespaces
         self._heard = 0.0
         self._over, self._why = asyncio.Event(), ""
@@ -85,7 +87,7 @@ class Link:
         client = await connected(self._server)
         try:
             self._scales, self._lacking = {}, set(range(len(self._channels)))
-            self._heard, self._why = clocks.monotonic(), ""
+            self._heard, self._why = steady(), ""
             self._over = asyncio.Event()
             asked = subscribed(client, self._interval, self._published)
             subscription, step = await bounded(asked, limits.CHECKING)
@@ -136,14 +138,12 @@ class Link:
     async def _heard_for(self, seconds: float, most: float) -> bool:
         """Returns after so many s; False when the server said nothing for `most` s, or that it is
         over."""
-        until = clocks.monotonic() + seconds
-        while (left := most - (clocks.monotonic() - self._heard)) > 0:
+        until = steady() + seconds
+        while (left := most - (steady() - self._heard)) > 0:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(
-                    self._over.wait(), min(left, max(until - clocks.monotonic(), 0.0))
-                )
+                await asyncio.wait_for(self._over.wait(), min(left, max(until - steady(), 0.0)))
                 return False
-            if clocks.monotonic() >= until:
+            if steady() >= until:
                 return True
         return False
 
@@ -153,7 +153,9 @@ class Link:
             self._why = message.over
             self._over.set()
             return
-        self._heard = clocks.monotonic()
+        if self._still.lasted:
+            return  # it waited here for long; the connection is made anew at once
+        self._heard = steady()
         here = now()
         published = message.time if message.time is not None else here
         if abs(published - here) > limits.CLOCK_APART:
@@ -212,9 +214,17 @@ class Link:
         if self._gone is not None and self._rows.begun:
             quiet = now() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
+            text += "; this computer stood still, or its clock was set" if self._stood else ""
             found.append(notice("gap", self._gone, text))
-        self._gone = None
+        self._gone, self._stood = None, False
         self._hand.notices(found)
+
+    def begin_anew(self, lasted: float) -> None:
+        """This computer stood still for so many s: what the server has sent since is old, and it
+        may have given us up. That is a gap; a server that is there is no alarm."""
+        if self._alive:
+            self._gone, self._stood = now() - lasted, True
+            self._over.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection is over; told once until it stands again."""

@@ -3,13 +3,13 @@ function when it lasts."""
 
 from __future__ import annotations
 
-import time as clocks
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from rulec_runtime.live.rows import Notice
 from rulec_runtime.live.sources.handover import now
 from rulec_runtime.live.sources.remarks import notice
+from rulec_runtime.live.steady import steady
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Unread:
 
     def begin(self, signals: Iterable[str]) -> None:
         """Nothing is known of these until a value comes."""
-        here = clocks.monotonic()
+        here = steady()
         self._bad |= dict.fromkeys(signals, _Bad("no value has come", here, here))
 
     def take(self, signal: str, why: str) -> list[Notice]:
@@ -49,7 +49,7 @@ class Unread:
             self._bad.pop(signal, None)
             self._told.pop(signal, None)
             return []
-        here = clocks.monotonic()
+        here = steady()
         before = self._bad.get(signal)
         if before is not None and before.why == why:
             return []
@@ -62,7 +62,7 @@ class Unread:
         found = []
         for signal, bad in self._bad.items():
             since = bad.since if signal in self._told else bad.first
-            lasts = clocks.monotonic() - since
+            lasts = steady() - since
             if signal in signals and lasts >= self._seconds and self._told.get(signal) != bad.why:
                 self._told[signal] = bad.why
                 text = f"{signal} has had no reading for {lasts:.0f} s: {bad.why}"
