@@ -32,8 +32,8 @@ def lines(folder: Path, times: int) -> dict[str, Any]:
 
 
 def lines_killed(folder: Path, times: int) -> dict[str, Any]:
-    """The same, killed twice while the disk is full."""
-    options = ("--events", "small/events.jsonl", "--state", "small/state")
+    """The same, killed twice while the disk is full; what waits may wait on another one."""
+    options = ("--events", "small/events.jsonl", "--state", "small/state", "--waiting", ".")
     return _full(folder, times, options, kills=2)
 
 
@@ -116,6 +116,44 @@ def _disk(folder: Path) -> Iterator[bool]:
     finally:
         if mounted:
             subprocess.run(["umount", "-l", str(folder)], check=False)
+
+
+def read_only(folder: Path, times: int) -> dict[str, Any]:
+    """A journal on a disk that can be read alone for a while, from a kill and a start on."""
+    rows = int((times + 1) * (FULL + FREE + 2.0) / PAUSE) + LEAD + ON + OFF
+    what, small = course(folder, rows), folder / "small"
+    with _disk(small) as there:
+        if not there:
+            return {"skipped": "mounting a small file system needs root"}
+        watch, ran = Watch(folder, "--source", "log.csv", "--journal", "small/journal.db"), 0
+        with Logger(folder / "log.csv", what, PAUSE) as logger:
+            time.sleep(1.0)
+            watch.start()
+            for _ in range(times):
+                _alive(watch, FREE)
+                watch.kill()
+                _remounted(small, "ro")
+                watch.start()
+                time.sleep(FULL)
+                ran += watch.runs
+                _remounted(small, "rw")
+            logger.over.wait()
+        time.sleep(12.0)
+        code = watch.interrupt()
+        found = score.events_of(small / "journal.db")
+        count = score.rows_of(small / "journal.db")[0]
+    return {
+        "tried": times,
+        "survived": ran if code == 0 else 0,
+        "rows_lost": rows - count,
+        **score.numbers(e.number for e in found),
+        **score.against_plant(found, what.planted),
+        **score.bad_output(watch.out + watch.err),
+    }
+
+
+def _remounted(folder: Path, how: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
 
 
 def database(folder: Path, times: int) -> dict[str, Any]:
