@@ -15,15 +15,15 @@ from tests.soak.watching import Watch
 
 HOW = ("uncertain", "array", "gone")
 STALE = 2.0
-LASTS, APART = 50, 50
-"""Rows that a signal is odd, and between two times."""
+BEFORE, LASTS, APART = 150, 50, 50
+"""Rows before a signal is odd, while it is, and between two times."""
 
 
 def opcua(folder: Path, times: int) -> dict[str, Any]:
     """Status Uncertain, an array, a node that is deleted and comes back: in turn."""
-    rows = APART + times * (LASTS + APART)
+    rows = BEFORE + times * (LASTS + APART)
     what, served = course(folder, rows), Served("opcua", folder)
-    odd = [(k, k + LASTS, HOW[i % 3]) for i, k in enumerate(range(APART, rows, LASTS + APART))]
+    odd = [(k, k + LASTS, HOW[i % 3]) for i, k in enumerate(range(BEFORE, rows, LASTS + APART))]
     signals = json.loads(maps("opcua", what, served.host, served.port, STEP))
     (folder / "map.yaml").write_text(json.dumps({**signals, "stale": STALE}))
     start = time.time() + 5.0

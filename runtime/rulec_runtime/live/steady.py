@@ -10,7 +10,7 @@ import asyncio
 import time
 from threading import Lock
 
-from rulec_runtime.live.limits import STOOD_STILL
+from rulec_runtime.live.limits import SET_BACK, STOOD_STILL
 
 
 class Steady:
@@ -26,7 +26,7 @@ class Steady:
             return self._step()
 
     def wall(self) -> float:
-        """Seconds since 1970; set back, it goes on as before until it is caught up."""
+        """Seconds since 1970; set back by much, it goes on as before until it is caught up."""
         with self._lock:
             self._step()
             return self._wall
@@ -35,7 +35,8 @@ class Steady:
         here = time.monotonic()
         passed = max(here - self._last, 0.0)
         self._back += max(self._last - here, 0.0)
-        self._last, self._wall = here, max(time.time(), self._wall + passed)
+        wall, as_before = time.time(), self._wall + passed
+        self._last, self._wall = here, wall if as_before - wall < SET_BACK else as_before
         return here + self._back
 
 
