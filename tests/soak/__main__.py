@@ -3,7 +3,7 @@
 Each part says how often something was done to the watch or to its source, how often it went on
 (`went_on`), and how much was lost (`all_lost`) or told twice (`all_twice`) in the end: events by
 their numbers, rows of a file, faults that were planted. `all_bad` counts tracebacks, and what would
-steer a terminal. Network and disk need root; all parts take most of an hour.
+steer a terminal. Network and disk need root; all parts take more than an hour.
 """
 
 from __future__ import annotations
