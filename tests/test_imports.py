@@ -13,7 +13,7 @@ from tests.conftest import ROOT, compiled
 
 HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
-EXTRAS = {"asyncua", "cryptography", "paho", "yaml", "starlette", "uvicorn", "sqlalchemy"}
+EXTRAS = {"asyncua", "cryptography", "paho", "yaml", "starlette", "uvicorn", "h11", "sqlalchemy"}
 """Of the runtime: for sources, journal and page, loaded where they are asked for."""
 FORMATS = {"pyarrow", "openpyxl", "scipy", "h5py", "asammdf", "nptdms"}
 """Of its readers, each loaded when a file of its format comes."""

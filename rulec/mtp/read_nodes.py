@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from base64 import b64decode
 from collections.abc import Iterator, Mapping
+from uuid import UUID
 
 from rulec.mtp.caex import Element
 from rulec.mtp.package import Node, Server
@@ -13,8 +15,12 @@ from rulec.mtp.space import Space, checked
 _ITEMS = ("OPCUAItem",)
 _SERVERS = ("OPCUAServer",)
 _ACCESS = {"1": "read", "2": "write", "3": "read and write"}
-_WHOLE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?[isgb]=.+", re.DOTALL)
-_WHOLE_TYPES = ("byte", "short", "int", "long", "integer")
+_WHOLE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?([isgb])=(.+)", re.DOTALL)
+_KINDS = {"byte": "i", "short": "i", "int": "i", "long": "i", "integer": "i"} | {
+    "id": "g",
+    "base64binary": "b",
+}
+"""Kind of node id by what the data type of an identifier ends with: `xs:ID` is a GUID."""
 _REMEDY = "look the node up in the server, and write its id into the map"
 
 
@@ -61,37 +67,61 @@ def is_item(space: Space, element: Element) -> bool:
 def _node(space: Space, element: Element, server: str, odd: list[Oddity]) -> Node | None:
     identifier = checked(_value(element, "Identifier"), "an identifier", element.place)
     namespace = checked(_value(element, "Namespace"), "a namespace", element.place)
-    name = space.name(element)
-    if not identifier:
-        text = f"the item '{name}' has no identifier"
+    try:
+        found = node_id(identifier, namespace, _type(element, "Identifier"))
+    except ValueError as error:
+        text = f"the item '{space.name(element)}' has {error}"
         odd.append(
             Oddity(kind="items without node", place=element.place, text=text, remedy=_REMEDY)
         )
         return None
     access = _value(element, "Access").strip()
-    return Node(
-        id=node_id(identifier, namespace, _type(element, "Identifier")),
-        access=_ACCESS.get(access, access.lower()),
-        server=server,
-    )
+    return Node(id=found, access=_ACCESS.get(access, access.lower()), server=server)
 
 
 def node_id(identifier: str, namespace: str, data_type: str = "") -> str:
     """A node id as a source map has it; a namespace is a URI, or a number in older files.
 
+    Raises ValueError, with what the identifier is instead of one of its type.
+
     >>> node_id("A.dp", "http://maker/pump"), node_id("A.dp", "4"), node_id("ns=3;s=A.dp", "3")
     ('nsu=http://maker/pump;s=A.dp', 'ns=4;s=A.dp', 'ns=3;s=A.dp')
     >>> node_id("17", "4", "xs:unsignedInt"), node_id("i=17", "")
     ('ns=4;i=17', 'i=17')
+    >>> node_id("{72962B91-FA75-4AE6-8D28-B404DC7DAF63}", "4", "xs:ID")
+    'ns=4;g=72962b91-fa75-4ae6-8d28-b404dc7daf63'
+    >>> node_id("M/RbKBsRVkePCePcx24oRA==", "4", "xs:base64Binary")
+    'ns=4;b=M/RbKBsRVkePCePcx24oRA=='
     """
-    if _WHOLE.fullmatch(identifier) and identifier.startswith("ns"):
-        return identifier
-    if not _WHOLE.fullmatch(identifier):
-        counted = data_type.lower().endswith(_WHOLE_TYPES) and identifier.isdigit()
-        identifier = f"{'i' if counted else 's'}={identifier}"
-    if not namespace:
-        return identifier
-    return f"{'ns' if namespace.isdigit() else 'nsu'}={namespace};{identifier}"
+    if not identifier:
+        raise ValueError("no identifier")
+    whole = _WHOLE.fullmatch(identifier)
+    if whole:
+        own, kind, value = whole.groups()
+    else:
+        kinds = (kind for end, kind in _KINDS.items() if data_type.lower().endswith(end))
+        own, kind, value = None, next(kinds, "s"), identifier
+    try:
+        value = _valid(kind, value)
+    except ValueError:
+        what = {"i": "a whole number of 32 bits", "g": "a GUID", "b": "base64"}[kind]
+        said = f" of type {data_type}" if not whole else ""
+        raise ValueError(f"the identifier '{identifier}'{said}, which is not {what}") from None
+    if own is None and namespace:
+        own = f"{'ns' if namespace.isdigit() else 'nsu'}={namespace};"
+    return f"{own or ''}{kind}={value}"
+
+
+def _valid(kind: str, value: str) -> str:
+    """The value of a node id in its usual form. Raises ValueError where it is none of its kind."""
+    if kind == "i" and not (value.isdecimal() and int(value) < 1 << 32):
+        raise ValueError
+    if kind == "g":
+        return str(UUID(value))
+    if kind == "b":
+        value = value.replace(" ", "")
+        b64decode(value, validate=True)
+    return value
 
 
 def _attribute(element: Element, name: str) -> Element | None:

@@ -11,10 +11,12 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits, state
+from rulec_runtime.live.batches import judged
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
 from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.view.present import Present
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.when import BRIEFLY_GONE
 
@@ -179,6 +181,36 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
         ("ended", 5.0, False),
     ]
     assert not any(one.active for one in memory.episodes)
+
+
+def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> None:
+    """Beside others that are read, also by the next process; it ends with a reading."""
+    rules = compiled("abc")
+    nan, some = np.full(2, np.nan), np.ones(2)
+
+    def rows(first: float, dp: np.ndarray) -> Rows:
+        return Rows(np.array([first, first + 1.0]), {"A.dp": dp, "A.n": some})
+
+    memory, told = nothing_yet(rules, False), list[Event]()
+    for came in (
+        rows(0.0, nan),
+        Notice("stale", 1.0, "A.dp: an array", signal="A.dp"),
+        Notice("stale", 2.0, "A.dp: Uncertain", signal="A.dp"),
+        rows(2.0, nan),
+    ):
+        for remembered, events, _ in judged(rules, memory, [came]):
+            memory, told = remembered, [*told, *events]
+    present = Present(rules, "opcua", memory).now()
+    assert (present.status, present.connected, present.active[0].module) == ("C", True, "A")
+    memory, _ = state.from_bytes(rules, state.to_bytes(rules, memory, {}), "state")
+    for remembered, events, _ in judged(rules, memory, [rows(4.0, some)]):
+        memory, told = remembered, [*told, *events]
+    assert [(e.what, e.text) for e in told] == [
+        ("began", "A.dp: an array"),
+        ("changed", "A.dp: Uncertain"),
+        ("ended", "A.dp is read again"),
+    ]
+    assert not memory.episodes
 
 
 def test_a_plant_that_stores_is_followed() -> None:

@@ -31,10 +31,10 @@ def kept(
         yield files, unwritten
 
 
-def put(files: KeptFiles, number: int) -> Event:
+def put(files: KeptFiles, number: int, dated: bool = True) -> Event:
     """One more event, with the state behind it."""
     new = event(number)
-    files.sink.put([new], f"state {number}".encode(), dated=True)
+    files.sink.put([new], f"state {number}".encode(), dated=dated)
     return new
 
 
@@ -84,29 +84,32 @@ def test_full_and_free_again(
     assert not list(small_disk.glob("*.waiting.json"))
 
 
+@pytest.mark.parametrize("dated", [True, False])
 @pytest.mark.parametrize("state", [True, False])
 def test_ended_while_it_is_full(
     state: bool,
+    dated: bool,
     small_disk: Path,  # noqa: F811
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What waits stands in the folder that is named; the next watch goes on behind it."""
+    """What waits stands in the folder that is named; the next watch goes on behind it, also where
+    some of it is in the file by now."""
     monkeypatch.setattr(limits, "BUSY", 0.3)
     waiting, file = tmp_path / "waits", small_disk / "events.jsonl"
     waiting.mkdir()
     with kept(small_disk, waiting, state) as (files, unwritten):
-        told = [put(files, 1)]
+        told = [put(files, 1, dated)]
         ballast = filled(small_disk)
-        told += [put(files, n) for n in range(2, 40)]
+        told += [put(files, n, dated) for n in range(2, 40)]
     assert "stands in" in unwritten[0]
     ballast.unlink()
     with kept(small_disk, waiting, state) as (files, unwritten):
         latest = [data for data, _ in files.saved()][-1:]
         assert latest == ([b"state 39"] if state else [])
         assert files.ahead(39) == []
-        put(files, 39)  # as it is judged again where no state is kept
-        told.append(put(files, 40))
+        put(files, 39, dated)  # as it is judged again where no state is kept
+        told.append(put(files, 40, dated))
     assert unwritten == []
     assert events_in(file) == told
     assert list(waiting.iterdir()) == []

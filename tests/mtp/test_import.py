@@ -186,6 +186,36 @@ def test_an_identifier_may_be_a_number_or_a_whole_node_id(tmp_path: Path) -> Non
     assert nodes == ["ns=3;s=own.PI11", "ns=4;i=1017", "ns=4;s=LI13.V"]
 
 
+GUID = "72962b91-fa75-4ae6-8d28-b404dc7daf63"
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "node", "why"),
+    [
+        ("xs:ID", GUID, f"ns=4;g={GUID}", ""),
+        ("xs:base64Binary", "M/RbKBsRVkePCePcx24oRA==", "ns=4;b=M/RbKBsRVkePCePcx24oRA==", ""),
+        ("xs:integer", "1005", "ns=4;i=1005", ""),
+        ("xs:string", f"ns=3;g={GUID}", f"ns=3;g={GUID}", ""),
+        ("xs:ID", "pump.dp", "", "'pump.dp' of type xs:ID, which is not a GUID"),
+        ("xs:base64Binary", "M/R", "", "'M/R' of type xs:base64Binary, which is not base64"),
+        ("xs:int", "pump", "", "'pump' of type xs:int, which is not a whole number of 32 bits"),
+        ("xs:string", "ns=3;i=pump", "", "'ns=3;i=pump', which is not a whole number of 32 bits"),
+    ],
+)
+def test_identifiers_are_of_their_types(
+    tmp_path: Path, kind: str, value: str, node: str, why: str
+) -> None:
+    """What is none of its type is told with its place, and leaves the signal without a node."""
+    written = 'AttributeDataType="xs:string"><Value>PI11.V<'
+    text = manifest((PRESSURE,), namespace="4").replace(
+        written, f'AttributeDataType="{kind}"><Value>{value}<'
+    )
+    module = imported(tmp_path, text)
+    assert [s["node"] or "" for s in module["signals"]] == [node]
+    told = [o["text"] for o in module["odd"] if o["kind"] == "items without node"]
+    assert told == ([f"the item 'PI11.V' has the identifier {why}"] if why else [])
+
+
 def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "own.yaml").write_text("own")

@@ -3,7 +3,7 @@
 Each part says how often something was done to the watch or to its source, how often it went on
 (`went_on`), and how much was lost (`all_lost`) or told twice (`all_twice`) in the end: events by
 their numbers, rows of a file, faults that were planted. `all_bad` counts tracebacks, and what would
-steer a terminal. Network and disk need root; all parts take most of an hour.
+steer a terminal. Network and disk need root; all parts take more than an hour.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.soak import clocks, disk, killed, mutated, network, sources
+from tests.soak import clocks, crowd, disk, frozen, killed, mutated, network, odd, sources
 from tests.soak.summary import summed
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
@@ -25,15 +25,23 @@ PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-lines": (killed.lines_killed, 50),
     "opcua": (sources.opcua_killed, 50),
     "mqtt": (sources.mqtt_killed, 50),
+    "opcua-shifted": (sources.opcua_shifted, 10),
+    "opcua-odd": (odd.opcua, 9),
     "network-opcua": (network.opcua, 10),
     "network-mqtt": (network.mqtt, 10),
     "clock-seconds": (clocks.seconds, 3),
     "clock-dates": (clocks.dates, 3),
     "clock-opcua": (clocks.opcua, 3),
     "clock-mqtt": (clocks.mqtt, 3),
+    "frozen-file": (frozen.file, 5),
+    "frozen-opcua": (frozen.opcua, 5),
+    "frozen-mqtt": (frozen.mqtt, 5),
     "disk-journal": (disk.journal, 10),
     "disk-lines": (disk.lines, 10),
+    "disk-lines-killed": (disk.lines_killed, 10),
+    "disk-read-only": (disk.read_only, 10),
     "database": (disk.database, 1),
+    "page-crowd": (crowd.page, 50),
     "mutated-input": (mutated.standard_input, 10_000),
     "mutated-file": (mutated.growing_file, 10_000),
     "mutated-mqtt": (mutated.messages, 10_000),

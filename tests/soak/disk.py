@@ -31,7 +31,13 @@ def lines(folder: Path, times: int) -> dict[str, Any]:
     return _full(folder, times, ("--events", "small/events.jsonl", "--state", "small/state"))
 
 
-def _full(folder: Path, times: int, options: tuple[str, ...]) -> dict[str, Any]:
+def lines_killed(folder: Path, times: int) -> dict[str, Any]:
+    """The same, killed twice while the disk is full; what waits may wait on another one."""
+    options = ("--events", "small/events.jsonl", "--state", "small/state", "--waiting", ".")
+    return _full(folder, times, options, kills=2)
+
+
+def _full(folder: Path, times: int, options: tuple[str, ...], kills: int = 0) -> dict[str, Any]:
     rows = int((times + 1) * (FULL + FREE) / PAUSE) + LEAD + ON + OFF
     what, small = course(folder, rows), folder / "small"
     with _disk(small) as there:
@@ -45,7 +51,11 @@ def _full(folder: Path, times: int, options: tuple[str, ...]) -> dict[str, Any]:
             for _ in range(times):
                 _alive(watch, FREE)
                 _fill(small / "filler")
-                time.sleep(FULL)
+                for _ in range(kills):
+                    time.sleep(FULL / (kills + 1))
+                    watch.kill()
+                    watch.start()
+                time.sleep(FULL / (kills + 1))
                 ran += watch.runs
                 (small / "filler").unlink()
             while not logger.over.wait(0.5):
@@ -106,6 +116,44 @@ def _disk(folder: Path) -> Iterator[bool]:
     finally:
         if mounted:
             subprocess.run(["umount", "-l", str(folder)], check=False)
+
+
+def read_only(folder: Path, times: int) -> dict[str, Any]:
+    """A journal on a disk that can be read alone for a while, from a kill and a start on."""
+    rows = int((times + 1) * (FULL + FREE + 2.0) / PAUSE) + LEAD + ON + OFF
+    what, small = course(folder, rows), folder / "small"
+    with _disk(small) as there:
+        if not there:
+            return {"skipped": "mounting a small file system needs root"}
+        watch, ran = Watch(folder, "--source", "log.csv", "--journal", "small/journal.db"), 0
+        with Logger(folder / "log.csv", what, PAUSE) as logger:
+            time.sleep(1.0)
+            watch.start()
+            for _ in range(times):
+                _alive(watch, FREE)
+                watch.kill()
+                _remounted(small, "ro")
+                watch.start()
+                time.sleep(FULL)
+                ran += watch.runs
+                _remounted(small, "rw")
+            logger.over.wait()
+        time.sleep(12.0)
+        code = watch.interrupt()
+        found = score.events_of(small / "journal.db")
+        count = score.rows_of(small / "journal.db")[0]
+    return {
+        "tried": times,
+        "survived": ran if code == 0 else 0,
+        "rows_lost": rows - count,
+        **score.numbers(e.number for e in found),
+        **score.against_plant(found, what.planted),
+        **score.bad_output(watch.out + watch.err),
+    }
+
+
+def _remounted(folder: Path, how: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
 
 
 def database(folder: Path, times: int) -> dict[str, Any]:

@@ -26,19 +26,26 @@ def write_play(
     start: float,
     step: float,
     jumps: Sequence[tuple[int, float]] = (),
+    odd: Sequence[tuple[int, int, str]] = (),
+    shifts: bool = False,
 ) -> None:
-    """What is played from when on, and how the clock of the source jumps."""
+    """What is played from when on, and how the clock of the source jumps.
+
+    `odd`: from which row to which the first signal is odd, and how; `shifts` if the server has
+    further namespaces before the plant's from its second start on.
+    """
     play = {**asdict(course), "start": start, "step": step, "jumps": jumps}
+    play |= {"odd": odd, "shifts": shifts}
     path.write_text(json.dumps(play), encoding="utf-8")
 
 
-async def due(play: dict[str, Any]) -> AsyncIterator[tuple[float, list[str]]]:
-    """Rows that are due from now on, with their times; the last one again and again."""
+async def due(play: dict[str, Any]) -> AsyncIterator[tuple[int, float, list[str]]]:
+    """Rows that are due from now on, with their numbers and times."""
     k = max(int((time.time() - play["start"]) / play["step"]), 0)
     while k < len(play["rows"]):
         at = play["start"] + k * play["step"]
         await asyncio.sleep(max(at - time.time(), 0.0))
-        yield at + ahead(play["jumps"], k), play["rows"][k]
+        yield k, at + ahead(play["jumps"], k), play["rows"][k]
         k += 1
 
 
@@ -51,23 +58,40 @@ async def opcua(port: int, path: Path, host: str) -> None:
     await server.init()
     server.set_endpoint(f"opc.tcp://{host}:{port}")
     server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-    await server.register_namespace("urn:plant")
+    started = path.with_suffix(".started")
+    for extra in range(started.exists() * play["shifts"] * 2):
+        await server.register_namespace(f"urn:other:{extra}")
+    started.touch()
+    space = await server.register_namespace("urn:plant")
     nodes = []
     k = min(max(int((time.time() - play["start"]) / play["step"]), 0), len(play["rows"]) - 1)
     for title, first in zip(play["titles"], play["rows"][k], strict=True):
         name, unit = title.removesuffix("]").split(" [")
-        identity = ua.NodeId(name, 2), ua.QualifiedName(name, 2)
+        identity = ua.NodeId(name, space), ua.QualifiedName(name, space)
         node = await server.nodes.objects.add_variable(*identity, float(first))
         stated = ua.EUInformation(DisplayName=ua.LocalizedText(unit))
         await node.add_property(0, "EngineeringUnits", stated)
         nodes.append(node)
     await server.start()
     print("up", flush=True)
-    async for at, row in due(play):
+    gone = False
+    async for k, at, row in due(play):
         stamp = datetime.fromtimestamp(at, UTC)
-        for node, cell in zip(nodes, row, strict=True):
-            value = ua.Variant(float(cell), ua.VariantType.Double)
-            await node.write_value(ua.DataValue(value, SourceTimestamp=stamp))
+        how = next((how for first, last, how in play["odd"] if first <= k < last), "")
+        if gone != (how == "gone"):
+            gone = not gone
+            if gone:
+                await server.delete_nodes(nodes[:1])
+            else:
+                nodes[0] = await server.nodes.objects.add_variable(
+                    nodes[0].nodeid, ua.QualifiedName("again", space), float(row[0])
+                )
+        for node, cell in list(zip(nodes, row, strict=True))[gone:]:
+            odd = how if node is nodes[0] else ""
+            held: Any = [float(cell), 1.0] if odd == "array" else float(cell)
+            code = ua.StatusCodes.Uncertain if odd == "uncertain" else ua.StatusCodes.Good
+            value = ua.Variant(held, ua.VariantType.Double)
+            await node.write_value(ua.DataValue(value, ua.StatusCode(code), stamp))
     await asyncio.Event().wait()
 
 
@@ -86,7 +110,7 @@ async def mqtt(port: int, path: Path, host: str) -> None:
     client.loop_start()
     names = texts(play["titles"])
     print("up", flush=True)
-    async for at, row in due(play):
+    async for _, at, row in due(play):
         values = dict(zip(names, map(float, row), strict=True))
         client.publish("plant", json.dumps({"time": at, **values}))
     await asyncio.Event().wait()

@@ -58,16 +58,23 @@ def mqtt_killed(folder: Path, times: int) -> dict[str, Any]:
     return _killed("mqtt", folder, times)
 
 
-def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
-    draw, what = random.Random(3), course(folder, 300 + 120 * times, 200, 100)
+def opcua_shifted(folder: Path, times: int) -> dict[str, Any]:
+    """An OPC UA server whose namespaces have other numbers when it is started again."""
+    return _killed("opcua", folder, times, shifts=True)
+
+
+def _killed(kind: str, folder: Path, times: int, shifts: bool = False) -> dict[str, Any]:
+    draw, what = random.Random(3), course(folder, 300 + 200 * times, 200, 100)
     served = Served(kind, folder)
     (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
     start = time.time() + 5.0
-    write_play(folder / "play.json", what, start, STEP)
+    write_play(folder / "play.json", what, start, STEP, shifts=shifts)
     served.start()
     watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
     watch.start()
-    time.sleep(8.0)
+    until = time.monotonic() + PATIENCE
+    while not score.rows_of(folder / "journal.db")[0] and time.monotonic() < until:
+        time.sleep(0.2)
     reconnected, longest = 0, 0.0
     for _ in range(times):
         time.sleep(draw.uniform(1.0, 5.0))

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -34,7 +35,7 @@ class Watch:
         ]
         self._folder, self._name = folder, name
         self._process: subprocess.Popen[bytes] | None = None
-        self.lives = 0
+        self.lives = self.stood_still = 0
 
     def start(self, *more: str) -> None:
         environment = {**os.environ, "PYTHONPATH": SOURCES, "OMP_NUM_THREADS": "1"}
@@ -59,6 +60,14 @@ class Watch:
     def kill(self) -> None:
         """As when the power fails."""
         self._end(signal.SIGKILL, 10)
+
+    def stand_still(self, seconds: float) -> None:
+        """As in a container that is frozen."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
+        self.stood_still += 1
 
     def interrupt(self) -> int:
         """As by Ctrl-C; the exit code."""

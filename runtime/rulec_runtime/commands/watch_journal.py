@@ -37,14 +37,15 @@ class KeptJournal:
         """The latest state, in the journal or what waits for it, and where that is.
 
         Raises `JournalTrouble` if the database does not answer and nothing waits: nobody knows
-        then which events were told.
+        then which events were told. One that can be read alone is told of when it is written.
         """
         left = self._outbox.left  # before the database: what is written meanwhile stands there
-        try:
+        with suppress(JournalTrouble):  # each commit holds the plant as well
             self._journal.hold(self._plant)
+        try:
             kept = self._journal.state(self._plant)
         except JournalTrouble:
-            if left is None:
+            if left is None and self._journal.is_there:
                 raise
             kept = None
         if left is not None and (kept is None or kept.number < left[0]):

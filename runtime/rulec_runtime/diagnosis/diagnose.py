@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
@@ -38,14 +38,20 @@ class Diagnosis:
     latest: Latest | None = None
 
 
-def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Diagnosis:
+def diagnose(
+    recording: Recording, ruleset: Ruleset, mode: str = "default", *, whole: bool = True
+) -> Diagnosis:
     """Judge a recording.
 
     Parameters
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
+    whole : whether it is all there is; of the latest rows of a source, the source tells what lacks.
     """
     health = examine(recording, ruleset)
+    if whole:
+        lost = tuple(lost_readings(recording, ruleset))
+        health = replace(health, findings=(*health.findings, *lost))
     sound = health.recording
     notes: tuple[str, ...] = ()
     if ruleset.dynamics is None:

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live.beside import Looks
-from rulec_runtime.live.connection import noticed
+from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, looked_beside
 from rulec_runtime.live.rows import Notice, Rows
@@ -26,6 +26,9 @@ def judged(
             memory, told = noticed(memory, item)
             yield memory, told, None
             continue
+        memory, told = read_again(memory, item)
+        if told:
+            yield memory, told, None
         for said in follow(ruleset, memory, item, looks):
             memory = said.memory
             yield memory, said.events, said.diagnosis

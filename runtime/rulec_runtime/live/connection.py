@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.follower import Memory
-from rulec_runtime.live.rows import Notice
+from rulec_runtime.live.rows import Notice, Rows
 
 AWAY = ("lost", "stale")
 ACTION = "check the logger, the network and the server; nothing is judged meanwhile"
 
 
+def is_away(episode: Episode) -> bool:
+    """Does it say that the plant is not read at all?"""
+    return episode.kind == "source" and episode.active and episode.subject in AWAY
+
+
 def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
     """What a notice changes: readings that stay away begin an episode, coming back ends it."""
-    away = [one for one in memory.episodes if one.kind == "source" and one.active]
+    if notice.signal:
+        return _unread(memory, notice)
+    away = [one for one in memory.episodes if is_away(one)]
     others = tuple(one for one in memory.episodes if one not in away)
     what: What = "noted"
     one = Episode(
@@ -39,6 +48,57 @@ def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
         one = replace(away[0], until=notice.time, active=False, text=notice.text)
     elif away:
         others = (*others, *away)
+    return _with(memory, others, what, one, notice.time)
+
+
+def _unread(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
+    """A signal has no reading while others do: an episode of its own, until one comes."""
+    before = [e for e in memory.episodes if _is_of(e, notice.signal)]
+    if before and before[0].text == notice.text:
+        return memory, ()
+    one = Episode(
+        id=f"{notice.signal}.unread@{notice.time:.3f}",
+        kind="source",
+        subject=notice.signal,
+        module=notice.signal.partition(".")[0],
+        status="C",
+        since=notice.time,
+        until=notice.time,
+        active=True,
+        text=notice.text,
+        action="look at the signal in its server and in the map; what needs it is not judged",
+    )
+    if before:
+        one = replace(one, id=before[0].id, since=before[0].since)
+    others = tuple(e for e in memory.episodes if e not in before)
+    return _with(memory, (*others, one), "changed" if before else "began", one, notice.time)
+
+
+def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
+    """Signals without readings that have one in the last of these rows, or are not asked for any
+    more."""
+    told: list[Event] = []
+    time = float(rows.time[-1])
+    for old in [e for e in memory.episodes if e.kind == "source" and e.active and not is_away(e)]:
+        column = rows.values.get(old.subject)
+        if column is not None and not np.isfinite(column[-1]):
+            continue
+        text = f"{old.subject} is " + ("not asked for any more" if column is None else "read again")
+        one = replace(old, until=time, active=False, text=text)
+        others = tuple(e for e in memory.episodes if e is not old)
+        memory, events = _with(memory, others, "ended", one, time)
+        told += events
+    return memory, tuple(told)
+
+
+def _is_of(episode: Episode, signal: str) -> bool:
+    return episode.kind == "source" and episode.active and episode.subject == signal
+
+
+def _with(
+    memory: Memory, episodes: tuple[Episode, ...], what: What, one: Episode, time: float
+) -> tuple[Memory, tuple[Event, ...]]:
+    """These episodes are remembered, and one event is told."""
     number = memory.number + 1
-    event = Event(number=number, time=notice.time, what=what, text=notice.text, episode=one)
-    return replace(memory, episodes=others, number=number), (event,)
+    event = Event(number=number, time=time, what=what, text=one.text, episode=one)
+    return replace(memory, episodes=episodes, number=number), (event,)

@@ -65,6 +65,14 @@ WAIT = 0.2
 """Seconds to wait for rows before looking whether anything else is to be done. Origin: assumed;
 shorter than a person notices."""
 
+SET_BACK = 60.0
+"""Seconds from which on a date that goes back is that of a clock which was set. Origin: assumed; as
+`CLOCK_APART` of the sources, and less is caught up soon."""
+
+STOOD_STILL = 5.0
+"""Seconds without a move from which on a process was frozen, suspended, or had its clock set.
+Origin: assumed; what moves does so at least once a second."""
+
 FAILED = 3
 """Exit code where something is active that was asked for with `--fail-on`. Origin: assumed; 1 and 2
 are mistakes."""

@@ -32,13 +32,15 @@ class Rows:
 class Notice:
     """What happened to the connection at a time (as of rows), for the operator.
 
-    `still`: though something is connected, something else of the source is not read.
+    `still`: though something is connected, something else of the source is not read. `signal`: the
+    one that it is about, where that is not the whole source.
     """
 
     kind: NoticeKind
     time: float
     text: str
     still: bool = False
+    signal: str = ""
 
 
 class Source(Protocol):

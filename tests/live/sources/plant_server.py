@@ -29,7 +29,10 @@ def free_port() -> int:
 
 
 class PlantServer:
-    """Two signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units."""
+    """Two signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units.
+
+    `namespaces` are those that it registers when it starts; the nodes are in the last of them.
+    """
 
     def __init__(
         self, units: dict[str, str] | None = None, port: int = 0, certified: Path | None = None
@@ -38,6 +41,7 @@ class PlantServer:
         self._set_port(port or free_port())
         self._units = UNITS if units is None else units
         self._certified = certified
+        self.namespaces = ["urn:plant"]
         self._loop = asyncio.new_event_loop()
         Thread(target=self._loop.run_forever, daemon=True).start()
         self.nodes: dict[str, Any] = {}
@@ -73,20 +77,33 @@ class PlantServer:
         )
         self.run(self.nodes[signal].write_value(data))
 
+    def delete(self, signal: str) -> None:
+        """The node is there no more."""
+        self.run(self._server.delete_nodes([self.nodes[signal]]))
+
+    def add(self, signal: str, value: Any, kind: ua.VariantType, data_type: int) -> None:
+        """A further node, of a data type that it states."""
+        self.nodes[signal] = self.run(
+            self._server.nodes.objects.add_variable(
+                ua.NodeId(signal, 2), signal, value, kind, ua.NodeId(data_type)
+            )
+        )
+
     async def _start(self) -> None:
         self._server = server = Server()
         await server.init()
         server.set_endpoint(self.url)
         if self._certified:
-            await server.set_application_uri("urn:plant")
-            await certificate(self._certified, "plant", "urn:plant")
+            await server.set_application_uri("urn:server")
+            await certificate(self._certified, "plant", "urn:server")
             await server.load_certificate(str(self._certified / "plant.der"))
             await server.load_private_key(str(self._certified / "plant.pem"))
             server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
-        await server.register_namespace("urn:plant")
+        for uri in self.namespaces:
+            number = await server.register_namespace(uri)
         for name, value in (("A.dp", 1.8), ("A.n", 900.0), ("text", "x")):
             node = await server.nodes.objects.add_variable(
-                ua.NodeId(name, 2), ua.QualifiedName(name, 2), value
+                ua.NodeId(name, number), ua.QualifiedName(name, number), value
             )
             if name in self._units:
                 information = ua.EUInformation(DisplayName=ua.LocalizedText(self._units[name]))

@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -199,15 +198,16 @@ def test_values_hold_while_the_node_says_something(
 ) -> None:
     """Sparkplug sends what has changed alone."""
     clock = [1e6]
-    monkeypatch.setattr(remarks, "clocks", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(remarks, "steady", lambda: clock[0])
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
     for i in range(4):
-        clock[0] += 0.6 * limits.STALE
+        clock[0] += 0.4 * limits.STALE
         plant.says(NODE, "NDATA", b"\x18" + varint(2 + i))
         plant.source._rows.tick()
     assert "stale" not in plant.taken.take().kinds()
-    clock[0] += 1.1 * limits.STALE
-    plant.source._rows.tick()
+    for _ in range(3):
+        clock[0] += 0.4 * limits.STALE
+        plant.source._rows.tick()
     assert "stale" in plant.taken.take().kinds()
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import html.parser
 import json
 import re
+import socket
 import threading
 import time
 import unicodedata
@@ -180,6 +182,11 @@ def test_on_loopback_a_token_is_asked_for_where_there_is_one() -> None:
         ("127.0.0.1", "attacker.example:80", False),
         ("127.0.0.1", "127.0.0.1.attacker.example", False),
         ("127.0.0.1", "", False),
+        ("127.0.0.1", "[::1].attacker.example", False),
+        ("127.0.0.1", "[::1]:80.attacker.example", False),
+        ("127.0.0.1", "[attacker.example]", False),
+        ("127.0.0.1", "[::1", False),
+        ("127.0.0.1", "127.0.0.1:80:80", False),
         ("0.0.0.0", "10.0.0.7:8080", True),
         ("0.0.0.0", "attacker.example", False),
         ("0.0.0.0", "watch.example", True),
@@ -219,6 +226,7 @@ def test_page_acknowledges() -> None:
     [
         ({}, {"origin": "http://attacker.example"}, 403),
         ({}, {"origin": "null"}, 403),
+        ({}, {"origin": "http://["}, 403),
         ({}, {"origin": "http://localhost:81"}, 403),
         ({}, {"sec-fetch-site": "cross-site"}, 403),
         ({}, {"sec-fetch-site": "same-site"}, 403),
@@ -331,6 +339,33 @@ def test_server_counts_pages_and_ends_at_once(served: str, monkeypatch: pytest.M
                 return
         time.sleep(0.05)
     raise AssertionError("a page that has gone still counts")
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: local"])
+def test_connections_that_ask_nothing_shut_nobody_out(
+    served: str, sent: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They give way to whoever asks, and are sent away after some seconds."""
+    port = int(served.rsplit(":", 1)[1].strip("/"))
+    slow = [socket.create_connection(("127.0.0.1", port)) for _ in range(150)]
+    for one in slow:
+        with contextlib.suppress(OSError):
+            one.sendall(sent)
+    with httpx.Client(headers={"connection": "close"}) as client:
+        begun = time.monotonic()
+        assert [client.get(served).status_code for _ in range(5)] == [200] * 5
+    assert time.monotonic() - begun < limits.ASKING
+    monkeypatch.setattr(limits, "ASKING", 0.2)
+    late = socket.create_connection(("127.0.0.1", port))
+    late.settimeout(3.0)
+    for piece in b"GET / HT":
+        with contextlib.suppress(OSError):  # it is sent away, however busy it is
+            late.sendall(bytes([piece]))
+        time.sleep(0.05)
+    with contextlib.suppress(ConnectionError):
+        assert late.recv(1) == b""
+    for one in [*slow, late]:
+        one.close()
 
 
 def test_close_sends_everybody_away_and_frees_the_port() -> None:

@@ -81,9 +81,21 @@ def examine(
         frozen = frozen_of(clean, ruleset)
         found, clean = found + frozen, without(clean, frozen)
     findings = [_with_end(recording, one) for one, _ in found]
-    findings += [*_lost(recording, ruleset), *_clock(recording)]
+    findings += _clock(recording)
     findings.sort(key=lambda f: ("FC".index(f.condition.status), f.since, f.id))
     return Health(tuple(findings), clean)
+
+
+def lost_readings(recording: Recording, ruleset: Ruleset) -> Iterator[SensorFinding]:
+    """Readings that most rows lack: what needs them is mostly not judged, and not in order."""
+    since, until = float(recording.time[0]), float(recording.time[-1])
+    for name in sorted(ruleset.read & recording.values.keys()):
+        there = count_of(parts_of(recording.values[name]))
+        if there < limits.LEAST_THERE * len(recording):
+            text = f"{name} has a reading in {there} of {len(recording)} rows"
+            yield SensorFinding(
+                condition=LOST, signal=name, since=since, until=until, text=text, behind=TO_THE_END
+            )
 
 
 def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
@@ -142,18 +154,6 @@ def _joined(before: str, condition: Condition) -> str:
 def _with_end(recording: Recording, finding: SensorFinding) -> SensorFinding:
     lasts = finding.until >= recording.time[-1]
     return replace(finding, behind=TO_THE_END if lasts else ENDED)
-
-
-def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[SensorFinding]:
-    """Readings that most rows lack: what needs them is mostly not judged, and not in order."""
-    since, until = float(recording.time[0]), float(recording.time[-1])
-    for name in sorted(ruleset.read & recording.values.keys()):
-        there = count_of(parts_of(recording.values[name]))
-        if there < limits.LEAST_THERE * len(recording):
-            text = f"{name} has a reading in {there} of {len(recording)} rows"
-            yield SensorFinding(
-                condition=LOST, signal=name, since=since, until=until, text=text, behind=TO_THE_END
-            )
 
 
 def _clock(recording: Recording) -> list[SensorFinding]:

@@ -65,6 +65,8 @@ def _file(path: Path, make: bool) -> sa.Engine:
 
     def connect() -> sqlite3.Connection:
         mode = "rwc" if make else "rw"
+        if not _writable(path) and not path.with_name(f"{path.name}-wal").exists():
+            mode = "ro&immutable=1"  # WAL mode writes beside the file even to read it
         uri = f"{path.absolute().as_uri()}?mode={mode}"
         return sqlite3.connect(
             uri, uri=True, timeout=limits.BUSY, isolation_level=None, check_same_thread=False
@@ -79,7 +81,8 @@ def _file(path: Path, make: bool) -> sa.Engine:
 
     @sa.event.listens_for(engine, "checkout")
     def _still_there(_: Any, record: Any, __: Any) -> None:
-        # What is written into a file that was moved or deleted is lost.
+        # What is written into a file that was moved or deleted is lost; what was opened on a disk
+        # that could not be written stays so.
         if record.info["file"] != _identity(path):
             raise exc.DisconnectionError
 
@@ -100,12 +103,17 @@ def prepared(engine: sa.Engine, place: str) -> None:
             driver.execute("PRAGMA journal_mode=WAL").fetchall()
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
+def _identity(path: Path) -> tuple[int, int, bool] | None:
     try:
         found = os.stat(path)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return found.st_dev, found.st_ino, _writable(path)
+
+
+def _writable(path: Path) -> bool:
+    """Can files be written in its folder? On a read-only disk nobody can."""
+    return os.access(path.parent, os.W_OK)
 
 
 def _server(url: sa.URL) -> tuple[sa.Engine, str]:

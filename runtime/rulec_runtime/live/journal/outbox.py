@@ -6,7 +6,6 @@ is kept in memory and in a file beside it, and it is tried again and again.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +16,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.spill import Pending, spill, waiting
+from rulec_runtime.live.steady import steady
 from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.report.text import counted
 
@@ -51,13 +51,13 @@ class Outbox:
         *,
         dated: bool = True,
         file: Path | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = steady,
     ) -> None:
         self._sink, self._plant, self._say = sink, plant, say
-        self.dated = dated
-        """Are times of events s since 1970? A source may know that from its first rows on."""
         self.file, self._clock = file, clock
-        left = Pending() if file is None else waiting(file, plant)
+        left = Pending(dated=dated) if file is None else waiting(file, plant)
+        self.dated = left.dated if left.events else dated
+        """Are times of events s since 1970? A source may know that from its first rows on."""
         self._events: list[Event] = list(left.events)
         self._state = left.state
         self._spilled = bool(left.events)
@@ -145,15 +145,16 @@ class Outbox:
         """One try, if it is time for one; s until the next one."""
         now = self._clock()
         with self._changed:
-            pending, changes = Pending(tuple(self._events), self._state), self._changes
-        idle = pending == Pending() and now < self._written + limits.RENEWED
+            pending = Pending(tuple(self._events), self._state, self.dated)
+            changes = self._changes
+        idle = not pending.events and pending.state is None and now < self._written + limits.RENEWED
         if idle or self._refused is not None:
             return limits.RENEWED
         if self._trouble is not None:
             self._keep(pending, changes)  # before a try that may take long
         if now >= self._due:
             try:
-                self._sink.commit(self._plant, pending.events, pending.state, dated=self.dated)
+                self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
             except JournalTrouble as error:
                 self._failed(str(error), now)
             except JournalRefused as error:
@@ -227,7 +228,7 @@ class Outbox:
         if began < self._spill_due:
             return
         with suppress(OSError):  # where the disk is full here as well, memory has it all
-            spill(self.file, self._plant, pending, self.dated)
+            spill(self.file, self._plant, pending)
             self._spilled = True
             self._kept = changes
         now = self._clock()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,6 +10,7 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.steady import steady
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.device_health import DeviceHealth
@@ -77,7 +77,7 @@ class MqttSink:
 
     def show(self, now: Now) -> None:
         status = (now.status, len(now.active), now.connected, self._broker.sessions)
-        clock = time.monotonic()
+        clock = steady()
         if not _known(now) or (status == self._shown and clock < self._due):
             return
         try:

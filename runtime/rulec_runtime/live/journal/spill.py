@@ -32,10 +32,12 @@ class Note:
 
 @dataclass(frozen=True)
 class Pending:
-    """Events in order, and the watcher's state after the last of them."""
+    """Events in order, and the watcher's state after the last of them; `dated` if times are s since
+    1970."""
 
     events: tuple[Event, ...] = ()
     state: bytes | None = None
+    dated: bool = True
 
 
 def spill_beside(path: Path, plant: str) -> Path:
@@ -49,9 +51,9 @@ def notes_beside(file: Path) -> Path:
     return file.with_name(file.name.replace(".waiting.", ".acknowledged."))
 
 
-def spill(file: Path, plant: str, pending: Pending, dated: bool) -> None:
+def spill(file: Path, plant: str, pending: Pending) -> None:
     """Write what waits, as a whole; raises OSError where that cannot be."""
-    state = pending.state
+    state, dated = pending.state, pending.dated
     data = {
         "plant": plant,
         "dated": dated,
@@ -70,7 +72,8 @@ def waiting(file: Path, plant: str) -> Pending:
     def pending(data: Any) -> Pending:
         state = data["state"]
         events = tuple(event_of(record) for record in data["events"])
-        return Pending(events, None if state is None else base64.b64decode(state, validate=True))
+        kept = None if state is None else base64.b64decode(state, validate=True)
+        return Pending(events, kept, bool(data["dated"]))
 
     return _read(file, plant, "events", pending) or Pending()
 

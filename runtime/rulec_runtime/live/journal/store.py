@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import sqlalchemy as sa
 
@@ -91,6 +92,11 @@ class Journal:
             connection = plain.execution_options(**READING) if reading else plain
             with connection.begin():
                 yield connection
+
+    @property
+    def is_there(self) -> bool:
+        """May it hold something? A file that is not there does not."""
+        return "://" in self.place or Path(self.place).exists()
 
     def hold(self, plant: str) -> None:
         """Watch a plant, or say that it is still watched; nobody else can until `release`, or the

@@ -7,7 +7,6 @@ value. Values hold until they are told anew or their place is lost.
 
 from __future__ import annotations
 
-import time as clocks
 from collections.abc import Iterable, Mapping
 from threading import RLock
 
@@ -17,6 +16,8 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.handover import Handover, now
 from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
+from rulec_runtime.live.sources.unread import Unread
+from rulec_runtime.live.steady import steady
 
 
 class Assembler:
@@ -32,6 +33,7 @@ class Assembler:
         self._values = np.full(len(place_of), np.nan)
         self._silence = {place: Silence(source.stale) for place in place_of.values()}
         self._heard = set(self._silence)
+        self._unread = Unread(place_of, source.stale)
         self._pending: set[str] = set()
         self._first = self._first_time = 0.0
         self._newest = self._last = -float("inf")
@@ -59,17 +61,29 @@ class Assembler:
             for place in self._heard.intersection(places):
                 self._silence[place].heard()
 
-    def put(self, places: Iterable[str], values: Mapping[str, float], time: float) -> None:
-        """What places say at a time, s since 1970; readings in SI, NaN where there is none."""
+    def unusable(self, signal: str, why: str) -> None:
+        """A signal has no value at all, which is told where it is new."""
+        with self._lock:
+            self._take(signal, float("nan"), why)
+
+    def _take(self, signal: str, reading: float, why: str) -> None:
+        self._values[self._index[signal]] = reading
+        if told := self._unread.take(signal, why):
+            self._hand.notices(told)
+
+    def put(
+        self, places: Iterable[str], values: Mapping[str, tuple[float, str]], time: float
+    ) -> None:
+        """What places say at a time, s since 1970; readings in SI, or NaN and why there is none."""
         with self._lock:
             here = set(places)
             if here & self._pending and time - self._first_time >= self._interval / 2:
                 self._end_row()
             if not self._pending:
-                self._first, self._first_time = clocks.monotonic(), time
+                self._first, self._first_time = steady(), time
             again = [place for place in here if self._silence[place].heard()]
-            for name, value in values.items():
-                self._values[self._index[name]] = value
+            for name, (reading, why) in values.items():
+                self._take(name, reading, why)
             self._heard |= here
             if again and not self.silent:
                 text = "all values come again"
@@ -84,14 +98,15 @@ class Assembler:
         with self._lock:
             self._heard.discard(place)
             self._pending.discard(place)
-            for name, of in self._place_of.items():
-                if of == place:
-                    self._values[self._index[name]] = np.nan
+            gone = [name for name, of in self._place_of.items() if of == place]
+            for name in gone:
+                self._values[self._index[name]] = np.nan
+            self._unread.begin(gone)
 
     def tick(self) -> None:
         """To be called now and then: rows that wait for a place end, silent places are told."""
         with self._lock:
-            if self._pending and clocks.monotonic() - self._first >= self._interval:
+            if self._pending and steady() - self._first >= self._interval:
                 self._end_row()
             silent = [place for place, silence in self._silence.items() if silence.begins()]
             for place in silent:
@@ -101,6 +116,8 @@ class Assembler:
                 names = f"{', '.join(silent)}: " if any(silent) else ""
                 text = f"{names}no value for {seconds:.0f} s"
                 self._hand.notices([notice("stale", now(), text)])
+            read = [name for name, of in self._place_of.items() if of in self._heard]
+            self._hand.notices(self._unread.lasting(read))
 
     def _end_row(self) -> None:
         """Hand a row out if it is later than the last; else its values stand in the next one."""

@@ -24,6 +24,7 @@ from rulec_runtime.live.sources.rotation import (
 )
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_stream import TableStream
+from rulec_runtime.live.steady import steady
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording_file import times_of
@@ -91,14 +92,14 @@ class GrowingFile:
         }
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        until = clocks.monotonic() + seconds
+        until = steady() + seconds
         while not self.ended:
             found, self._waiting = self._waiting, []
             try:
                 found += self._look()
             except OSError as error:
                 found += self._lost(f"cannot be read ({error.strerror})")
-            left = until - clocks.monotonic()
+            left = until - steady()
             if found or left <= 0:
                 return found
             clocks.sleep(min(limits.POLL, left))
@@ -210,7 +211,7 @@ class GrowingFile:
         if there and self._path.stat().st_ino == inode_of(self._file):
             self._replaced = None
             return [*self._found_again(), *self._stale()]
-        now = clocks.monotonic()
+        now = steady()
         self._replaced = self._replaced or now
         if now - self._replaced < limits.LINGER:
             return []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clocks
 from collections import deque
 from collections.abc import Sequence
 from threading import Condition
@@ -13,6 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import notice
+from rulec_runtime.live.steady import steady
 from rulec_runtime.output.plural import plural
 
 _Row = tuple[float, Array]
@@ -53,7 +53,8 @@ class Handover:
     def take(self, seconds: float) -> list[Rows | Notice]:
         """All that waits, waiting for it no longer than this."""
         with self._changed:
-            self._changed.wait_for(lambda: self._rows or self._notices, seconds)
+            if not (self._rows or self._notices):
+                self._changed.wait(seconds)
             rows, self._rows = self._rows, deque()
             notices = list(self._notices)
             self._notices.clear()
@@ -80,5 +81,5 @@ class Handover:
 
 
 def now() -> float:
-    """Time of a notice of a dated source, s since 1970."""
-    return clocks.time()
+    """Time of a notice of a dated source, s since 1970; it never goes back."""
+    return steady.wall()

@@ -12,6 +12,10 @@ FUTURE = 86_400.0
 """Seconds by which a date of a file may be ahead of this computer's clock. Origin: assumed; stamps
 without a zone are up to 14 h ahead."""
 
+TICK = 1.0
+"""Seconds between two looks at what has fallen silent at most. Origin: assumed; a tenth of `STALE`.
+"""
+
 AGAIN = 3600.0
 """Seconds after which a remark that keeps coming is told again, with how often it came. Origin:
 assumed."""

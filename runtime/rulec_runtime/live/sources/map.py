@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.map_access import ACCESS, Access, read_access
+from rulec_runtime.live.sources.map_access import ACCEPT, ACCESS, ANSWERS, Access, read_access
 from rulec_runtime.live.sources.map_entry import Entry, hint, read_entries
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
@@ -35,7 +35,9 @@ MQTT = Kind(
 class Channel:
     """Where a signal comes from: reading in `unit` = number * scale + offset.
 
-    `unit` is empty where the map states none; `name` is the key of a topic's object.
+    `unit` is empty where the map states none; `name` is the key of a topic's object. `index` is the
+    place of the number in a node that holds an array, from 0 on; `uncertain` whether values count
+    whose quality is Uncertain.
     """
 
     signal: SignalSpec
@@ -46,6 +48,8 @@ class Channel:
     offset: float
     server: str
     place: str
+    index: int | None = None
+    uncertain: bool = False
 
     def refused(self, text: str) -> SourceRefused:
         return SourceRefused(f"{self.place}: {self.signal.id} ({self.address}): {text}")
@@ -155,7 +159,7 @@ def _check_endpoint(text: str, kind: Kind) -> None:
 
 def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, Server]) -> Channel:
     signal = ruleset.signal_by_id[entry.name]
-    more = ("name",) if kind is MQTT else ()
+    more = ("name",) if kind is MQTT else ("index", "uncertain")
     own = {} if entry.is_text else entry.items((kind.address, *_OF_SIGNAL, *more))
     if not entry.is_text and kind.address not in own:
         raise entry.refused(f"{signal.id} needs '{kind.address}:'")
@@ -182,6 +186,8 @@ def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, S
         offset=own["offset"].number() if "offset" in own else 0.0,
         server=name,
         place=entry.place,
+        index=int(own["index"].number(0.0)) if "index" in own else None,
+        uncertain="uncertain" in own and own["uncertain"].one_of(ANSWERS) == ACCEPT,
     )
 
 

@@ -18,14 +18,18 @@ ACCESS = ("security", "user", "password")
 
 POLICIES = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
 MODES = ("SignAndEncrypt", "Sign")
-_SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca")
+ACCEPT = "accept"
+ANSWERS = ("refuse", ACCEPT)
+"""To what is no good by itself: values that are uncertain, certificates that have expired."""
+_SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca", "expired")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
     """Certificates as files; `policy` is empty without any. The password is in no representation.
 
-    `ca` holds the authorities that a broker's certificate may come from.
+    `ca` holds the authorities that a broker's certificate may come from; `expired` says whether
+    certificates count beyond their time.
     """
 
     policy: str = ""
@@ -34,6 +38,7 @@ class Access:
     key: Path | None = None
     server_certificate: Path | None = None
     ca: Path | None = None
+    expired: bool = False
     user: str = ""
     password: str = field(default="", repr=False)
 
@@ -43,7 +48,7 @@ def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Acce
     own: Mapping[str, Entry] = {}
     if "security" in entries:
         own = entries["security"].items(_SECURITY)
-    policy = _one_of(own, "policy", POLICIES) if own else ""
+    policy = _chosen(own, "policy", POLICIES) if own else ""
     files = {
         name: _file(path, own[name])
         for name in ("certificate", "key", "server_certificate", "ca")
@@ -54,6 +59,8 @@ def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Acce
         raise entries["security"].refused(
             "'security' needs 'certificate:' and 'key:', files of this computer's own certificate"
         )
+    if "expired" in own and parts.scheme != "opc.tcp":
+        raise own["expired"].refused("a broker whose certificate has expired is never read")
     password = _secret(path, entries["password"]) if "password" in entries else ""
     safe = parts.scheme == "mqtts" or bool(policy and parts.scheme == "opc.tcp")
     if password and not safe and not is_loopback(parts.hostname or ""):
@@ -62,20 +69,16 @@ def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Acce
         )
     return Access(
         policy=policy,
-        mode=_one_of(own, "mode", MODES),
+        mode=_chosen(own, "mode", MODES),
+        expired=_chosen(own, "expired", ANSWERS) == ACCEPT,
         user=entries["user"].text() if "user" in entries else "",
         password=password,
         **files,
     )
 
 
-def _one_of(own: Mapping[str, Entry], name: str, known: tuple[str, ...]) -> str:
-    if name not in own:
-        return known[0]
-    text = own[name].text()
-    if text not in known:
-        raise own[name].refused(f"'{name}' is one of {', '.join(known)}")
-    return text
+def _chosen(own: Mapping[str, Entry], name: str, known: tuple[str, ...]) -> str:
+    return own[name].one_of(known) if name in own else known[0]
 
 
 def _file(path: Path, entry: Entry) -> Path:

@@ -37,6 +37,12 @@ class Entry:
             raise self.refused(f"'{self.name}' needs a single value")
         return value
 
+    def one_of(self, known: tuple[str, ...]) -> str:
+        text = self.text()
+        if text not in known:
+            raise self.refused(f"'{self.name}' is one of {', '.join(known)}")
+        return text
+
     def number(self, least: float = -float("inf")) -> float:
         try:
             value = float(self.text())

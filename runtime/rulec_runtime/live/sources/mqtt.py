@@ -23,6 +23,8 @@ from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.sparkplug import Heard, Sparkplug
+from rulec_runtime.live.sources.unread import usable
+from rulec_runtime.live.steady import Standstill
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -55,7 +57,6 @@ class Mqtt:
         plain = [topic for topic in self._by_topic if not self._sparkplug.hears(topic)]
         self._topics = [*plain, *self._sparkplug.topics]
         self._newest: dict[str, float] = {}
-        self._bad: dict[str, str] = {}
         self._gone: float | None = None
         self._stopped = Event()
         self._client = self._connecting()
@@ -98,7 +99,13 @@ class Mqtt:
         return client
 
     def _ticks(self) -> None:
-        while not self._stopped.wait(self._source.interval / 4):
+        still = Standstill()
+        while not self._stopped.wait(min(self._source.interval / 4, limits.TICK)):
+            if lasted := still.lasted:
+                text = f"this computer stood still for {lasted:.0f} s, or its clock was set"
+                told = notice("gap", now() - lasted, f"{text}; rows may be missing")
+                self._hand.notices([told])
+            still.moves()
             self._rows.tick()
 
     def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
@@ -209,14 +216,7 @@ class Mqtt:
         text = f"{signal}: a value is left out: {why}"
         return self._remarks.tell("clock", (signal, key), now(), text)
 
-    def _reading(self, channel: Channel, value: Value) -> float:
-        """In SI; NaN where there is none, told when that begins."""
-        signal = channel.signal.id
-        factor, offset, most = self._scales[signal]
-        reading, bad = value.number * factor + offset, value.bad
-        if abs(reading) > most:
-            reading, bad = float("nan"), "beyond any sensor"
-        if bad and self._bad.get(signal) != bad:
-            self._hand.notices([notice("refused", now(), f"{signal} has no reading: {bad}")])
-        self._bad[signal] = bad
-        return reading
+    def _reading(self, channel: Channel, value: Value) -> tuple[float, str]:
+        """In SI; NaN where there is none, and why."""
+        factor, offset, most = self._scales[channel.signal.id]
+        return usable(value.number * factor + offset, value.bad, most)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time as clocks
+from collections.abc import Mapping
 from threading import Thread
+from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
@@ -16,6 +17,7 @@ from rulec_runtime.live.sources.map import SourceMap
 from rulec_runtime.live.sources.opcua_link import Link
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks
+from rulec_runtime.live.steady import Standstill, steady, steady_loop
 
 
 class OpcUa:
@@ -23,31 +25,50 @@ class OpcUa:
 
     A row's time is the newest stamp of what changed since the last one, else when the server said
     that nothing did. Waits at the start for the servers' first answer; raises `SourceRefused`
-    where a node is not what the map says.
+    where a node is not what the map says. `resume` is the `position` of an earlier process.
     """
 
     dated = True
 
-    def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
+    def __init__(
+        self, source: SourceMap, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
+    ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
         place_of = {c.signal.id: c.server for c in source.channels}
         self._source, self._remarks = source, Remarks()
         self._hand = Handover(tuple(place_of))
         self._rows = Assembler(source, place_of, self._hand, self._remarks)
-        self._links = [
-            Link(source, s, ruleset, self._rows, self._hand, self._remarks) for s in source.servers
-        ]
+        self._still = Standstill()
+        known = (resume or {}).get("namespaces", {})
+        self._links = {
+            s.name: Link(
+                source,
+                s,
+                ruleset,
+                self._rows,
+                self._hand,
+                self._remarks,
+                self._still,
+                known.get(s.name, {}),
+            )
+            for s in source.servers
+        }
         self.ended = False
-        self._loop = asyncio.new_event_loop()
+        self._loop = steady_loop()
         self._thread = Thread(target=self._run, name="opcua", daemon=True)
         self._thread.start()
-        until = clocks.monotonic() + limits.OPENING
-        for link in self._links:
-            link.answered.wait(max(0.0, until - clocks.monotonic()))
-        refused = [link.refused for link in self._links if link.refused]
+        until = steady() + limits.OPENING
+        for link in self._links.values():
+            link.answered.wait(max(0.0, until - steady()))
+        refused = [link.refused for link in self._links.values() if link.refused]
         if refused:
             self.close()
             raise SourceRefused(refused[0])
+
+    @property
+    def position(self) -> dict[str, Any]:
+        """What numbers of namespaces in the map stood for, by server; it can be stored as JSON."""
+        return {"namespaces": {name: dict(one.namespaces) for name, one in self._links.items()}}
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         return [] if self.ended else self._hand.take(seconds)
@@ -60,7 +81,7 @@ class OpcUa:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
-        self._tasks = [self._loop.create_task(link.keep()) for link in self._links]
+        self._tasks = [self._loop.create_task(link.keep()) for link in self._links.values()]
         self._tasks.append(self._loop.create_task(self._ticks()))
         self._loop.run_forever()
 
@@ -75,5 +96,9 @@ class OpcUa:
 
     async def _ticks(self) -> None:
         while True:
-            await asyncio.sleep(self._source.interval / 4)
+            await asyncio.sleep(min(self._source.interval / 4, limits.TICK))
+            if lasted := self._still.lasted:
+                for link in self._links.values():
+                    link.begin_anew(lasted)
+            self._still.moves()
             self._rows.tick()

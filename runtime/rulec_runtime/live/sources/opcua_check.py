@@ -10,7 +10,7 @@ from asyncua import Client, ua
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel, conversion
-from rulec_runtime.live.sources.opcua_nodes import nodes_of
+from rulec_runtime.live.sources.opcua_session import is_gone
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.reading_unit import parse_unit
 
@@ -26,57 +26,85 @@ _NUMBERS = {
 
 
 async def scales_of(
-    client: Client, channels: Sequence[Channel], ruleset: Ruleset
-) -> tuple[list[tuple[float, float]], list[str]]:
+    client: Client, channels: Sequence[Channel], nodes: Sequence[ua.NodeId], ruleset: Ruleset
+) -> tuple[list[tuple[float, float] | str], list[str]]:
     """Factor and offset of each channel: SI = number * factor + offset; what was assumed.
 
-    Raises `SourceRefused` where a node is missing, no number, or in a unit of another kind.
+    In place of them, why a node cannot be read: it is missing, no number, or in a unit of another
+    kind.
     """
-    nodes = await nodes_of(client, channels)
-    types = await _read(client, nodes, ua.AttributeIds.DataType)
+    types = await _types(client, nodes)
     ranks = await _read(client, nodes, ua.AttributeIds.ValueRank)
     units = await _units(client, nodes)
-    scales: list[tuple[float, float]] = []
+    scales: list[tuple[float, float] | str] = []
     notes: list[str] = []
     for channel, type_of, rank, unit in zip(channels, types, ranks, units, strict=True):
         if not type_of.StatusCode.is_good():
-            raise channel.refused(
+            scales.append(
                 f"the server answers {type_of.StatusCode.name}; look the node up in its address "
                 "space"
             )
-        if not await _is_number(client, type_of.Value.Value):
+        elif not await _is_number(client, type_of.Value.Value):
             name = _type_name(type_of.Value.Value)
-            raise channel.refused(f"the node holds {name}; a number is needed")
-        if rank.StatusCode.is_good() and rank.Value.Value >= 0:
-            raise channel.refused("the node holds an array; a single number is needed")
-        scales.append(_scale(channel, unit, ruleset, notes))
+            scales.append(f"the node holds {name}; a number is needed")
+        elif channel.index is None and rank.StatusCode.is_good() and rank.Value.Value >= 0:
+            scales.append(
+                "the node holds an array; write 'index: 0' at the signal for its first number"
+            )
+        else:
+            try:
+                scales.append(_scale(channel, unit, ruleset, notes))
+            except ValueError as error:
+                scales.append(one_line(str(error)))
     return scales, notes
 
 
+async def gone_of(client: Client, nodes: Sequence[ua.NodeId]) -> set[int]:
+    """Which of the nodes the server has no more, by their places."""
+    classes = await _read(client, nodes, ua.AttributeIds.NodeClass)
+    return {i for i, one in enumerate(classes) if is_gone(one)}
+
+
+async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
+    """The data type of each node; where it may hold anything, that of what it holds now."""
+    types = await _read(client, nodes, ua.AttributeIds.DataType)
+    any_type = ua.NodeId(ua.ObjectIds.BaseDataType)
+    open_ones = [
+        i for i, t in enumerate(types) if t.StatusCode.is_good() and t.Value.Value == any_type
+    ]
+    values = await _read(client, [nodes[i] for i in open_ones], ua.AttributeIds.Value)
+    for i, value in zip(open_ones, values, strict=True):
+        # A node that holds nothing yet may hold a number later; what comes is looked at anyway.
+        kind = _KINDS.Double if value.Value is None else value.Value.VariantType
+        kind = _KINDS.Double if kind == _KINDS.Null else kind
+        types[i] = ua.DataValue(ua.Variant(ua.NodeId(kind.value)))
+    return types
+
+
 def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> tuple[float, float]:
-    """Of the unit in the map, else of the server's; where both are known they must agree."""
+    """Of the unit in the map, else of the server's; where both are known they must agree.
+
+    Raises ValueError with what is wrong.
+    """
     signal, raw = channel.signal, (channel.scale, channel.offset) != (1.0, 0.0)
     stated = channel.unit
     theirs = parse_unit(unit, ruleset.units) if unit else None
     if not stated and unit and not raw:
         if theirs is None:
-            raise channel.refused(
-                f"the server gives its unit as '{one_line(unit[:40])}', which is not known; "
+            raise ValueError(
+                f"the server gives its unit as '{unit[:40]}', which is not known; "
                 f"state the unit in the map, as in 'unit: {signal.unit}'"
             )
         stated = unit
     elif stated and theirs is not None and not raw:
         ours = parse_unit(stated, ruleset.units)
         if ours is not None and (ours.dimension, ours.offset) != (theirs.dimension, theirs.offset):
-            raise channel.refused(f"the map says {stated}, but the server says {unit}")
+            raise ValueError(f"the map says {stated}, but the server says {unit}")
         if ours is not None and abs(ours.factor / theirs.factor - 1) > limits.SAME_UNIT:
-            raise channel.refused(f"the map says {stated}, but the server says {unit}")
+            raise ValueError(f"the map says {stated}, but the server says {unit}")
     if not stated:
         notes.append(f"{signal.id} names no unit; {signal.unit} is assumed")
-    try:
-        factor, offset = conversion(signal, stated, ruleset)
-    except ValueError as error:
-        raise channel.refused(one_line(str(error))) from None
+    factor, offset = conversion(signal, stated, ruleset)
     return channel.scale * factor, channel.offset * factor + offset
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
-import time as clocks
 from collections.abc import Mapping, Sequence
 from threading import Event
+from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import NoticeKind
@@ -16,9 +16,11 @@ from rulec_runtime.live.sources.abandon import bounded
 from rulec_runtime.live.sources.assembler import Assembler
 from rulec_runtime.live.sources.handover import Handover, now
 from rulec_runtime.live.sources.map import Server, SourceMap
-from rulec_runtime.live.sources.opcua_message import Message
+from rulec_runtime.live.sources.opcua_message import Message, node_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.live.sources.unread import usable
+from rulec_runtime.live.steady import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -27,7 +29,8 @@ class Link:
     """Reads one server until it is cancelled.
 
     `answered` is set when the server was reached or failed for the first time; `refused` says why
-    what it has is not what the map says, as far as that was its first answer.
+    what it has is not what the map says, as far as that was its first answer. `namespaces` are the
+    URIs of numbers in the map, as they were when the server was read first.
     """
 
     def __init__(
@@ -38,17 +41,23 @@ class Link:
         rows: Assembler,
         hand: Handover,
         remarks: Remarks,
+        still: Standstill,
+        namespaces: Mapping[str, str],
     ) -> None:
-        self._interval, self._server, self._ruleset = source.interval, server, ruleset
+        self._interval, self._stale = source.interval, source.stale
+        self._server, self._ruleset = server, ruleset
         self._rows, self._hand, self._remarks = rows, hand, remarks
         self._channels = [c for c in source.channels if c.server == server.name]
         self._largest = [largest_reading(c.signal) for c in self._channels]
-        self._scales: Sequence[tuple[float, float]] = ()
+        self._scales: dict[int, tuple[float, float]] = {}
         self._notes: Sequence[str] = ()
+        self._lacking: set[int] = set()
+        self._still, self._stood = still, False
+        self.namespaces = namespaces
         self._heard = 0.0
         self._over, self._why = asyncio.Event(), ""
-        self._bad: dict[str, str] = {}
         self._gone: float | None = None
+        self._told = ""
         self._alive = False
         self.answered, self.refused = Event(), ""
 
@@ -73,31 +82,70 @@ class Link:
 
     async def _session(self) -> None:
         """One connection; ends with an error. The client is closed or abandoned in any case."""
-        from rulec_runtime.live.sources.opcua_check import scales_of
         from rulec_runtime.live.sources.opcua_session import connected, discard, subscribed
 
         client = await connected(self._server)
         try:
-            checked = scales_of(client, self._channels, self._ruleset)
-            self._scales, self._notes = await bounded(checked, limits.CHECKING)
-            self._heard, self._why = clocks.monotonic(), ""
+            self._scales, self._lacking = {}, set(range(len(self._channels)))
+            self._heard, self._why = steady(), ""
             self._over = asyncio.Event()
-            asked = subscribed(client, self._channels, self._interval, self._published)
-            step = await bounded(asked, limits.CHECKING)
+            asked = subscribed(client, self._interval, self._published)
+            subscription, step = await bounded(asked, limits.CHECKING)
+            await bounded(self._look(client, subscription), limits.CHECKING)
             self._tell_slower(step)
             self.answered.set()
             most = max(limits.SILENT, limits.SILENT_INTERVALS * step)
-            await self._silent_for(most)
+            while await self._heard_for(self._stale, most):
+                await bounded(self._look(client, subscription), limits.CHECKING)
             raise ConnectionError(self._why or f"the server said nothing for {most:.3g} s")
         finally:
             await discard(client)
 
-    async def _silent_for(self, most: float) -> None:
-        """Returns when the server said nothing for `most` s, or that it is over."""
-        while (left := most - (clocks.monotonic() - self._heard)) > 0:
+    async def _look(self, client: Any, subscription: int) -> None:
+        """Subscribe to the nodes that are lacking, as far as they are what the map says.
+
+        Raises `SourceRefused` for others in the first answer; later their signals have no reading.
+        Not every server says that a node is gone, so those that were there are asked for.
+        """
+        from rulec_runtime.live.sources.opcua_check import gone_of, scales_of
+        from rulec_runtime.live.sources.opcua_nodes import namespaces_of, nodes_of
+        from rulec_runtime.live.sources.opcua_session import monitored
+
+        uris = await namespaces_of(client)
+        every = nodes_of(self._channels, uris, self.namespaces)
+        self._lacking |= await gone_of(client, every)
+        asked = sorted(self._lacking)
+        if not asked:
+            return
+        channels, nodes = [self._channels[i] for i in asked], [every[i] for i in asked]
+        scales, self._notes = await scales_of(client, channels, nodes, self._ruleset)
+        good = {}
+        for i, node, scale in zip(asked, nodes, scales, strict=True):
+            if not isinstance(scale, str):
+                self._scales[i], good[i] = scale, node
+                self._lacking.discard(i)
+        failed = await monitored(client, subscription, good, self._interval)
+        failed |= {i: s for i, s in zip(asked, scales, strict=True) if isinstance(s, str)}
+        for i, why in failed.items():
+            if not self.answered.is_set():
+                raise self._channels[i].refused(why)
+            self._lacking.add(i)
+            self._rows.unusable(self._channels[i].signal.id, why)
+        numbers = {str(node_of(self._channels[i]).NamespaceIndex) for i in good} - {"0"}
+        here = {n: uris[int(n)] for n in numbers if int(n) < len(uris)}
+        self.namespaces = {**here, **self.namespaces}
+
+    async def _heard_for(self, seconds: float, most: float) -> bool:
+        """Returns after so many s; False when the server said nothing for `most` s, or that it is
+        over."""
+        until = steady() + seconds
+        while (left := most - (steady() - self._heard)) > 0:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._over.wait(), left)
-                return
+                await asyncio.wait_for(self._over.wait(), min(left, max(until - steady(), 0.0)))
+                return False
+            if steady() >= until:
+                return True
+        return False
 
     def _published(self, message: Message) -> None:
         """A message of the server. Called by asyncua, which swallows what is raised."""
@@ -105,7 +153,9 @@ class Link:
             self._why = message.over
             self._over.set()
             return
-        self._heard = clocks.monotonic()
+        if self._still.lasted:
+            return  # it waited here for long; the connection is made anew at once
+        self._heard = steady()
         here = now()
         published = message.time if message.time is not None else here
         if abs(published - here) > limits.CLOCK_APART:
@@ -124,25 +174,20 @@ class Link:
         near = [t for t in stamps if abs(t - published) <= late]
         self._rows.put([self._server.name], values, max(near, default=published))
 
-    def _values(self, message: Message) -> tuple[Mapping[str, float], list[float]]:
-        """Readings in SI that changed, and their stamps."""
-        from rulec_runtime.live.sources.opcua_session import number, seconds
+    def _values(self, message: Message) -> tuple[Mapping[str, tuple[float, str]], list[float]]:
+        """Readings in SI that changed, or why there are none; and their stamps."""
+        from rulec_runtime.live.sources.opcua_session import is_gone, number, seconds
 
         values, stamps = {}, []
         for index, value in message.values:
-            if not 0 <= index < len(self._channels):
+            if index not in self._scales:
                 continue
-            signal = self._channels[index].signal.id
             factor, offset = self._scales[index]
-            raw, bad = number(value)
-            reading = raw * factor + offset
-            if abs(reading) > self._largest[index]:
-                reading, bad = float("nan"), "beyond any sensor"
-            if bad and self._bad.get(signal) != bad:
-                told = notice("refused", now(), f"{signal} has no reading: {bad}")
-                self._hand.notices([told])
-            self._bad[signal] = bad
-            values[signal] = reading
+            raw, why = number(value, self._channels[index])
+            reading = usable(raw * factor + offset, why, self._largest[index])
+            values[self._channels[index].signal.id] = reading
+            if is_gone(value):
+                self._lacking.add(index)
             stamp = seconds(value.SourceTimestamp)
             if stamp is not None:
                 stamps.append(stamp)
@@ -159,7 +204,7 @@ class Link:
         """Told with the first values, before their row."""
         server = self._server
         safe = f"{server.access.policy}, {server.access.mode}" if server.access.policy else "open"
-        signals = plural(len(self._channels), "signal", "signals")
+        signals = plural(len(self._scales), "signal", "signals")
         text = f"{server.endpoint} ({safe}): {signals} every {self._interval:g} s"
         if server.access.policy and server.access.server_certificate is None:
             text += "; no 'server_certificate' in the map, so any server is trusted"
@@ -169,16 +214,24 @@ class Link:
         if self._gone is not None and self._rows.begun:
             quiet = now() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
+            text += "; this computer stood still, or its clock was set" if self._stood else ""
             found.append(notice("gap", self._gone, text))
-        self._gone = None
+        self._gone, self._stood = None, False
         self._hand.notices(found)
+
+    def begin_anew(self, lasted: float) -> None:
+        """This computer stood still for so many s: what the server has sent since is old, and it
+        may have given us up. That is a gap; a server that is there is no alarm."""
+        if self._alive:
+            self._gone, self._stood = now() - lasted, True
+            self._over.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection is over; told once until it stands again."""
         self._rows.lost(self._server.name)
-        if self._gone is None:
-            self._gone = now()
-            self._hand.notices([notice(kind, self._gone, text)])
+        if self._gone is None or (kind == "refused" and text != self._told):
+            self._gone, self._told = self._gone or now(), text
+            self._hand.notices([notice(kind, now(), text)])
 
 
 def reason(error: Exception) -> str:

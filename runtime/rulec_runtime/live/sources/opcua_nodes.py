@@ -1,8 +1,8 @@
-"""Nodes of a map as one server numbers them: a map may name a namespace by its URI."""
+"""Nodes of a map as one server numbers them now: numbers may change whenever a server starts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from asyncua import Client, ua
 
@@ -11,31 +11,53 @@ from rulec_runtime.live.sources.opcua_message import node_of
 from rulec_runtime.output.terminal import one_line
 
 
-async def nodes_of(client: Client, channels: Sequence[Channel]) -> list[ua.NodeId]:
-    """The node of each channel. Raises `SourceRefused` where the server lacks its namespace.
+async def namespaces_of(client: Client) -> list[str]:
+    """The URIs of a server's namespaces, in the order of their numbers."""
+    return [str(uri) for uri in await client.get_namespace_array() or ()]
 
-    Numbers of namespaces may change whenever a server starts; URIs stay.
+
+def nodes_of(
+    channels: Sequence[Channel], uris: Sequence[str], known: Mapping[str, str]
+) -> list[ua.NodeId]:
+    """The node of each channel on a server with these namespaces.
+
+    A map names a namespace by its URI, or by a number, which is followed by the URI that it stood
+    for when the server was read first, if that is `known`. Raises `SourceRefused` where the server
+    has no such namespace.
     """
-    nodes = [node_of(channel) for channel in channels]
-    if not any(_uri(node) for node in nodes):
-        return nodes
-    known = [str(uri) for uri in await client.get_namespace_array()]
     found = []
-    for channel, node in zip(channels, nodes, strict=True):
-        own = numbered(node, known)
+    for channel in channels:
+        node = node_of(channel)
+        own = numbered(node, uris, known)
         if own is None:
-            text = f"the server has no namespace '{_uri(node)}'; it has {', '.join(known[1:9])}"
+            here = f"it has {', '.join(uris[1:9])}"
+            text = f"the server has no namespace '{_uri(node)}'; {here}"
+            if _uri(node) is None:
+                text = (
+                    f"the server has no namespace '{known[str(node.NamespaceIndex)]}' any more, "
+                    f"which ns={node.NamespaceIndex} was when it was read first; {here}. Is it "
+                    "another server? If not, name the namespace in the map: nsu=URI;..."
+                )
             raise channel.refused(one_line(text))
         found.append(own)
     return found
 
 
-def numbered(node: ua.NodeId, known: Sequence[str]) -> ua.NodeId | None:
-    """A node with the number of its namespace among the `known`; None where it is not there."""
-    uri = _uri(node)
+def numbered(
+    node: ua.NodeId, uris: Sequence[str], known: Mapping[str, str] | None = None
+) -> ua.NodeId | None:
+    """A node with the number that its namespace has among the `uris`; None where it is not there.
+
+    `known` as in `nodes_of`.
+    """
+    uri = _uri(node) or (known or {}).get(str(node.NamespaceIndex))
     if uri is None:
         return node
-    return ua.NodeId(node.Identifier, known.index(uri), node.NodeIdType) if uri in known else None
+    if uri not in uris:
+        return None
+    here = node.NamespaceIndex
+    number = here if list(uris[here : here + 1]) == [uri] else uris.index(uri)
+    return ua.NodeId(node.Identifier, number, node.NodeIdType)
 
 
 def _uri(node: ua.NodeId) -> str | None:

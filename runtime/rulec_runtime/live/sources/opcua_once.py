@@ -11,7 +11,7 @@ from asyncua import Client, ua
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.abandon import bounded
 from rulec_runtime.live.sources.map import Server
-from rulec_runtime.live.sources.opcua_nodes import numbered
+from rulec_runtime.live.sources.opcua_nodes import namespaces_of, numbered
 from rulec_runtime.live.sources.opcua_session import connected, discard
 
 
@@ -31,8 +31,8 @@ def read_once(server: Server, ids: Sequence[str], seconds: float) -> list[str]:
 async def _read(server: Server, ids: Sequence[str]) -> list[str]:
     client = await connected(server)
     try:
-        known = [str(uri) for uri in await client.get_namespace_array()]
-        nodes = [_node(text, known) for text in ids]
+        uris = await namespaces_of(client)
+        nodes = [_node(text, uris) for text in ids]
         asked = [node for node in nodes if node is not None]
         values = iter(await _values(client, asked))
         return [_text(next(values)) if node is not None else "" for node in nodes]
@@ -40,9 +40,9 @@ async def _read(server: Server, ids: Sequence[str]) -> list[str]:
         await discard(client)
 
 
-def _node(text: str, known: Sequence[str]) -> ua.NodeId | None:
+def _node(text: str, uris: Sequence[str]) -> ua.NodeId | None:
     try:
-        return numbered(ua.NodeId.from_string(text), known)
+        return numbered(ua.NodeId.from_string(text), uris)
     except (ua.UaError, ValueError, TypeError):
         return None
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,7 +19,11 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.abandon import abandon, bounded
 from rulec_runtime.live.sources.map import Channel, Server
 from rulec_runtime.live.sources.opcua_message import Message
-from rulec_runtime.live.sources.opcua_nodes import nodes_of
+from rulec_runtime.live.sources.refused import SourceRefused
+
+_GONE = (ua.StatusCodes.BadNodeIdUnknown, ua.StatusCodes.BadNodeIdInvalid)
+_UNCERTAIN = 1
+"""The two highest bits of a status. Origin: standard, OPC 10000-4, 7.39."""
 
 
 async def connected(server: Server) -> Client:
@@ -55,19 +59,32 @@ async def _secured(client: Client, server: Server) -> None:
         server_certificate=str(access.server_certificate) if access.server_certificate else None,
         mode=getattr(ua.MessageSecurityMode, access.mode),
     )
+    _check_dates(server, client)
+
+
+def _check_dates(server: Server, client: Client) -> None:
+    """Raises `SourceRefused` for a certificate beyond its time, unless the map accepts that."""
+    if server.access.expired:
+        return
+    policy = client.security_policy
+    whose = {"its": policy.peer_certificate, "this computer's own": policy.host_certificate}
+    for name, data in whose.items():
+        one = uacrypto.x509_from_der(data)
+        if not one.not_valid_before_utc <= datetime.now(UTC) <= one.not_valid_after_utc:
+            raise SourceRefused(
+                f"{server.endpoint}: {name} certificate is valid from "
+                f"{one.not_valid_before_utc:%Y-%m-%d} to {one.not_valid_after_utc:%Y-%m-%d} only; "
+                "renew it, or write 'expired: accept' below 'security:'"
+            )
 
 
 async def subscribed(
-    client: Client,
-    channels: Sequence[Channel],
-    interval: float,
-    published: Callable[[Message], None],
-) -> float:
-    """Subscribe to all channels; gives the s from message to message that the server grants.
+    client: Client, interval: float, published: Callable[[Message], None]
+) -> tuple[int, float]:
+    """A subscription, and the s from message to message that the server grants.
 
     Where nothing changes, the server says that it is alive once per publishing interval.
     """
-    nodes = await nodes_of(client, channels)
     parameters = ua.CreateSubscriptionParameters()
     parameters.RequestedPublishingInterval = interval * 1000
     parameters.RequestedLifetimeCount = 10_000
@@ -78,19 +95,26 @@ async def subscribed(
         parameters, lambda result: published(_message(result))
     )
     step = max(granted.RevisedPublishingInterval / 1000, interval)
-    for i in range(0, len(nodes), limits.NODES_PER_CALL):
+    return granted.SubscriptionId, float(step * max(1, granted.RevisedMaxKeepAliveCount))
+
+
+async def monitored(
+    client: Client, subscription: int, nodes: Mapping[int, ua.NodeId], interval: float
+) -> dict[int, str]:
+    """Subscribe to nodes by the index of their channel; why that failed, by index, where it did."""
+    failed = {}
+    indexes = list(nodes)
+    for i in range(0, len(indexes), limits.NODES_PER_CALL):
+        part = indexes[i : i + limits.NODES_PER_CALL]
         asked = ua.CreateMonitoredItemsParameters()
-        asked.SubscriptionId = granted.SubscriptionId
+        asked.SubscriptionId = subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
-        asked.ItemsToCreate = [
-            _item(nodes[k], k, interval)
-            for k in range(i, min(i + limits.NODES_PER_CALL, len(nodes)))
-        ]
+        asked.ItemsToCreate = [_item(nodes[k], k, interval) for k in part]
         results = await client.uaclient.create_monitored_items(asked)
-        for k, result in enumerate(results, i):
+        for k, result in zip(part, results, strict=True):
             if not result.StatusCode.is_good():
-                raise channels[k].refused(f"it cannot be subscribed: {result.StatusCode.name}")
-    return float(step * max(1, granted.RevisedMaxKeepAliveCount))
+                failed[k] = f"it cannot be subscribed: {result.StatusCode.name}"
+    return failed
 
 
 def _item(node: ua.NodeId, handle: int, interval: float) -> ua.MonitoredItemCreateRequest:
@@ -126,18 +150,32 @@ def seconds(stamp: datetime | None) -> float | None:
         return None
 
 
-def number(value: ua.DataValue | None) -> tuple[float, str]:
-    """The number of a value that is good, else NaN and the name of its quality."""
-    if value is None or value.Value is None or value.Value.Value is None:
-        status = value.StatusCode if value is not None else None
-        bad = status is not None and not status.is_good()
-        return float("nan"), str(status.name) if bad and status is not None else "no value"
-    if value.StatusCode is not None and not value.StatusCode.is_good():
-        return float("nan"), str(value.StatusCode.name)
-    try:
-        return float(value.Value.Value), ""
-    except (TypeError, ValueError, OverflowError):
-        return float("nan"), "no number"
+def is_gone(value: ua.DataValue) -> bool:
+    """Does a value say that its node is there no more?"""
+    return value.StatusCode is not None and value.StatusCode.value in _GONE
+
+
+def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
+    """The number of a value that can be used, else NaN and why it cannot."""
+    none, status = float("nan"), value.StatusCode
+    if is_gone(value):
+        return none, f"the node is gone ({status.name})"
+    if status is not None and not status.is_good():
+        if status.value >> 30 != _UNCERTAIN:
+            return none, str(status.name)
+        if not channel.uncertain:
+            return none, f"{status.name}; write 'uncertain: accept' at the signal to use it"
+    held: Any = None if value.Value is None else value.Value.Value
+    if isinstance(held, list | tuple):
+        if channel.index is None:
+            what = f"an array of {len(held)} values"
+            return none, f"{what}; write 'index: 0' at the signal for the first"
+        if channel.index >= len(held):
+            return none, f"an array of {len(held)} values has none at index {channel.index}"
+        held = held[channel.index]
+    if held is None:
+        return none, "no value"
+    return (float(held), "") if isinstance(held, int | float) else (none, "no number")
 
 
 async def discard(client: Client) -> None:

@@ -24,7 +24,7 @@ def open_source(
     ``mqtt://host``, ``mqtts://host``; ``opcua`` or ``mqtt`` alone is the endpoint that the map
     states.
 
-    `resume` is what a `GrowingFile` gave as its `position`. Raises `RecordingRefused` with a
+    `resume` is what a source of the kind gave as its `position`. Raises `RecordingRefused` with a
     message for the operator, of which `SourceRefused` is one.
     """
     scheme = text.partition("://")[0] if "://" in text else text
@@ -32,7 +32,7 @@ def open_source(
         extra("asyncua", "opcua")
         from rulec_runtime.live.sources.opcua import OpcUa
 
-        return OpcUa(_map(text, OPCUA, ruleset, map_path), ruleset)
+        return OpcUa(_map(text, OPCUA, ruleset, map_path), ruleset, resume)
     if scheme in ("mqtt", "mqtts"):
         extra("paho.mqtt.client", "mqtt")
         from rulec_runtime.live.sources.mqtt import Mqtt
@@ -46,7 +46,7 @@ def open_source(
         raise SourceRefused(f"{map_path}: a file needs no map; its columns have titles")
     if text == "-":
         return StandardInput(ruleset)
-    return GrowingFile(Path(text), ruleset, resume)
+    return GrowingFile(Path(text), ruleset, resume if resume and "inode" in resume else None)
 
 
 def _map(text: str, kind: Kind, ruleset: Ruleset, path: Path | None) -> SourceMap:

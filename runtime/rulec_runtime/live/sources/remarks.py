@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import time as clocks
 from collections.abc import Hashable
 
+from rulec_runtime.live.limits import STOOD_STILL
 from rulec_runtime.live.rows import Notice, NoticeKind
 from rulec_runtime.live.sources import limits
+from rulec_runtime.live.steady import steady
 from rulec_runtime.output.terminal import one_line
 
 
-def notice(kind: NoticeKind, time: float, text: str, *, still: bool = False) -> Notice:
+def notice(
+    kind: NoticeKind, time: float, text: str, *, still: bool = False, signal: str = ""
+) -> Notice:
     """A notice whose text steers no terminal, whatever data stands in it."""
     short = text if len(text) <= limits.LONGEST_NOTICE else f"{text[: limits.LONGEST_NOTICE]}..."
-    return Notice(kind, time, one_line(short), still)
+    return Notice(kind, time, one_line(short), still, signal)
 
 
 class Remarks:
@@ -27,7 +30,7 @@ class Remarks:
 
     def tell(self, kind: NoticeKind, key: Hashable, time: float, text: str) -> list[Notice]:
         """The notice, or nothing where it was told lately."""
-        now = clocks.monotonic()
+        now = steady()
         since, count = self._told.get(key, (-float("inf"), 0))
         if now - since < limits.AGAIN:
             self._told[key] = (since, count + 1)
@@ -38,26 +41,32 @@ class Remarks:
 
 
 class Silence:
-    """Whether nothing was heard for too long; told once, until something is heard again."""
+    """Whether nothing was heard for too long; told once, until something is heard again.
+
+    Time in which nobody looked, as the process stood still or was busy, does not count.
+    """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self.stale = False
-        self._heard = clocks.monotonic()
+        self._heard = self._looked = steady()
 
     @property
     def lasts(self) -> float:
         """Seconds since something was heard."""
-        return clocks.monotonic() - self._heard
+        return steady() - self._heard
 
     def heard(self) -> bool:
         """Something was; whether it was stale until now."""
         was, self.stale = self.stale, False
-        self._heard = clocks.monotonic()
+        self._heard = steady()
         return was
 
     def begins(self) -> bool:
         """Whether it is stale from now on."""
+        looked, self._looked = self._looked, steady()
+        if self._looked - looked > STOOD_STILL:
+            self._heard = min(self._heard + self._looked - looked, self._looked)
         if self.stale or self.lasts < self.seconds:
             return False
         self.stale = True

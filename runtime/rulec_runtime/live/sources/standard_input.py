@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import sys
-import time as clocks
 from pathlib import Path
 
 from rulec_runtime.contract.ruleset import Ruleset
@@ -15,6 +14,7 @@ from rulec_runtime.live.sources.line_cutter import LineCutter
 from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_stream import TableStream
+from rulec_runtime.live.steady import steady
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 NAME = "standard input"
@@ -38,9 +38,9 @@ class StandardInput:
         return bool(self._clock.dated)
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        until = clocks.monotonic() + seconds
+        until = steady() + seconds
         while not self.ended:
-            left = until - clocks.monotonic()
+            left = until - steady()
             if not select.select([self._descriptor], [], [], max(0.0, left))[0]:
                 return self._stale()
             data = os.read(self._descriptor, limits.PIECE)

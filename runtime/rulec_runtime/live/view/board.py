@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.steady import steady
 from rulec_runtime.live.view.arrival import Arrival
 from rulec_runtime.live.view.html import link_of, main_of, title_of
 from rulec_runtime.live.view.limits import TICK
@@ -28,7 +28,7 @@ class Board:
 
     def now(self) -> tuple[Now, float | None]:
         """The present moment, and how long ago its last row came, s."""
-        now, clock = self._state_of(), time.monotonic()
+        now, clock = self._state_of(), steady()
         with self._lock:
             self._arrival.saw(now.rows, clock)
             return now, self._arrival.age(clock)

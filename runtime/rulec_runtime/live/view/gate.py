@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 from collections.abc import Iterable, Mapping
@@ -18,6 +19,8 @@ from urllib.parse import urlsplit
 from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.view.limits import SHORTEST_TOKEN
 from rulec_runtime.output.refusal import Refusal
+
+_HOST = re.compile(r"(?:\[([0-9a-f:.]+)\]|([^][:/@\s]+?)\.?)(?::\d+)?")
 
 
 class PageRefused(Refusal):
@@ -72,7 +75,7 @@ class Gate:
             own = {"localhost", self.host, *self.names}
             if not is_loopback(self.host):
                 own |= {socket.gethostname(), socket.getfqdn()}
-            return name in {known.lower() for known in own}
+            return name != "" and name in {known.lower() for known in own}
         return True
 
     def is_token(self, text: str) -> bool:
@@ -90,7 +93,7 @@ class Gate:
     def is_own_form(self, headers: Mapping[str, str], seal: str, bearer: bool) -> bool:
         """Was a form sent by a page of ours, or by a program that has the token?"""
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
-        if origin is not None and urlsplit(origin).netloc.lower() != headers["host"].lower():
+        if origin is not None and _netloc(origin) != headers["host"].lower():
             return False
         if site not in (None, "same-origin"):
             return False
@@ -102,14 +105,20 @@ def same(one: str, other: str) -> bool:
     return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
 
 
-def name_of(host: str) -> str:
-    """Name in a Host header, without port, brackets and the dot of the root.
+def _netloc(origin: str) -> str:
+    """Host and port of an origin; empty where it is none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""
 
-    >>> name_of("Plant.example:8080"), name_of("[::1]:80"), name_of("::1")
-    ('plant.example', '::1', '::1')
+
+def name_of(host: str) -> str:
+    """Name in a Host header, without port, brackets and the dot of the root; empty where it is no
+    such header.
+
+    >>> name_of("Plant.example:8080"), name_of("[::1]:80"), name_of("[::1].evil.example")
+    ('plant.example', '::1', '')
     """
-    text = host.strip().lower()
-    if text.startswith("["):
-        return text[1:].partition("]")[0]
-    name, _, port = text.rpartition(":")
-    return (name if name and ":" not in name and port.isdigit() else text).rstrip(".")
+    found = _HOST.fullmatch(host.strip().lower())
+    return (found[1] or found[2]) if found else ""

@@ -28,6 +28,14 @@ telephones. Each costs a connection."""
 MOST_CONNECTIONS = 128
 """Connections at the same time; more are refused with 503. Origin: assumed; four a page."""
 
+MOST_OF_AN_ADDRESS = 64
+"""Connections of one address at the same time. Origin: assumed; half of `MOST_CONNECTIONS`, since
+all who come through a proxy have its address."""
+
+ASKING = 5.0
+"""How long a connection may take to send a whole request, s. Origin: assumed; as long as the server
+keeps one open that asks nothing more."""
+
 LONGEST_FORM = 4096
 """Bytes that a form may have. Origin: assumed; a key and a token have a hundred."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import getpass
 import threading
-import time
 from collections.abc import Callable
 from typing import Self
 
@@ -13,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.steady import steady
 from rulec_runtime.live.view.arrival import Arrival
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
@@ -93,7 +93,7 @@ class LiveScreen:
     def show(self, now: Now) -> None:
         """This is how it stands now."""
         self._raise()
-        self._arrival.saw(now.rows, time.monotonic())
+        self._arrival.saw(now.rows, steady())
         before, self._now = self._now, now
         if self._live is not None:
             if before is None or news(now) != news(before):
@@ -121,11 +121,11 @@ class LiveScreen:
                 pressed = self._keys.take(REDRAWN)
                 for key in pressed:
                     self._press(key)
-                due = self._changed.is_set() or time.monotonic() - drawn >= TICK
+                due = self._changed.is_set() or steady() - drawn >= TICK
                 if pressed or due:
                     self._changed.clear()
                     self._draw()
-                    drawn = time.monotonic()
+                    drawn = steady()
         except BaseException as error:  # told by `show`: a thread has nobody to tell
             self._failure = error
 
@@ -145,7 +145,7 @@ class LiveScreen:
         if self._now is None:
             return None
         width, height = self._console.size
-        age = self._arrival.age(time.monotonic())
+        age = self._arrival.age(steady())
         return screen(self._now, self._look, width, height, age, self._keys.there)
 
     def _draw(self) -> None:

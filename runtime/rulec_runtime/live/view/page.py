@@ -10,7 +10,6 @@ import contextlib
 import json
 import socket
 import threading
-import time
 from collections.abc import AsyncIterator, Callable
 from urllib.parse import parse_qs
 
@@ -21,6 +20,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.steady import steady, steady_loop
 from rulec_runtime.live.view import limits
 from rulec_runtime.live.view.board import Board
 from rulec_runtime.live.view.door import Door
@@ -28,6 +28,7 @@ from rulec_runtime.live.view.gate import Gate
 from rulec_runtime.live.view.html import key_of, page_of
 from rulec_runtime.live.view.json_form import now_text
 from rulec_runtime.live.view.metrics import TYPE, metrics
+from rulec_runtime.live.view.visitor import Visitor
 from rulec_runtime.live.view.words import news
 
 Acknowledge = Callable[[str, str], None]
@@ -42,7 +43,7 @@ class Page:
         self.url = url
         self._server, self._board, self._bound = server, board, bound
         self._threads = [
-            threading.Thread(target=server.run, args=([bound],), name="page", daemon=True),
+            threading.Thread(target=_serve, args=(server, bound), name="page", daemon=True),
             threading.Thread(target=board.watch, name="page ages", daemon=True),
         ]
         for thread in self._threads:
@@ -55,6 +56,11 @@ class Page:
         for thread in self._threads:
             thread.join()
         self._bound.close()
+
+
+def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
+    with asyncio.Runner(loop_factory=steady_loop) as runner:
+        runner.run(server.serve(sockets=[bound]))
 
 
 def serve(
@@ -95,7 +101,7 @@ def serve(
         lifespan="off",
         ws="none",
         loop="asyncio",
-        http="h11",
+        http=Visitor,
         server_header=False,
         proxy_headers=False,
         limit_concurrency=limits.MOST_CONNECTIONS,
@@ -184,8 +190,8 @@ class Streams:
             sent, seen, last = "", (), 0.0  # type: tuple[str, tuple[object, ...], float]
             while not self._board.closing.is_set():
                 now, age = self._board.now()
-                if news(now) != seen or time.monotonic() - last >= limits.TICK:
-                    seen, last = news(now), time.monotonic()
+                if news(now) != seen or steady() - last >= limits.TICK:
+                    seen, last = news(now), steady()
                     main = self._board.main(now)
                     if main != sent:
                         sent = main

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
+from rulec_runtime.live.connection import is_away
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.follower import Memory, diagnosis_of
 from rulec_runtime.live.now import Now
@@ -32,7 +33,7 @@ class Present:
             calendar=memory.recent.calendar,
             status=worst({one.status for one in active}),
             source=source,
-            connected=bool(memory.count) and all(one.kind != "source" for one in active),
+            connected=bool(memory.count) and not any(map(is_away, active)),
             remark="",
             rows=memory.count,
             active=active,
@@ -48,7 +49,7 @@ class Present:
     def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
         """Take in what is remembered after some rows or a notice, and what is new."""
         active = _active(memory)
-        away = any(one.kind == "source" for one in active)
+        away = any(map(is_away, active))
         remarks = [event.text for event in events if event.episode.kind == "source"]
         with self._lock:
             self._past.extendleft(events)

@@ -1,0 +1,89 @@
+"""The watch stands still, as in a container that is frozen, and goes on."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.soak import score
+from tests.soak.plant import LEAD, OFF, ON, Logger, course
+from tests.soak.served import maps, write_play
+from tests.soak.sources import STEP, Served
+from tests.soak.watching import Watch
+
+FROZEN = 15.0  # s: longer than all that a source, a server or a broker waits
+AGAIN = 15.0  # s between two times
+PATIENCE = 30.0
+PAUSE = 0.1  # s from row to row of a file
+
+
+def opcua(folder: Path, times: int) -> dict[str, Any]:
+    """Beside an OPC UA server that goes on."""
+    return _served("opcua", folder, times)
+
+
+def mqtt(folder: Path, times: int) -> dict[str, Any]:
+    """Beside an MQTT broker that goes on."""
+    return _served("mqtt", folder, times)
+
+
+def file(folder: Path, times: int) -> dict[str, Any]:
+    """Beside a logger that goes on."""
+    rows = LEAD + ON + OFF + int((times + 1) * (FROZEN + AGAIN + 5.0) / PAUSE)
+    what = course(folder, rows)
+    watch = Watch(folder, "--source", "log.csv", "--journal", "journal.db")
+    with Logger(folder / "log.csv", what, PAUSE) as logger:
+        time.sleep(1.0)
+        watch.start()
+        again = _frozen(folder, watch, times)
+        logger.finish()
+        written = logger.written
+    time.sleep(5.0)
+    code = watch.interrupt()
+    lost = written - score.rows_of(folder / "journal.db")[0]
+    return {**_result(folder, watch, again, code, what.planted, written), "rows_lost": lost}
+
+
+def _served(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    rows = int((20.0 + (times + 1) * (FROZEN + AGAIN + 5.0)) / STEP)
+    # A fault outlasts a standstill, whose rows are lost: servers keep one value.
+    what, served = course(folder, rows, 250, 100), Served(kind, folder)
+    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
+    start = time.time() + 5.0
+    write_play(folder / "play.json", what, start, STEP)
+    served.start()
+    watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
+    watch.start()
+    again = _frozen(folder, watch, times)
+    time.sleep(max(start + rows * STEP - time.time(), 0.0))
+    code = watch.interrupt()
+    served.kill()
+    return _result(folder, watch, again, code, what.at(start, STEP), start + rows * STEP)
+
+
+def _frozen(folder: Path, watch: Watch, times: int) -> int:
+    """How often rows were judged again after a standstill."""
+    again = 0
+    for _ in range(times):
+        time.sleep(AGAIN)
+        watch.stand_still(FROZEN)
+        before, until = score.rows_of(folder / "journal.db")[0], time.monotonic() + PATIENCE
+        while time.monotonic() < until and score.rows_of(folder / "journal.db")[0] <= before:
+            time.sleep(0.2)
+        again += score.rows_of(folder / "journal.db")[0] > before
+    return again
+
+
+def _result(
+    folder: Path, watch: Watch, again: int, code: int, planted: Any, end: float
+) -> dict[str, Any]:
+    events = score.events_of(folder / "journal.db")
+    return {
+        "tried": watch.stood_still,
+        "survived": again if code == 0 else 0,
+        "told_gaps": sum(e.episode.subject == "gap" for e in events),
+        **score.numbers(e.number for e in events),
+        **score.against_plant(events, planted, end),
+        **score.bad_output(watch.out + watch.err),
+    }
