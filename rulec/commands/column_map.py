@@ -85,7 +85,7 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         signal = _signal_of(title, ruleset)
         if signal is None or signal.id in columns:
             continue
-        told = parts_of(title)[1] or unit
+        told = parts_of(title)[1] or unit or _in_brackets(title)
         read = told if told and parse_unit(told, ruleset.units) is not None else signal.unit
         columns[signal.id] = title, read
         bare |= set() if told else {signal.id}
@@ -125,6 +125,12 @@ def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:
     most = max((len(_words(s.id)) for s in held), default=0)
     longest = [s for s in held if len(_words(s.id)) == most]
     return longest[0] if len(longest) == 1 else None
+
+
+def _in_brackets(title: str) -> str:
+    """A unit in round brackets at the end of a title; empty where there is none."""
+    text = title.strip()
+    return text[text.rfind("(") + 1 : -1].strip() if text.endswith(")") and "(" in text else ""
 
 
 def _words(text: str) -> list[str]:

@@ -50,7 +50,8 @@ _DATE = re.compile(
     re.DOTALL,
 )
 _TIME = re.compile(
-    r"[T,\s]*(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
+    r"[T,@\s]*(?P<hour>\d{1,2})[:.](?P<minute>\d{2})"
+    r"(?:[:.](?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
     r"\s*(?P<half>[AaPp]\.?\s?[Mm]\.?)?\s*(?P<zone>[A-Z]{1,4}|[+-]\d{2}:?\d{2})?"
 )
 

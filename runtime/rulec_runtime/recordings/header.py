@@ -59,7 +59,7 @@ def assign(
         name, unit = parts_of(title)
         beside = units[index].strip() if units else ""
         named = title != "" and title == ruleset.time_column
-        if named or (header.time < 0 and is_time(name)):
+        if named or (header.time < 0 and is_time(name.partition(" (")[0])):
             header.time, header.time_title, header.time_unit = index, title, unit.strip() or beside
             continue
         if title in foreign or name in foreign:

@@ -42,13 +42,16 @@ class Readings:
 
 @dataclass(frozen=True)
 class LongTable:
-    """Readings of all tags; `times` are those of all rows, as the file holds them."""
+    """Readings of all tags; `times` are those of all rows, as the file holds them. `untimed`
+    readings have no time; `left_out` counts rows with another number of cells, and is the first.
+    """
 
     path: Path
     tags: tuple[str, ...]
     readings: tuple[Readings, ...]
     times: Cells
     untimed: int
+    left_out: tuple[int, int] = (0, 0)
     decimals: set[str] = field(default_factory=set)
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
@@ -69,6 +72,8 @@ class LongTable:
         return Table(
             kept=tuple(texts[i - 1] if i else _taken(self.times, base) for i in kept),
             columns=columns,
+            left_out=self.left_out[0],
+            first_left_out=self.left_out[1],
             remarks=tuple(remarks),
         )
 
@@ -179,8 +184,13 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
         readings.append(Readings(rows, seconds[rows], values[rows], own))
     untimed = int(np.isfinite(values).sum() - np.isfinite(values[known]).sum())
-    long = LongTable(path, tuple(tags), tuple(readings), times, untimed, column.decimals)
+    left_out = table.left_out, table.first_left_out
+    long = LongTable(path, tuple(tags), tuple(readings), times, untimed, left_out, column.decimals)
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
+    others = {*range(len(sheet.titles))} - {*asked, places.value}
+    if others:
+        names = ", ".join(f"'{sheet.titles[i].strip()}'" for i in sorted(others))
+        count += f"; not read: {names}"
     return replace(
         sheet,
         titles=(sheet.titles[places.time[0]], *tags),

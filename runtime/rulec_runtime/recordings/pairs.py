@@ -35,9 +35,9 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
         readings.append(_readings(column, own, form, low))
         decimals |= column.decimals
         low += len(own)
-    long = LongTable(
-        path, tuple(p.title for p in pairs), tuple(readings), _joined(times), 0, decimals
-    )
+    left_out = table.left_out, table.first_left_out
+    titles = tuple(p.title for p in pairs)
+    long = LongTable(path, titles, tuple(readings), _joined(times), 0, left_out, decimals)
     count = f"columns in pairs of time and reading; {plural(len(pairs), 'pair', 'pairs')}"
     return replace(
         sheet,

@@ -13,11 +13,12 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.titles import is_time, names_of_times
 
-TAGS = ("tag", "tagname", "tag name", "tagindex", "varname", "point", "pointname", "variable",
-        "name", "node", "nodeid")  # fmt: skip
-VALUES = ("value", "wert", "val", "varvalue")
+TAGS = ("tag", "tagname", "tag name", "tag_name", "tagindex", "varname", "point", "pointname",
+        "variable", "variable name", "name", "node", "nodeid", "series", "metric", "signal",
+        "channel", "item", "kanal", "messstelle")  # fmt: skip
+VALUES = ("value", "wert", "val", "varvalue", "messwert", "reading")
 QUALITIES = ("quality", "qualität", "qc", "status", "statuscode", "status code", "validity",
-             "isgood", "confidence", "dataintegrity")  # fmt: skip
+             "isgood", "is good", "confidence", "dataintegrity", "opcquality")  # fmt: skip
 OF_TIMES, OF_VALUES = ("time", "timestamp", "zeit"), ("valuey", "value", "wert")
 UNITS = ("unit", "units", "einheit", "uom")
 DAYS, CLOCKS = ("date", "datum"), ("time", "zeit", "uhrzeit")

@@ -190,7 +190,7 @@ def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Rulese
             f"'{odd[0]}' is no signal of this plant's module {odd[0].partition('.')[0]}; "
             "is this a recording of another plant?"
         )
-    if names and missing:
+    if names:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
         yield f"columns that belong to no signal of this plant: {shown}{more}"

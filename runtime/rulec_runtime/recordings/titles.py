@@ -27,7 +27,8 @@ def names_of_times(form: FileForm) -> frozenset[str]:
 def is_time(title: str, times: Collection[str]) -> bool:
     """Whether a column of this title holds times; `times` are names of such columns."""
     title = title.strip()
-    return title in times or parts_of(title)[0].lower() in times
+    plain = parts_of(title)[0].lower()
+    return title in times or plain in times or plain.partition(" (")[0] in times
 
 
 def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:
