@@ -102,8 +102,7 @@ LARGEST_FILE = 2**38
 """Bytes of any file at most. Origin: assumed; a year of 100 signals at 1 kHz, packed."""
 
 LARGEST_JSON = 2**30
-"""Bytes of a file of JSON at most. Origin: measured, the ruleset of 1000 modules in a row has a
-tenth (docs/figures.yaml)."""
+"""Bytes of a file of JSON at most. Origin: assumed, far above the ruleset of 1000 modules."""
 
 LARGEST_PIPE = 2**30
 """Bytes from standard input at most, which stay in memory. Origin: assumed; longer ones can be kept
@@ -144,6 +143,9 @@ the upper two of its eight bits are set."""
 
 SHOWING_ROWS = 200
 """Rows at the begin of a file that show how it writes numbers and dates. Origin: assumed."""
+
+FEW_TEXTS = 10_000
+"""Different texts of a column of which one copy each is kept. Origin: numerical."""
 
 COLUMNS_OF_LONG = 10
 """Columns at most of a table that has a reading a row, where no column map says so. Origin:

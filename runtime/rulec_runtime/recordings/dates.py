@@ -112,7 +112,8 @@ def dates_of(cells: Sequence[str], order: Order = "") -> tuple[Array, Array]:
 
     A date without a zone counts as UTC, so no hour is lost or doubled.
     """
-    table = np.array([date_of(cell, order) for cell in cells]).reshape(-1, 2)
+    known = {cell: date_of(cell, order) for cell in {*cells}}  # in a long table they come again
+    table = np.array([known[cell] for cell in cells]).reshape(-1, 2)
     return table[:, 0], table[:, 1]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.dates import dates_of
@@ -22,6 +23,7 @@ class GrowingCells:
         self._numbers: Growing | None = None
         self._dates: tuple[Growing, Growing] | None = None
         self._texts: list[str] | None = None
+        self._known: dict[str, str] = {}
 
     def add(self, cells: Cells) -> None:
         """Cells behind those that are there."""
@@ -35,7 +37,9 @@ class GrowingCells:
         else:
             if self._texts is None:
                 self._texts = list(texts_of(self.joined()))
-            self._texts += texts_of(cells)
+            # Tags and qualities are few, and come again and again: one text of each is kept.
+            known = self._known if len(self._known) < limits.FEW_TEXTS else {}
+            self._texts += [known.setdefault(cell, cell) for cell in texts_of(cells)]
             self._numbers = self._dates = None
 
     def joined(self) -> Cells:

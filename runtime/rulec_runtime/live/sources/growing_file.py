@@ -26,7 +26,7 @@ from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_stream import TableStream
 from rulec_runtime.live.steady import steady
 from rulec_runtime.output.open_file import opened
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of
 
 
@@ -150,6 +150,8 @@ class GrowingFile:
         try:
             return found + self._table.feed(lines)
         except RecordingRefused as refused:
+            if isinstance(refused, Unclear) and not self._clock.begun:
+                raise  # whoever starts the watch can say what is meant
             self._refused = True
             return [*found, notice("refused", self._clock.now, str(refused))]
 

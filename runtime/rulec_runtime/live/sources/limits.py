@@ -30,6 +30,10 @@ QUEUED_ROWS = 10_000
 QUEUED_NOTICES = 1000
 """Notices that wait to be taken at most; then the oldest are dropped. Origin: assumed."""
 
+UNCERTAIN = 1
+"""The two highest bits of the status of a value that is uncertain. Origin: standard, OPC 10000-4,
+7.39."""
+
 # Files that grow -----------------------------------------------------------------------------
 
 POLL = 0.02

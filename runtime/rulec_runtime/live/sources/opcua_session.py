@@ -21,10 +21,6 @@ from rulec_runtime.live.sources.map import Channel, Server
 from rulec_runtime.live.sources.opcua_message import Message
 from rulec_runtime.live.sources.refused import SourceRefused
 
-_GONE = (ua.StatusCodes.BadNodeIdUnknown, ua.StatusCodes.BadNodeIdInvalid)
-_UNCERTAIN = 1
-"""The two highest bits of a status. Origin: standard, OPC 10000-4, 7.39."""
-
 
 async def connected(server: Server) -> Client:
     """A client with a session. Raises what asyncua raises; then there is nothing to close."""
@@ -152,7 +148,10 @@ def seconds(stamp: datetime | None) -> float | None:
 
 def is_gone(value: ua.DataValue) -> bool:
     """Does a value say that its node is there no more?"""
-    return value.StatusCode is not None and value.StatusCode.value in _GONE
+    return value.StatusCode is not None and value.StatusCode.value in (
+        ua.StatusCodes.BadNodeIdUnknown,
+        ua.StatusCodes.BadNodeIdInvalid,
+    )
 
 
 def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
@@ -161,7 +160,7 @@ def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
     if is_gone(value):
         return none, f"the node is gone ({status.name})"
     if status is not None and not status.is_good():
-        if status.value >> 30 != _UNCERTAIN:
+        if status.value >> 30 != limits.UNCERTAIN:
             return none, str(status.name)
         if not channel.uncertain:
             return none, f"{status.name}; write 'uncertain: accept' at the signal to use it"
