@@ -170,7 +170,7 @@ def _time(
             return found | {"unit": counting.unit, "since": counting.since}
         return found | ({"unit": unit} if unit else {"unit": "s"})
     texts = texts_of(cells)
-    order = order_in(path, lambda: texts, form)
+    order = order_in(path, lambda: texts, form, [])
     return found | ({"dates": order} if order else {})
 
 

@@ -470,3 +470,21 @@ def test_shared_cases(case: Path, plant: Path, abc: Ruleset, tmp_path: Path) -> 
     found = diagnose(read_recording(case, ruleset), ruleset).findings
     told = [round(f.degree, 1) for f in found if f.fault.id == "A.leakage"]
     assert [0.2, 0.4, 0.6] == told
+
+
+AGAIN = ("WinCC", "date, time, milliseconds", "quality columns", "pairs", "LabVIEW", "Unix, ms",
+         "American, AM and PM", "thousands, German", "annotated, pivoted")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_what_is_simulated_from_it_can_be_read(
+    name: str, tmp_path: Path, expected: Recording, abc: Ruleset
+) -> None:
+    """Written in the form of the file, or as a plain table of the same rows."""
+    text = FORMS[name] if name in FORMS else stamped(DATES[name])
+    file, again = write(tmp_path, text), tmp_path / "again.csv"
+    assert 0 == main(["simulate", str(ROOT / "plants" / "abc"), str(file), "-o", str(again), "-q"])
+    found = read_recording(again, abc)
+    np.testing.assert_allclose(found.time, expected.time, atol=2e-6)
+    np.testing.assert_allclose(found.values["A.n"], expected.values["A.n"], rtol=1e-12)
+    np.testing.assert_allclose(found.values["A.dp"], expected.values["A.dp"], rtol=0.01)

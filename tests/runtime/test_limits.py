@@ -23,6 +23,7 @@ LAYOUT = {
     "rulec_runtime.live.view.blocks": "cells of a bar on the screen",
     "rulec_runtime.contract.degree": "a large degree is written as 'over it'",
     "rulec_runtime.diagnosis.steady.verdict": "how many names a remark lists",
+    "rulec_runtime.recordings.header": "how many names a remark lists",
     "rulec_runtime.recordings.recording": "how many names a remark lists",
     "rulec_runtime.contract.ruleset": "version of a format",
     "rulec_runtime.recordings.wall_clock": "units of time",

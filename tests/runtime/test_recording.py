@@ -227,7 +227,7 @@ def test_what_cannot_be_a_recording_is_refused(name: str, tmp_path: Path, abc: R
 
 
 NOTED = {
-    "no unit": (SHEET.renamed("A.dp", "A.dp"), "'A.dp' names no unit; bar is assumed"),
+    "no unit": (SHEET.renamed("A.dp", "A.dp"), "1 column names no unit; assumed is bar for 'A.dp'"),
     "German word": (
         SHEET.filled("A.dp", "Störung", 7, 9),
         "2 cells of A.dp are words (the first, in data row 8: 'Störung')",

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.held import held
 from rulec_runtime.recordings.long_table import long_sheet
 from rulec_runtime.recordings.pairs import pair_sheet
 from rulec_runtime.recordings.places import Places, places_of
-from rulec_runtime.recordings.quality import judged
+from rulec_runtime.recordings.quality import judged, told
 from rulec_runtime.recordings.table import Sheet, Table, texts_of
 from rulec_runtime.recordings.time_parts import time_of_parts
 
@@ -42,7 +42,7 @@ def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
     titles = [sheet.titles[i] for i in there]
     if len(form.time) > 1:
         titles[there.index(places.time[0])] = joined(form.time)
-    table = _WideTable(path, sheet, places, tuple(there))
+    table = _WideTable(path, sheet, places, tuple(there), form)
     return replace(
         sheet,
         titles=tuple(titles),
@@ -60,8 +60,10 @@ class _WideTable:
     sheet: Sheet
     places: Places
     there: tuple[int, ...]
+    form: FileForm
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+    def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+        form = self.form
         wanted = [self.there[i] for i in numbers]
         judges = {i: q for i, q in (self.places.quality_of or {}).items() if i in wanted}
         parts = self.places.time if len(self.places.time) > 1 or form.hold == "last" else ()
@@ -71,10 +73,14 @@ class _WideTable:
         columns = dict(zip(wanted, table.columns, strict=True))
         qualities = [texts_of(cells) for cells in beside[len(parts) :]]
         found = set().union(*qualities)
+        remarks = table.remarks
+        if found:
+            title = self.sheet.titles[next(iter(judges.values()))]
+            remarks = (*remarks, *told(self.path, title, found, form))
         for (index, quality), texts in zip(judges.items(), qualities, strict=True):
             title = self.sheet.titles[quality]
             columns[index] = judged(self.path, columns[index], title, texts, found, form)
-        time, remarks = None, table.remarks
+        time = None
         if parts:
             time, remarks = time_of_parts(self.path, beside[: len(parts)], form, remarks)
             places = [i for i, k in enumerate(kept) if self.there[k] == parts[0]]

@@ -72,13 +72,13 @@ def counting_of(
         if one.numbers(limits.FIRST_YEAR) <= low and high < one.numbers(limits.LAST_YEAR):
             if factor and not np.isclose(factor, one.factor):
                 raise _which(path, title, low, one)
-            notes.append(f"{path.name}: times count {one.unit} since {one.since[:10]}")
+            notes.append(f"times count {one.unit} since {one.since[:10]}")
             return one
     days = SPREADSHEET
     if not (days.numbers(limits.FIRST_YEAR) <= low and high < days.numbers(limits.LAST_YEAR)):
         return None
     if factor == SPREADSHEET.factor or (not factor and 0 < step < limits.BRIEFEST_ROW):
-        notes.append(f"{path.name}: times are days of a spreadsheet, since {days.since}")
+        notes.append(f"times are days of a spreadsheet, since {days.since}")
         return days
     if not factor and 0 < step < limits.LONGEST_OF_SECONDS:
         raise _which(path, title, low, days)

@@ -11,9 +11,13 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import as_meant
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.time_column import is_time
+
+SHOWN = 4
+"""Names of a list that are shown; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ def assign(
         foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
     signals = ruleset.signal_by_id
     source: dict[str, str] = {}
+    bare: dict[str, str] = {}
     for index, title in enumerate(as_meant(t.strip()) for t in titles):
         name, unit = parts_of(title)
         beside = units[index].strip() if units else ""
@@ -68,7 +73,7 @@ def assign(
             _tell_other(path, title, inside, "the column map", meant[0][1:], ruleset, notes)
         elif name in signals:
             unit = unit.strip() or beside
-            meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, notes))]
+            meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, bare))]
             _tell_other(path, title, beside, "its title", meant[0][1:], ruleset, notes)
         elif result_of(name, ruleset):
             raise RecordingRefused(
@@ -87,6 +92,11 @@ def assign(
                 )
             source[signal] = title
             header.targets.append(Target(index, signal, factor, offset))
+    if bare:
+        more = f" and {len(bare) - SHOWN} more" if len(bare) > SHOWN else ""
+        assumed = ", ".join(f"{bare[t]} for '{t}'" for t in sorted(bare)[:SHOWN])
+        one, many = "column names no unit; assumed is", "columns name no unit; assumed are"
+        notes.append(f"{path.name}: {plural(len(bare), one, many)} {assumed}{more}")
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
         hint = ""
@@ -153,11 +163,11 @@ def _tell_other(
 
 
 def _conversion(
-    path: Path, title: str, unit: str, signal: SignalSpec, ruleset: Ruleset, notes: list[str]
+    path: Path, title: str, unit: str, signal: SignalSpec, ruleset: Ruleset, bare: dict[str, str]
 ) -> tuple[float, float]:
-    """Factor and offset of a column's unit."""
+    """Factor and offset of a column's unit; the one assumed for a column without goes to `bare`."""
     if not unit.strip():
-        notes.append(f"{path.name}: '{title}' names no unit; {signal.unit} is assumed")
+        bare[title] = signal.unit
         return signal.factor, signal.offset
     if unit.strip() == signal.unit:
         return signal.factor, signal.offset

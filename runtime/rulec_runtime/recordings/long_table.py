@@ -22,7 +22,7 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import held
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
 from rulec_runtime.recordings.places import Places
-from rulec_runtime.recordings.quality import as_word, good_of
+from rulec_runtime.recordings.quality import as_word, good_of, told
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
@@ -50,11 +50,13 @@ class LongTable:
     tags: tuple[str, ...]
     readings: tuple[Readings, ...]
     times: Cells
-    untimed: int
+    form: FileForm
+    untimed: int = 0
     left_out: tuple[int, int] = (0, 0)
     decimals: set[str] = field(default_factory=set)
 
-    def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
+    def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+        form = self.form
         wanted = {index - 1 for index in (*numbers, *kept) if index}
         found = {k: self.readings[k] for k in wanted}
         most = max(found, key=lambda k: len(found[k].at), default=0)
@@ -78,7 +80,7 @@ class LongTable:
         )
 
     def lines(self) -> Iterator[list[str]]:
-        table = self.read(range(len(self.tags) + 1), (), replace(AS_SEEN, hold="never"))
+        table = self.read(range(len(self.tags) + 1), ())
         return (list(row) for row in zip(*(texts_of(c) for c in table.kept), strict=True))
 
     def _rows(self, found: Mapping[int, Readings], most: int, form: FileForm) -> NDArray[np.intp]:
@@ -161,19 +163,20 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
     beside = [i for i in (places.quality, places.unit) if i >= 0]
     asked = [*places.time, places.tag, *beside]
     table = sheet.read(asked, [places.value], replace(form, layout="long"))
-    told = dict(zip(asked, table.kept, strict=True))
-    times, _ = time_of_parts(path, [told[i] for i in places.time], form)
-    stated = [text.strip() for text in texts_of(told[places.tag])]
+    cells = dict(zip(asked, table.kept, strict=True))
+    times, seen = time_of_parts(path, [cells[i] for i in places.time], form)
+    stated = [text.strip() for text in texts_of(cells[places.tag])]
     tags = {name: k for k, name in enumerate(dict.fromkeys(stated))}
     number = np.array([tags[name] for name in stated], dtype=np.intp)
     (column,) = table.columns
     values, words = column.numbers(), dict(column.placed or {})
     if places.quality >= 0:
-        title, texts = sheet.titles[places.quality], texts_of(told[places.quality])
+        title, texts = sheet.titles[places.quality], texts_of(cells[places.quality])
         good = good_of(path, title, set(texts), form)
+        seen = (*seen, *told(path, title, set(texts), form))
         words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
     values[[*words]] = np.nan
-    units = texts_of(told[places.unit]) if places.unit >= 0 else []
+    units = texts_of(cells[places.unit]) if places.unit >= 0 else []
     seconds = seconds_in(times, form)
     known = np.flatnonzero(np.isfinite(seconds))
     order = known[np.lexsort((seconds[known], number[known]))]
@@ -185,7 +188,9 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         readings.append(Readings(rows, seconds[rows], values[rows], own))
     untimed = int(np.isfinite(values).sum() - np.isfinite(values[known]).sum())
     left_out = table.left_out, table.first_left_out
-    long = LongTable(path, tuple(tags), tuple(readings), times, untimed, left_out, column.decimals)
+    long = LongTable(
+        path, tuple(tags), tuple(readings), times, form, untimed, left_out, column.decimals
+    )
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
     others = {*range(len(sheet.titles))} - {*asked, places.value}
     if others:
@@ -198,7 +203,7 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         read=long.read,
         lines=long.lines,
         rows=None,
-        remarks=(*sheet.remarks, *table.remarks, count),
+        remarks=(*sheet.remarks, *table.remarks, count, *seen),
     )
 
 

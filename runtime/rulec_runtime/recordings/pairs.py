@@ -15,6 +15,7 @@ from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.long_table import LongTable, Readings
 from rulec_runtime.recordings.places import Pair
 from rulec_runtime.recordings.quality import judged
+from rulec_runtime.recordings.quality import told as codes_told
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, texts_of
 from rulec_runtime.recordings.time_parts import comparable, seconds_in
 
@@ -24,10 +25,13 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
     asked = [*(p.time for p in pairs), *(p.quality for p in pairs if p.quality >= 0)]
     table = sheet.read(asked, [p.value for p in pairs], replace(form, layout="pairs"))
     told = dict(zip(asked, table.kept, strict=True))
-    times = [comparable(path, told[p.time], form) for p in pairs]
+    seen = list[str]()
+    times = [comparable(path, told[p.time], form, seen) for p in pairs]
     readings, decimals, low = [], set(), 0
     qualities = {p: texts_of(told[p.quality]) for p in pairs if p.quality >= 0}
     found = set().union(*qualities.values())
+    if found:
+        seen += codes_told(path, sheet.titles[next(iter(qualities)).quality], found, form)
     for pair, column, own in zip(pairs, table.columns, times, strict=True):
         if pair.quality >= 0:
             title = sheet.titles[pair.quality]
@@ -37,7 +41,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
         low += len(own)
     left_out = table.left_out, table.first_left_out
     titles = tuple(p.title for p in pairs)
-    long = LongTable(path, titles, tuple(readings), _joined(times), 0, left_out, decimals)
+    long = LongTable(path, titles, tuple(readings), _joined(times), form, 0, left_out, decimals)
     count = f"columns in pairs of time and reading; {plural(len(pairs), 'pair', 'pairs')}"
     return replace(
         sheet,
@@ -49,7 +53,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
         read=long.read,
         lines=long.lines,
         rows=None,
-        remarks=(*sheet.remarks, *table.remarks, count),
+        remarks=(*sheet.remarks, *table.remarks, count, *dict.fromkeys(seen)),
     )
 
 

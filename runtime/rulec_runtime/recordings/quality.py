@@ -62,6 +62,17 @@ def standard_of(path: Path, title: str, found: Collection[str]) -> str:
     return (_standard(path, title, codes) or "1") if codes else ""
 
 
+def told(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
+    """What is told of codes whose standard no column map names."""
+    standard = "" if form.good else standard_of(path, title, found)
+    what = {
+        OPC_UA: "codes of OPC UA",
+        OPC_DA: "codes of OPC DA, good from 192 on",
+        "1": "1 for good",
+    }
+    return (f"'{title.strip()}' holds {what[standard]}",) if standard else ()
+
+
 def _standard(path: Path, title: str, found: Collection[int | None]) -> str:
     """Whose codes they are; empty where 1 is good."""
     codes = {code for code in found if code is not None}

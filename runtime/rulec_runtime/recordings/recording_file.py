@@ -112,7 +112,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
         time=time,
         values=readings_of(path, table.columns, header, ruleset, notes),
         zones=zones,
-        comma=any("," in column.decimals for column in table.columns),
+        comma=any("," in (column.written.decimal, *column.decimals) for column in table.columns),
         left_out=table.left_out,
     )
 

@@ -54,7 +54,7 @@ class Read(Protocol):
     is told."""
 
     def __call__(
-        self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = ...
+        self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = ..., /
     ) -> Table: ...
 
 

@@ -97,6 +97,7 @@ class TextTable:
         be trusted. Raises `RecordingRefused`."""
         beside = len(numbers) + 3 * len(kept)
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
+        seen = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         taken = _Taken(
             path=self.path,
@@ -109,7 +110,7 @@ class TextTable:
                 )
                 for i, one in zip(numbers, written, strict=True)
             ),
-            texts=tuple(self._growing(index, beside, form) for index in kept),
+            texts=tuple(self._growing(index, beside, form, seen) for index in kept),
             places=(tuple(kept), tuple(numbers)),
             width=len(self.titles),
             comma=self.separator != ",",
@@ -121,7 +122,7 @@ class TextTable:
         return Table(
             kept=tuple(text.joined() for text in taken.texts),
             columns=taken.columns,
-            remarks=tuple(_marks_told(taken.columns, form)),
+            remarks=(*_marks_told(taken.columns, form), *seen),
             left_out=taken.left_out,
             first_left_out=taken.first_left_out,
         )
@@ -139,11 +140,13 @@ class TextTable:
         width = len(self.titles)
         return (row[:width] for row in self._below() if is_whole(row, width))
 
-    def _growing(self, index: int, beside: int, form: FileForm) -> GrowingCells | GrowingTimes:
+    def _growing(
+        self, index: int, beside: int, form: FileForm, seen: list[str]
+    ) -> GrowingCells | GrowingTimes:
         """Texts of a column; of a large table those of times become numbers as they come."""
         timed = is_time(self.titles[index], self.times)
         if self.most is not None and self.most > BATCH and timed and len(form.time) < 2:
-            order = order_in(self.path, lambda: (row[index] for row in self.lines()), form)
+            order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, seen)
             return GrowingTimes(self.most, beside, order)
         return GrowingCells(None, 1)
 

@@ -57,18 +57,19 @@ def read_times(
 
     `zone` is the name of the zone of dates that name none; what is odd in it goes to `notes`.
     """
-    told = [] if notes is None else notes
+    told, seen = ([] if notes is None else notes), list[str]()
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
         if any_of(numbers):
             factor = form.time_factor or factor_of_time(path, title, unit, units)
-            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, told)
+            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, seen)
             if counting is None:
                 return mapped(numbers, lambda part: part * factor), None
             cells, texts = dated(numbers, counting), []
         else:
             texts = texts_of(cells)
-            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form)))
+            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, seen)))
+        told += (f"{path.name}: {one}" for one in seen)
     else:
         texts = []
     dates, zones = cells.seconds, cells.zones
@@ -83,9 +84,11 @@ def read_times(
     return dates, zones
 
 
-def order_in(path: Path, cells: Callable[[], Iterable[str]], form: FileForm) -> Order:
-    """The order of day, month and year in a column of times. Raises `RecordingRefused` where its
-    dates can be read in several."""
+def order_in(
+    path: Path, cells: Callable[[], Iterable[str]], form: FileForm, notes: list[str]
+) -> Order:
+    """The order of day, month and year in a column of times; one that was found goes to `notes`.
+    Raises `Unclear` where its dates can be read in several."""
     if form.dates:
         return form.dates
     found = order_of(islice(cells(), limits.SHOWING_ROWS))
@@ -99,6 +102,8 @@ def order_in(path: Path, cells: Callable[[], Iterable[str]], form: FileForm) -> 
             [{"dates": order} for order in found.orders],
             likely=False,
         )
+    if found:
+        notes.append(f"dates are read with the {found.removesuffix(' first')} first")
     return found
 
 

@@ -20,29 +20,30 @@ def time_of_parts(
 ) -> tuple[Cells, tuple[str, ...]]:
     """A column of times from its parts, with what is told of it: numbers, or dates. Raises
     `RecordingRefused` as `order_in` does."""
-    first = comparable(path, parts[0], form)
+    told = list(remarks)
+    first = comparable(path, parts[0], form, told)
     if len(parts) < 2 or not isinstance(first, Dates):
-        return first, remarks
+        return first, tuple(told)
     clock = _seconds_of_day(texts_of(parts[1]))
     if not np.isfinite(clock).any():
-        return first, remarks  # the date holds the time of day
+        return first, tuple(told)  # the date holds the time of day
     seconds = first.seconds + clock
     if len(parts) > 2:
         seconds = seconds + np.nan_to_num(plain_times(texts_of(parts[2]))) / 1000
-    told = f"the time is made of {len(parts)} columns"
-    return Dates(seconds, first.zones), (*remarks, told)
+    told.append(f"the time is made of {len(parts)} columns")
+    return Dates(seconds, first.zones), tuple(told)
 
 
-def comparable(path: Path, times: Cells, form: FileForm) -> Cells:
-    """Times as numbers or dates."""
+def comparable(path: Path, times: Cells, form: FileForm, told: list[str]) -> Cells:
+    """Times as numbers or dates; what was found about them is added to what is `told`."""
     if isinstance(times, Dates):
         return times
     numbers = times if isinstance(times, np.ndarray) else plain_times(times)
     if np.isfinite(numbers).any():
-        counting = counting_of(path, numbers, "time", 0.0, form, [])
+        counting = counting_of(path, numbers, "time", 0.0, form, told)
         return numbers if counting is None else dated(numbers, counting)
     texts = texts_of(times)
-    return Dates(*dates_of(texts, order_in(path, lambda: texts, form)))
+    return Dates(*dates_of(texts, order_in(path, lambda: texts, form, told)))
 
 
 def seconds_in(times: Cells, form: FileForm) -> Array:

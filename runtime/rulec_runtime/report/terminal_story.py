@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.wording import (
@@ -65,6 +66,9 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     _periods(out, diagnosis, "Not judged", "dim", diagnosis.not_judged)
     for note in diagnosis.notes[:SHOWN]:
         out.print(styled("[dim]note: {}[/]", note))
+    if left := len(diagnosis.notes[SHOWN:]):
+        more = plural(left, "other note", "other notes")
+        out.print(styled("[dim]and {} (--json has all)[/]", more))
 
 
 def _summary(out: Console, diagnosis: Diagnosis) -> None:

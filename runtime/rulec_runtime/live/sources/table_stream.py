@@ -149,7 +149,7 @@ class TableStream:
                 )
                 self._clock.dated = self._counting is not None
                 return self._numbers(numbers)
-            self._order = order_in(self._path, lambda: cells, self._form)
+            self._order = order_in(self._path, lambda: cells, self._form, self._notes)
             dates = self._dates(dates_of(cells, self._order))
             if np.isfinite(dates).any():
                 self._clock.dated = True
