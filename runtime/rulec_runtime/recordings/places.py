@@ -66,24 +66,25 @@ def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
     tag = _stated(path, titles, form.tag, "tag", names, TAGS)
     value = _stated(path, titles, form.value, "value", names, VALUES)
     pairs = _pairs(titles, times, form)
-    if form.layout == "pairs" and not pairs:
-        raise RecordingRefused(
-            f"{path}: the column map says that columns stand in pairs of time and value, and the "
-            "titles do not: each column of readings needs one of times before it"
-        )
-    if not form.layout and pairs:
-        return Places("pairs", pairs=pairs)
-    few = len(titles) <= limits.COLUMNS_OF_LONG and min(tag, value, *(time or (-1,))) >= 0
-    if form.layout == "long" or (not form.layout and few):
-        if min(tag, value, *(time or (-1,))) < 0:
+    is_long = bool(time) and min(tag, value) >= 0
+    few = len(titles) <= limits.COLUMNS_OF_LONG
+    seen = "pairs" if pairs else "long" if is_long and few else "wide"
+    match form.layout or seen:
+        case "pairs" if pairs:
+            return Places("pairs", pairs=pairs)
+        case "pairs":
+            raise RecordingRefused(
+                f"{path}: the column map says that columns stand in pairs of time and value, and "
+                "the titles do not: each column of readings needs one of times before it"
+            )
+        case "long" if is_long:
+            quality = _stated(path, titles, form.quality, "quality", names, QUALITIES)
+            return Places("long", time, tag, value, quality, _first(names, UNITS))
+        case "long":
             raise RecordingRefused(
                 f"{path}: a long table needs a column of tags, one of times and one of values; "
                 "name them in the column map, as in 'file: {layout: long, tag: Name, value: Wert}'"
             )
-        quality = _stated(path, titles, form.quality, "quality", names, QUALITIES)
-        return Places("long", time, tag, value, quality, _first(names, UNITS))
-    if form.layout == "pairs":
-        return Places("pairs", pairs=pairs)
     return Places("wide", time, quality_of=_qualities(titles, times, form))
 
 
@@ -100,7 +101,7 @@ def _stated(
     usual: Collection[str],
 ) -> int:
     """The column that the column map names, else one of a usual name."""
-    if not title or (what == "quality" and title.lower() in usual and title not in titles):
+    if not title:
         return _first(names, usual)
     found = [i for i, t in enumerate(titles) if title in (t.strip(), parts_of(t.strip())[0])]
     if not found:

@@ -25,7 +25,8 @@ def time_of_parts(
     if len(parts) < 2 or not isinstance(first, Dates):
         return first, tuple(told)
     clock = _seconds_of_day(texts_of(parts[1]))
-    if not np.isfinite(clock).any():
+    midnights = first.seconds[np.isfinite(first.seconds)] % SPREADSHEET.factor == 0
+    if not np.isfinite(clock).any() or not midnights.all():
         return first, tuple(told)  # the date holds the time of day
     seconds = first.seconds + clock
     if len(parts) > 2:
