@@ -163,14 +163,20 @@ PARTS = {
 DEAD = {"pump at rest": ("A.n.dead",), "no pressure": ("A.dp.dead",)}
 """Readings of zero while others say that liquid flows: a pump at rest cannot lift it."""
 
+LOST = {
+    "no pump pressure": ("A.dp.lost",),
+    "no mixer reading": ("C.dp.lost",),
+    "no power": ("A.P_el.lost",),
+}
+
 
 @NO_WARNING
 @pytest.mark.parametrize("edge", PARTS)
 def test_blind_module_is_named(edge: str) -> None:
     """The operator is told which part of the plant could not be judged, and why."""
     found = judged(edge, "default")
-    assert DEAD.get(edge, ()) == tuple(sensor.id for sensor in found.sensors)
-    assert ("F" if edge in DEAD else "ok") == found.status
+    assert (DEAD | LOST)[edge] == tuple(sensor.id for sensor in found.sensors)
+    assert ("F" if edge in DEAD else "C") == found.status
     assert [(0.0, 29.0, f"in part: {PARTS[edge]}")] == [astuple(p)[:3] for p in found.not_judged]
 
 
