@@ -178,7 +178,7 @@ def _layout(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[st
     """What a column map says of columns that are neither time nor signal."""
     found: dict[str, Any] = {}
     beside = [*(places.quality_of or {}).values(), *(p.quality for p in places.pairs)]
-    qualities = [i for i in (places.quality, *beside) if i >= 0]
+    qualities = [i for i in dict.fromkeys((places.quality, *beside)) if i >= 0]
     if places.layout == "long" and [t.strip() for t in table.titles] != AS_USUAL:
         found = {"layout": "long", "tag": table.titles[places.tag].strip()}
         found["value"] = table.titles[places.value].strip()

@@ -213,6 +213,7 @@ FORMS = {
     "quality columns": beside("{} Quality", "Good"),
     "quality columns, codes": beside("{}_Status", "192"),
     "quality columns without names": beside("Quality", "Good"),
+    "bars between cells": SHEET.text("|"),
     "pairs": beside("Time", "", time=True, before=True),
     "pairs with names": beside("{} Time", "", time=True, before=True),
     "LabVIEW": lvm("One"),
@@ -319,6 +320,18 @@ def test_what_is_not_good_is_no_reading(
         assert [1] == np.flatnonzero(np.isnan(found.values["A.dp"])).tolist()
         assert any("1 cell of A.dp is a word (the first, in data row 2" in n for n in found.notes)
         assert all(np.isfinite(found.values[n]).all() for n in NAMES if n != "A.dp")
+
+
+def test_one_quality_judges_whole_rows(
+    tmp_path: Path, plant: Path, abc: Ruleset, expected: Recording
+) -> None:
+    """Where a wide table has one; a status may be that of the plant, and judges nothing."""
+    rows = [(*row, "Good" if k < 50 else "Bad") for k, row in enumerate(SHEET.rows)]
+    for title, there in (("Quality", 50), ("Status", 60)):
+        file = write(tmp_path, Sheet((*SHEET.header, title), tuple(rows)).text())
+        for ruleset in (abc, with_map(abc, plant, proposed(file, abc).text)):
+            found = read_recording(file, ruleset)
+            assert there == np.isfinite(found.values["C.dp"]).sum()
 
 
 def changes(width: float, quality: str = "") -> str:

@@ -109,7 +109,7 @@ def separator_of(header: str) -> str:
     ','
     """
     plain = _NODE_ID.sub("", _QUOTED.sub("", header))
-    return max((";", "\t", ","), key=plain.count)
+    return max((";", "\t", ",", "|"), key=plain.count)
 
 
 def cells_of(line: str, separator: str) -> list[str]:

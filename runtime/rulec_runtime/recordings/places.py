@@ -19,6 +19,9 @@ TAGS = ("tag", "tagname", "tag name", "tag_name", "tagindex", "varname", "point"
 VALUES = ("value", "wert", "val", "varvalue", "messwert", "reading")
 QUALITIES = ("quality", "qualität", "qc", "status", "statuscode", "status code", "validity",
              "isgood", "is good", "confidence", "dataintegrity", "opcquality")  # fmt: skip
+OF_ROWS = ("quality", "qualität", "validity", "isgood", "is good", "opcquality")
+"""Alone in a wide table these judge whole rows; a status may be that of the plant."""
+
 OF_TIMES, OF_VALUES = ("time", "timestamp", "zeit"), ("valuey", "value", "wert")
 UNITS = ("unit", "units", "einheit", "uom")
 DAYS, CLOCKS = ("date", "datum"), ("time", "zeit", "uhrzeit")
@@ -195,4 +198,8 @@ def _qualities(titles: Sequence[str], times: Collection[str], form: FileForm) ->
     stems = [(i, _stem(title, words)) for i, title in enumerate(titles)]
     found = {plain[s]: i for i, s in stems if s and plain.get(s, i) != i and not is_time(s, times)}
     bare = {i - 1: i for i, title in enumerate(titles) if i and title.strip().lower() in words}
-    return found or (bare if len(bare) > 1 else {})
+    if found or len(bare) > 1:
+        return found or bare
+    whole = next((i for i in bare.values() if titles[i].strip().lower() in OF_ROWS), None)
+    others = (i for i, title in enumerate(titles) if i != whole and not is_time(title, times))
+    return {} if whole is None else dict.fromkeys(others, whole)
