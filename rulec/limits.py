@@ -523,3 +523,12 @@ has it."""
 
 SCHEDULER_CONNECT = 20
 """Seconds to wait for a scheduler. Origin: assumed."""
+
+# Column maps -----------------------------------------------------------------------------------
+
+MOST_QUESTIONS = 8
+"""Questions that a file can raise; more would be the same one again. Origin: numerical."""
+
+SENTINEL = 2
+"""How often a number has to stand far outside a range to be one that means missing. Origin:
+assumed."""

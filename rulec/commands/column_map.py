@@ -6,10 +6,12 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rulec_runtime import limits as limits_of_runtime
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset, SignalSpec
 from rulec_runtime.recordings.counted_times import COUNTINGS, SPREADSHEET, counting_of
@@ -24,18 +26,16 @@ from rulec_runtime.recordings.table import Dates, Sheet, texts_of
 from rulec_runtime.recordings.text_table import conventions
 from rulec_runtime.recordings.time_column import order_in, plain_times
 
+from rulec import limits
 from rulec.language.yaml_text import flow
 
 _WORD = re.compile(r"[A-Za-z]+|\d+")
 
-MOST_QUESTIONS = 8
-"""Questions that a file can raise; more would be the same one again."""
+_KEYS = {"time_factor": "unit"}
+"""What a field of a form is called in a column map, where it has another name."""
 
 AS_USUAL = ["tag", "time", "value"]
 """Titles of a long table of which nothing needs to be said."""
-
-SENTINEL = 2
-"""How often a number has to stand far outside the range to be one that means missing."""
 
 
 @dataclass(frozen=True)
@@ -53,16 +53,25 @@ def proposed(path: Path, ruleset: Ruleset) -> Proposal:
     table."""
     path = files_of(path)[0]
     form, assumed, asked = form_of(ruleset), list[str](), list[str]()
-    for _ in range(MOST_QUESTIONS):
+    unanswered = set[str]()
+    for _ in range(limits.MOST_QUESTIONS):
         try:
             found = _found(path, ruleset, form)
             break
         except Unclear as unclear:
             form = replace(form, **unclear.choices[0])
             (assumed if unclear.likely else asked).append(str(unclear))
+            if not unclear.likely:
+                unanswered |= {_KEYS.get(key, key) for key in unclear.choices[0]}
     else:
         raise RecordingRefused(f"{path}: it can be read in too many ways; {asked[0]}")
-    return Proposal(_text(path, ruleset, form, found, asked), tuple(assumed), tuple(asked))
+    # What nobody answered does not stand there, so that the file is refused until somebody does.
+    found = replace(
+        found,
+        file={key: value for key, value in found.file.items() if key not in unanswered},
+        time={key: value for key, value in found.time.items() if key not in unanswered},
+    )
+    return Proposal(_text(path, ruleset, found, asked), tuple(assumed), tuple(asked))
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,7 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
             ColumnMap(name, title, *_conversion(unit, ruleset))
             for name, (title, unit) in columns.items()
         ),
-        time_column=" ".join(told) if several else told,
+        time_column=FileForm(time=tuple(told)).time_title if several else told,
         file=replace(form, time=tuple(told)) if several else form,
     )
     missing = sorted(_sentinels(read_file(path, known, []), known))
@@ -168,7 +177,7 @@ def _time(
             return found  # no unit of a plant: the file says enough
         if counting is not None:
             return found | {"unit": counting.unit, "since": counting.since}
-        return found | ({"unit": unit} if unit else {"unit": "s"})
+        return found | {"unit": unit or "s"}
     texts = texts_of(cells)
     order = order_in(path, lambda: texts, form, [])
     return found | ({"dates": order} if order else {})
@@ -207,17 +216,13 @@ def _numbers(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[s
         if places.layout == "long"
         else [i for i in range(len(table.titles)) if i not in aside]
     )
-    sample = [row for row, _ in zip(table.lines(), range(MOST_ROWS), strict=False)]
+    sample = list(islice(table.lines(), limits_of_runtime.SHOWING_ROWS))
     found = conventions(path, table.titles, sample, at, table.separator, form)
     marks = "".join(sorted({mark for one in found for mark in one.thousands}))
     decimal = {one.decimal for one in found if one.decimal}
     if marks:
         return {"decimal": next(iter(decimal), "."), "thousands": marks}
     return {"decimal": ","} if decimal == {","} else {}
-
-
-MOST_ROWS = 200
-"""Rows that show how numbers are written."""
 
 
 def _sentinels(read: RecordingFile, ruleset: Ruleset) -> Iterator[float]:
@@ -229,11 +234,11 @@ def _sentinels(read: RecordingFile, ruleset: Ruleset) -> Iterator[float]:
         values = values[np.isfinite(values)]
         far = values[(values < 2 * low - high) | (values > 2 * high - low)]
         for value, count in Counter(far.tolist()).items():
-            if count >= SENTINEL:
+            if count >= limits.SENTINEL:
                 yield round((value - target.offset) / target.factor, 6)
 
 
-def _text(path: Path, ruleset: Ruleset, form: FileForm, found: _Found, asked: Sequence[str]) -> str:
+def _text(path: Path, ruleset: Ruleset, found: _Found, asked: Sequence[str]) -> str:
     said = [f"# Proposed by rulec check from {path.name}: look at each line before you use it."]
     said += [f"# To be answered first: {one.partition(': ')[2]}" for one in asked]
     if found.file:

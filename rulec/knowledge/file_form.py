@@ -39,7 +39,7 @@ def file_form(reader: Reader) -> FileForm:
 def time_title(time: Mapping[str, Any]) -> str:
     """What the column of times is called; of several, all of them."""
     parts = time["from"]
-    return parts if isinstance(parts, str) else " ".join(parts)
+    return parts if isinstance(parts, str) else FileForm(time=tuple(parts)).time_title
 
 
 def _good(told: str | list[Any]) -> tuple[str, ...]:

@@ -386,21 +386,21 @@ def test_empty_cells_hold(tmp_path: Path, abc: Ruleset, expected: Recording) -> 
 ASKED = {
     "order of a date": (stamped(lambda d: d.strftime("%d/%m/%Y %H:%M:%S").replace("31", "04", 1)),
                         "may be 4 March 2025 (day first) or 3 April 2025 (month first)",
-                        "dates: day first", {}),
+                        "dates: day first",),
     "days or seconds": (stamped(lambda d: f"{45747 + 5 / 24 * (d - START).seconds / 10:.6f}"),
-                        "may count d since 1899-12-30", "since: 1899-12-30", {"unit": 'd'}),
+                        "may count d since 1899-12-30", "since: 1899-12-30",),
     "good is 0": (long("Tag,Time,Value,Quality", "{tag},{time},{value},0"),
                   "every quality is 0, which is good in OPC UA and bad in OPC DA",
-                  "good: opc ua", {}),
+                  "good: opc ua",),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ASKED)
 def test_what_only_a_person_knows_is_asked(
-    name: str, tmp_path: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, plant: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Refused with the key that helps; the map says what is to be answered, and exit code 1."""
-    text, told, key, _ = ASKED[name]
+    """Refused with the key that helps, also with the map until it is answered there; exit code 1."""
+    text, told, key = ASKED[name]
     file = write(tmp_path, text)
     with pytest.raises(RecordingRefused) as refused:
         read_recording(file, abc)
@@ -410,6 +410,8 @@ def test_what_only_a_person_knows_is_asked(
     shown, aside = capsys.readouterr()
     assert f"# To be answered first: {str(refused.value).partition(': ')[2]}" in shown
     assert "to be answered in the map" in " ".join(aside.split())
+    with pytest.raises(Unclear):
+        read_recording(file, with_map(abc, plant, shown))
 
 
 def test_a_number_that_fits_two_conventions(

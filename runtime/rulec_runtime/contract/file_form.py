@@ -52,6 +52,11 @@ class FileForm:
     missing: tuple[float, ...] = ()
 
     @property
+    def time_title(self) -> str:
+        """What the column of times is called; of several, all of them."""
+        return " ".join(self.time)
+
+    @property
     def words_are_placed(self) -> bool:
         """Whether it matters in which row a word stands in place of a reading."""
         return self.hold == "last" or self.layout in ("long", "pairs")

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.held import held
 from rulec_runtime.recordings.long_table import long_sheet
 from rulec_runtime.recordings.pairs import pair_sheet
 from rulec_runtime.recordings.places import Places, places_of
-from rulec_runtime.recordings.quality import judged, told
+from rulec_runtime.recordings.quality import codes_told, judged
 from rulec_runtime.recordings.table import Sheet, Table, texts_of
 from rulec_runtime.recordings.time_parts import time_of_parts
 
@@ -30,18 +30,13 @@ def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
     return _wide(path, sheet, places, form)
 
 
-def joined(parts: Sequence[str]) -> str:
-    """What a time is called that is made of several columns."""
-    return " ".join(parts)
-
-
 def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
     """A table without its columns of qualities, whose time is one column."""
     aside = {*places.time[1:], *(places.quality_of or {}).values()}
     there = [i for i in range(len(sheet.titles)) if i not in aside]
     titles = [sheet.titles[i] for i in there]
     if len(form.time) > 1:
-        titles[there.index(places.time[0])] = joined(form.time)
+        titles[there.index(places.time[0])] = form.time_title
     table = _WideTable(path, sheet, places, tuple(there), form)
     return replace(
         sheet,
@@ -76,7 +71,7 @@ class _WideTable:
         remarks = table.remarks
         if found:
             title = self.sheet.titles[next(iter(judges.values()))]
-            remarks = (*remarks, *told(self.path, title, found, form))
+            remarks = (*remarks, *codes_told(self.path, title, found, form))
         for (index, quality), texts in zip(judges.items(), qualities, strict=True):
             title = self.sheet.titles[quality]
             columns[index] = judged(self.path, columns[index], title, texts, found, form)

@@ -22,7 +22,7 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import held
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
 from rulec_runtime.recordings.places import Places
-from rulec_runtime.recordings.quality import as_word, good_of, told
+from rulec_runtime.recordings.quality import as_word, codes_told, good_of
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
@@ -173,7 +173,7 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
     if places.quality >= 0:
         title, texts = sheet.titles[places.quality], texts_of(cells[places.quality])
         good = good_of(path, title, set(texts), form)
-        seen = (*seen, *told(path, title, set(texts), form))
+        seen = (*seen, *codes_told(path, title, set(texts), form))
         words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
     values[[*words]] = np.nan
     units = texts_of(cells[places.unit]) if places.unit >= 0 else []

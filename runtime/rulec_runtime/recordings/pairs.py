@@ -14,8 +14,7 @@ from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.long_table import LongTable, Readings
 from rulec_runtime.recordings.places import Pair
-from rulec_runtime.recordings.quality import judged
-from rulec_runtime.recordings.quality import told as codes_told
+from rulec_runtime.recordings.quality import codes_told, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, texts_of
 from rulec_runtime.recordings.time_parts import comparable, seconds_in
 

@@ -17,7 +17,7 @@ from rulec_runtime.recordings.scratch import Growing
 ONE_IS_GOOD = ("isgood", "is good", "good", "validity", "valid", "gültig", "gueltig")
 """Titles of columns in which 1 is good and 0 is not."""
 
-_WORDS = ("good", "ok", "valid", "true", "gut", "gültig", "normal")
+_WORD = re.compile(r"(ok|valid|true|gut|gültig|normal)(?![a-z])")
 _CODE = re.compile(r"[+-]?\d+(?:\.0*)?|0[xX][0-9a-fA-F]+")
 
 
@@ -27,8 +27,8 @@ def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> d
     Raises `Unclear` where codes mean different things by different standards.
     """
     if form.good and {*form.good} - {OPC_UA, OPC_DA}:
-        wanted = {text.strip().lower() for text in form.good}
-        return {text: text.strip().lower() in wanted for text in found}
+        wanted = {_plain(text) for text in form.good}
+        return {text: _plain(text) in wanted for text in found}
     codes = {text: _code(text) for text in found}
     standard = form.good[0] if form.good else _standard(path, title, codes.values())
     return {
@@ -37,14 +37,16 @@ def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> d
     }
 
 
+def _plain(text: str) -> str | int:
+    """A quality by which it can be compared: 1 and 1.0 are the same."""
+    code = _code(text)
+    return text.strip().lower() if code is None else code
+
+
 def _is_word(text: str) -> bool:
     """Good, Good (192), GoodLocalOverride, or nothing at all."""
     word = text.strip().lower()
-    return (
-        not word
-        or any(re.match(rf"{good}(?![a-z])", word) for good in _WORDS)
-        or (word.startswith("good"))
-    )
+    return not word or word.startswith("good") or _WORD.match(word) is not None
 
 
 def _is_good(code: int, standard: str) -> bool:
@@ -62,7 +64,7 @@ def standard_of(path: Path, title: str, found: Collection[str]) -> str:
     return (_standard(path, title, codes) or "1") if codes else ""
 
 
-def told(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
+def codes_told(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
     """What is told of codes whose standard no column map names."""
     standard = "" if form.good else standard_of(path, title, found)
     what = {
