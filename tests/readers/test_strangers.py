@@ -399,7 +399,7 @@ ASKED = {
 def test_what_only_a_person_knows_is_asked(
     name: str, tmp_path: Path, plant: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Refused with the key that helps, also with the map until it is answered there; exit code 1."""
+    """Refused with the key that helps, with the map too until it is answered there; exit code 1."""
     text, told, key = ASKED[name]
     file = write(tmp_path, text)
     with pytest.raises(RecordingRefused) as refused:
