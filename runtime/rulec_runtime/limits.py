@@ -520,6 +520,58 @@ LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
 cycle of ambient temperature, which moves most of them."""
 
+# Courses of a degree ------------------------------------------------------------------------------
+
+POINTS_OF_A_COURSE = 48
+"""Stretches that one course has to explain, of more some, evenly. Origin: assumed."""
+
+POINTS_THAT_GROW = 6
+"""Stretches below which no growth is looked for. Origin: assumed; a line has two parameters, and as
+many again tell whether it is one."""
+
+USUAL_DEGREE = 0.3
+"""Degree of usual size, of a share, or of the range of a sensor. Origin: assumed; as the usual
+sizes of leakage and clogging in kb/faults."""
+
+BENDS_OF_A_COURSE = 6
+"""Times at which the growth of a degree may change. Origin: numerical; more give the same."""
+
+ONSETS_AT_FIRST = 8
+"""Every which stretch is tried as the first one with a fault, before its course is worked out.
+Origin: numerical; growth that began between two of them is seen as well."""
+
+STEPS_OF_A_COURSE = 8
+"""Steps at most that growth is compared with. Origin: numerical; the rest is told by runs."""
+
+BENDING = (0.0, 0.1, 0.5, 2.0)
+"""By how much growth may change on its way, over growth that leads to a usual degree. Origin:
+assumed; each way is as likely, and counts by its evidence."""
+
+WANDERS = (LASTING, 7.0 * 86400.0, 90.0 * 86400.0, math.inf)
+"""Times, s, over which equal parts of the variance of lasting errors lose their memory, where
+degrees are followed over hours or months: the day, the week, the season, and what never changes.
+Origin: assumed; the bound of a sensor's class holds its calibration and all drift, which flickers
+on every scale of time."""
+
+COURSE_CONVERGED = 1e-4
+"""Change of a degree, of its scale, at which its course has been found. Origin: numerical."""
+
+SOONEST, LATEST, TIMES_AHEAD = 0.05, 20.0, 200
+"""Times, over the one that it takes at the rate of now, between which a degree is looked at ahead,
+and how many of them. Origin: numerical; later than that nobody plans."""
+
+COURSES_TRIED = 4
+"""Faults whose courses are worked out, besides those that are named: those that explain most to
+first order. Origin: assumed."""
+
+PARTS_OF_A_COURSE = 3
+"""Degrees of freedom of a course: where it begins, how large it is and how fast it grows. Origin:
+distribution."""
+
+GROWS = math.log(20.0)
+"""Evidence of growth over steps from which on a fault is told to grow. Origin: assumed, strong
+evidence (Kass and Raftery 1995)."""
+
 # Test of a hypothesis ----------------------------------------------------------------------------
 
 UNTOUCHED = 1e-6

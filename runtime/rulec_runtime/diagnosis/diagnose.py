@@ -11,8 +11,9 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
+from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
-from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.recordings.recording import Recording
@@ -117,7 +118,7 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
 
 def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant say of settled stretches."""
-    each = [against_sheet(timeline, p, findings_of(timeline, ruleset, p)) for p in seen]
+    each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in seen]
     return together(ruleset, timeline, seen, each)
 
 

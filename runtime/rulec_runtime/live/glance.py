@@ -13,8 +13,9 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import assembled, joined
+from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
-from rulec_runtime.diagnosis.steady.findings import Found, findings_of
+from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.seen import see_points
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
@@ -77,7 +78,7 @@ def _judged(
     if not len(whole):
         return one.seen_again(whole, Found([], [], []), count), whole, None
     seen = see_points(own, whole.points, whole.halves, "default")
-    found = joined((findings_of(whole.timeline, own, part) for part in seen), None)
+    found = joined((found_of(whole.timeline, own, part) for part in seen), None)
     found.not_judged.extend(unsettled(tail, whole))
     return one.seen_again(whole, found, count), whole, latest_of(own, whole.timeline, seen)
 

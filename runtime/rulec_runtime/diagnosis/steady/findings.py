@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
+from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
@@ -57,7 +58,8 @@ class Finding:
     time, without which this one does not explain the readings. `baseline` is the number of
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
     follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
-    `from_sheet`: the plant was never seen to be as its sheet says.
+    `from_sheet`: the plant was never seen to be as its sheet says. `growth` is where it is now, of
+    one that is still there.
     """
 
     fault: FaultSpec
@@ -78,6 +80,7 @@ class Finding:
     behind: str | None = OVER
     step: Step | None = None
     from_sheet: bool = False
+    growth: Growth | None = None
 
     @property
     def active(self) -> bool:
@@ -144,8 +147,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
-                one = _finding(ruleset, seen, cause, members, times)
-                behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
+                one = finding_of(ruleset, seen, cause, members, times)
+                behind = OVER if cause.when == ENDED else behind_of(timeline, seen, members)
                 if seen.combined and cause.when != ENDED and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
                     off = disagreeing(seen, _worst(seen, members))
@@ -229,7 +232,7 @@ def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> t
     return float(timeline.since[first]), float(timeline.until[last])
 
 
-def _behind(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
+def behind_of(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
     """What follows a run: stretches that were judged, the end, or what could not be."""
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
@@ -262,7 +265,7 @@ def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
-def _finding(
+def finding_of(
     ruleset: Ruleset,
     seen: Seen,
     cause: Cause,
