@@ -533,7 +533,7 @@ USUAL_DEGREE = 0.3
 """Degree of usual size, of a share, or of the range of a sensor. Origin: assumed; as the usual
 sizes of leakage and clogging in kb/faults."""
 
-BENDS_OF_A_COURSE = 6
+BENDS_OF_A_COURSE = 5
 """Times at which the growth of a degree may change. Origin: numerical; more give the same."""
 
 ONSETS_AT_FIRST = 8
@@ -556,9 +556,12 @@ on every scale of time."""
 COURSE_CONVERGED = 1e-4
 """Change of a degree, of its scale, at which its course has been found. Origin: numerical."""
 
-SOONEST, LATEST, TIMES_AHEAD = 0.05, 20.0, 200
-"""Times, over the one that it takes at the rate of now, between which a degree is looked at ahead,
-and how many of them. Origin: numerical; later than that nobody plans."""
+SOONEST, LATEST, TIMES_AHEAD = 1e-3, 30.0, 400
+"""Times between which a degree is looked at ahead, over that for which it has grown, and how many
+of them. Origin: numerical; nobody plans further ahead."""
+
+STEPS_THAT_GROW = 2
+"""Steps up from which on a fault is told to grow. Origin: assumed."""
 
 COURSES_TRIED = 4
 """Faults whose courses are worked out, besides those that are named: those that explain most to

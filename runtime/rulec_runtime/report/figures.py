@@ -14,6 +14,7 @@ from rulec_runtime.report.captions import excess, say_degrees, say_estimates, sa
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases, draw_shares
 from rulec_runtime.report.figure import Figure
+from rulec_runtime.report.growth import draw_growth, grown
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, persistent
 from rulec_runtime.report.text import counted, number
 from rulec_runtime.report.text import degree as degree_text
@@ -38,6 +39,9 @@ def figures_of(
         yield draw_estimates(curves)
     if curves.residuals:
         yield draw_residuals(curves)
+    for finding in worst_first(diagnosis.findings):
+        if grown(finding):
+            yield draw_growth(diagnosis, finding)
     yield draw_degrees(diagnosis, trace, truth)
     if cases is not None and len(cases):
         yield draw_cases(cases)

@@ -11,6 +11,7 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
+from rulec_runtime.report.growth import grown
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
@@ -99,6 +100,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             f'<span class="degree">{safe(degree(finding.degree, fault.unit))}</span> '
             f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
         ),
+        *([("Growth", safe(words))] if (words := grown(finding)) else []),
         ("When", safe(_when(diagnosis, finding))),
         ("Probability", safe(_probability(diagnosis, finding))),
         ("What to do", safe(actions(ruleset, finding))),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
+from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -82,6 +83,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "lower": finding.lower,
         "upper": finding.upper,
         **({"unit": finding.fault.unit} if finding.fault.unit else {}),
+        **({} if finding.growth is None else _growth(finding.fault, finding.growth, calendar)),
         "probability": finding.probability,
         **_times(finding, calendar),
         "alternatives": [
@@ -108,6 +110,28 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "text": finding.text,
         "action": actions(ruleset, finding),
     }
+
+
+def _growth(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> dict[str, Any]:
+    """How large a fault is now, how fast it grows, and between which times, s, it is how large."""
+    seconds, name = growth.per
+    told: dict[str, Any] = {
+        "now": {"degree": growth.degree, "lower": growth.lower, "upper": growth.upper}
+    }
+    if growth.rate is not None:
+        value, lower, upper = (end * seconds for end in growth.rate)
+        rate = {"value": value, "lower": lower, "upper": upper}
+        told["rate"] = {**rate, "unit": f"{fault.unit or 1}/{name}", "grows": growth.grows}
+    if (ahead := growth.reaches) is not None:
+        told["reaches"] = {
+            "degree": ahead.degree,
+            "earliest": ahead.earliest,
+            "latest": ahead.latest,
+        }
+        if calendar is not None:
+            ends = {"earliest_time": ahead.earliest, "latest_time": ahead.latest}
+            told["reaches"] |= {key: calendar.iso(time) for key, time in ends.items()}
+    return told
 
 
 def _step(step: Step) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
+from rulec_runtime.report.growth import grown, sparkline
 from rulec_runtime.report.wording import (
     KEPT,
     LEFT_OUT,
@@ -127,6 +128,8 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     when = seen or course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
+    if finding.growth is not None and (words := grown(finding)):
+        tree.add(styled("[bold]{}[/] {}", sparkline(finding.growth), words))
     tree.add(f"do: {actions(ruleset, finding)}")
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")

@@ -3,11 +3,11 @@
 A fault that grows by less from stretch to stretch than sensors may wander looks like a wandering
 sensor to whoever compares neighbours. So all stretches are explained together: errors that last by
 their classes and the calibration, the degree by a course, which begins somewhere, perhaps with a
-jump, and then grows along a line that may bend. When it begins and how far it bends nobody knows;
-each possibility counts by its evidence.
+jump, and then grows along a line that may bend, or in steps. When it begins and how far it bends
+nobody knows; each possibility counts by its evidence.
 
 Source: own derivation, docs/method.md; linear Gaussian models compared by their evidence (MacKay
-1992), a cubic-spline prior of the course (Wahba 1978) in pieces of straight lines.
+1992).
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 
+Moments = tuple[float, float]
+"""A number with its standard uncertainty."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
@@ -38,141 +41,196 @@ class Course:
     ----------
     fault : its place in the ruleset.
     time, degree, u : shape (points,), s, and the degree there with its standard uncertainty.
-    now, rate : degree at the end with its standard uncertainty, and its growth per second.
-    bend : variance by which the rate changes per second, 1/s3; `shared` covariance of now and rate.
+    now, rate : degree at the end, and its growth per second.
+    ahead : times from the end on, s, with the degree then and its standard uncertainty: (3, times).
+    steps : times, s, and sizes of steps, where these explain it better than growth does.
     onset : place among the points where it begins.
-    evidence : log-likelihood, a sound plant's less than `gain`; `grown` is by how much growth
-        explains more than steps do. `left` is chi-square that it leaves, with so many residuals.
+    evidence : log-likelihood, a sound plant's less than `gain`.
+    left : chi-square that it leaves, with so many residuals.
     """
 
     fault: int
     time: Array
     degree: Array
     u: Array
-    now: tuple[float, float]
-    rate: tuple[float, float]
-    shared: float
-    bend: float
+    now: Moments
+    rate: Moments
+    ahead: Array
+    steps: tuple[Moments, ...]
     onset: int
     evidence: float
     gain: float
-    grown: float
     left: float
     residuals: int
+
+    @property
+    def grows(self) -> bool:
+        """Whether growth explains it, and no steps."""
+        return not self.steps
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shapes:
     """Courses that a degree may take over some points, and how likely each is beforehand.
 
-    `table` are jumps and ramps that begin at each point, shape (points, 2 * points), `columns`
-    those that a course is made of, shape (courses, parts), `spread` their standard deviations,
-    `prior` the logarithms of probabilities, `onsets` where each begins, `steps` whether it does not
-    grow. `bends` are variances of the change of the rate per second, per squared unit of degree.
+    Attributes
+    ----------
+    time : shape (points,), s; `end`, s, is when the last stretch ends.
+    columns : parts that a course is made of, shape (courses, parts), by their places among the
+        columns of `table`.
+    spread : their standard deviations, shape (courses, parts); `prior` the logarithms of
+        probabilities, `onsets` the points where each begins, shape (courses,).
+    constant : whether it does not grow; of one jump alone, shape (courses,).
     """
 
     time: Array
-    table: Array
+    end: float
     columns: np.ndarray
     spread: Array
     prior: Array
     onsets: np.ndarray
-    steps: np.ndarray
-    bends: Array
+    constant: np.ndarray
+
+    def table(self, time: Array) -> Array:
+        """Jumps, ramps and curves that begin at each point, at some times, s, shape
+        (times, 3 * points)."""
+        whole = self.time[-1] - self.time[0]
+        since = np.maximum((time[:, None] - self.time) / whole, 0.0)
+        begun = (time[:, None] >= self.time).astype(float)
+        return np.hstack([begun, since, since**2])
+
+    def rates(self) -> Array:
+        """Growth of each column per second at the end, shape (3 * points,)."""
+        whole = float(self.time[-1] - self.time[0])
+        since = np.maximum((self.end - self.time) / whole, 0.0)
+        return np.concatenate([0.0 * since, since > 0.0, 2.0 * since]) / whole
 
 
-def shapes_of(time: Array, onsets: np.ndarray, scale: float) -> Shapes:
+def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shapes:
     """Courses that begin at some points, of a degree of which sizes like `scale` are usual."""
-    count, whole = len(time), float(time[-1] - time[0])
-    since = time[:, None] - time
-    table = np.hstack([(since >= 0.0).astype(float), np.maximum(since, 0.0) / whole])
-    rows: list[tuple[list[int], list[float], float, int, bool, float]] = []
-    blank = [0.0] * limits.BENDS_OF_A_COURSE
-    at_start = limits.FAULT_FROM_START
+    count, knots = len(time), limits.BENDS_OF_A_COURSE
+    rows: list[tuple[list[int], list[float], float, int, bool]] = []
     for onset in onsets.tolist():
-        where = at_start if onset == 0 else -np.log(len(onsets))
-        constant = [onset, count + onset, *(count + onset for _ in blank)]
-        rows.append((constant, [scale, 0.0, *blank], where - np.log(2.0), onset, True, 0.0))
+        where = limits.FAULT_FROM_START if onset == 0 else -np.log(len(onsets))
+        bent = np.linspace(onset, count - 1, knots + 1).round().astype(int)[:-1]
+        parts = [onset, count + onset, *(2 * count + bent)]
+        rows.append((parts, [scale, *[0.0] * (knots + 1)], where - np.log(2.0), onset, True))
         behind = count - onset
         if behind < limits.POINTS_THAT_GROW:
             continue
-        lasts = float(time[-1] - time[onset])
-        knots = np.linspace(onset, count - 1, len(blank) + 2).round().astype(int)[1:-1]
-        parts = [onset, count + onset, *(count + knots)]
-        steep = scale * whole / lasts
+        whole = float((time[-1] - time[0]) / (time[-1] - time[onset]))
         # A course that bends as often as there are points would go through all of them.
-        free = np.arange(len(blank)) % (1 + limits.BENDS_OF_A_COURSE * 4 // behind) == 0
+        free = np.arange(knots) % (1 + 4 * knots // behind) == 0
         ways = [(jump, bend) for jump in (0.0, scale) for bend in limits.BENDING]
         for jump, bend in ways:
-            one = bend * steep / np.sqrt(free.sum())
+            curved = bend * scale * whole**2 * free
             chance = where - np.log(2.0 * len(ways))
-            spread = [jump, steep, *(one * free)]
-            rows.append((parts, spread, chance, onset, False, (bend / lasts) ** 2 / lasts))
-    at, spreads, prior, begin, steps, bends = map(np.array, zip(*rows, strict=True))
+            rows.append((parts, [jump, scale * whole, *curved], chance, onset, False))
+    at, spreads, prior, begin, constant = map(np.array, zip(*rows, strict=True))
     return Shapes(
         time=time,
-        table=table,
+        end=end,
         columns=at,
         spread=spreads,
         prior=prior,
         onsets=begin,
-        steps=steps,
-        bends=bends * scale**2,
+        constant=constant,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Weighed:
-    """What readings say of each course: parts, shape (courses, parts), with their covariance, the
-    log-likelihood gained over no fault, shape (courses,), that gained by steps alone, and
-    chi-square left by each course."""
+    """What readings say of each course.
 
+    Attributes
+    ----------
+    columns, parts, covariance : of each course its columns and their sizes, shape (courses, parts),
+        with their covariance.
+    gain : log-likelihood gained over no fault, shape (courses,), with what is likely beforehand.
+    left : chi-square left by each, shape (courses,).
+    """
+
+    columns: np.ndarray
     parts: Array
     covariance: Array
     gain: Array
-    steps: float
     left: Array
 
+    @property
+    def total(self) -> float:
+        """Log-likelihood gained by any of the courses."""
+        return _log_sum(self.gain)
 
-def _weighed(shapes: Shapes, slopes: Array, residuals: Array) -> _Weighed:
-    """Courses compared by white residuals, shape (m,), and their slopes by the degree at each
-    point, shape (m, points)."""
-    moved = slopes @ shapes.table
+    @property
+    def weight(self) -> Array:
+        """Probabilities of the courses, shape (courses,)."""
+        weight: Array = np.exp(self.gain - self.total)
+        return weight
+
+    def moments(self, rows: Array) -> tuple[Array, Array]:
+        """Mean over all courses and covariance of numbers that are linear in the columns: `rows` of
+        shape (numbers, columns); shapes (numbers,) and (numbers, numbers)."""
+        likely = np.flatnonzero(self.weight > limits.IMPROBABLE)
+        share = self.weight[likely] / self.weight[likely].sum()
+        own = rows[:, self.columns[likely]]
+        mean = np.einsum("ncp,cp->cn", own, self.parts[likely])
+        middle = share @ mean
+        within = np.einsum("c,ncp,cpq,mcq->nm", share, own, self.covariance[likely], own)
+        apart = mean - middle
+        return middle, within + np.einsum("c,cn,cm->nm", share, apart, apart)
+
+
+def _weighed(
+    shapes: Shapes, slopes: Array, residuals: Array, *, steps: bool = True
+) -> tuple[_Weighed, _Weighed | None]:
+    """Courses that grow, and the best few steps, compared by white residuals, shape (m,), and
+    their slopes by the degree at each point, shape (m, points)."""
+    moved = slopes @ shapes.table(shapes.time)
     gram, pull = moved.T @ moved, -(moved.T @ residuals)
-    spread, at = shapes.spread, shapes.columns
+    whole = float(residuals @ residuals)
+    every = _compared(gram, pull, whole, shapes.columns, shapes.spread, shapes.prior)
+    if not steps:
+        return every, None
+    return every, _by_steps(gram, pull, whole, len(shapes.time), float(shapes.spread[0].max()))
+
+
+def _compared(
+    gram: Array, pull: Array, whole: float, at: np.ndarray, spread: Array, prior: Array
+) -> _Weighed:
     own = gram[at[:, :, None], at[:, None, :]] * spread[:, :, None] * spread[:, None, :]
-    pulled = pull[at] * spread
-    size = own.shape[1]
-    inverse = np.linalg.inv(own + np.eye(size))
+    pulled, one = pull[at] * spread, np.eye(at.shape[1])
+    inverse = np.linalg.inv(own + one)
     scaled = np.einsum("cij,cj->ci", inverse, pulled)
-    _, determinant = np.linalg.slogdet(own + np.eye(size))
     fitted = np.einsum("ci,ci->c", pulled, scaled)
-    taken = 2.0 * fitted - np.einsum("ci,cij,cj->c", scaled, own, scaled)
     return _Weighed(
+        columns=at,
         parts=scaled * spread,
         covariance=inverse * spread[:, :, None] * spread[:, None, :],
-        gain=0.5 * (fitted - determinant) + shapes.prior,
-        steps=_by_steps(gram, pull, float(spread.max())),
-        left=float(residuals @ residuals) - taken,
+        gain=0.5 * (fitted - np.linalg.slogdet(own + one)[1]) + prior,
+        left=whole - 2.0 * fitted + np.einsum("ci,cij,cj->c", scaled, own, scaled),
     )
 
 
-def _by_steps(gram: Array, pull: Array, scale: float) -> float:
-    """Log-likelihood gained by the best few steps, one after the other, of sizes like `scale`; in
-    tables, shapes (parts, parts) and (parts,), of which the first half are jumps at each point."""
-    count = len(pull) // 2
-    own, pulled = gram[:count, :count] * scale**2, pull[:count] * scale
-    at, best = np.zeros((count, 0), dtype=int), 0.0
-    for number in range(1, limits.STEPS_OF_A_COURSE + 1):
-        tried = np.column_stack([at, np.arange(count)])
-        inner = own[tried[:, :, None], tried[:, None, :]] + np.eye(number)
-        right = pulled[tried]
-        fitted = np.einsum("ci,ci->c", right, np.linalg.solve(inner, right[:, :, None])[:, :, 0])
-        gain = 0.5 * (fitted - np.linalg.slogdet(inner)[1]) - number * np.log(count)
-        most = int(np.argmax(gain))
-        if gain[most] <= best:
+def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) -> _Weighed:
+    """The best few steps of sizes like `scale`, one after the other, at so many points."""
+    chosen: list[int] = []
+    best: _Weighed | None = None
+    while len(chosen) < limits.STEPS_OF_A_COURSE:
+        tried = np.array([[*chosen, k] for k in range(count) if k not in chosen])
+        prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))
+        found = _compared(gram, pull, whole, tried, np.full(tried.shape, scale), prior)
+        most = int(np.argmax(found.gain))
+        if best is not None and found.gain[most] <= best.gain[0]:
             break
-        best, at = float(gain[most]), np.repeat(tried[most : most + 1], count, axis=0)
+        chosen.append(int(tried[most, -1]))
+        best = _Weighed(
+            columns=found.columns[[most]],
+            parts=found.parts[[most]],
+            covariance=found.covariance[[most]],
+            gain=found.gain[[most]],
+            left=found.left[[most]],
+        )
+    assert best is not None
     return best
 
 
@@ -208,7 +266,8 @@ class Stack:
         if not slopes.any():
             return -np.inf
         few = np.arange(0, len(self.time), limits.ONSETS_AT_FIRST)
-        return _log_sum(_weighed(self.shapes(fault, few), white @ slopes, residuals).gain)
+        every, _ = _weighed(self.shapes(fault, few), white @ slopes, residuals, steps=False)
+        return every.total
 
     def shapes(self, fault: int, onsets: np.ndarray | None = None) -> Shapes:
         """Courses that the degree of a fault may take."""
@@ -216,48 +275,53 @@ class Stack:
         every = np.arange(0, len(self.time), 2) if onsets is None else onsets
         key = spec.scale, every.tobytes()
         if key not in self.known:
-            self.known[key] = shapes_of(self.time, every, limits.USUAL_DEGREE * spec.scale)
+            usual = limits.USUAL_DEGREE * spec.scale
+            self.known[key] = shapes_of(self.time, self.end, every, usual)
         return self.known[key]
 
     def course(self, fault: int, onsets: np.ndarray | None = None) -> Course | None:
         """The course that explains most; None where there is none that anyone would believe."""
         spec, shapes = self.test.ruleset.faults[fault], self.shapes(fault, onsets)
+        table = shapes.table(self.time)
         degree = np.zeros(len(self.time))
         for _ in range(limits.FIT_STEPS):
             residuals, slopes, white = self._undone(fault, degree)
-            weighed = _weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
-            weight = np.exp(weighed.gain - _log_sum(weighed.gain))
-            path = _paths(shapes, weighed, weight)
-            before, degree = degree, np.clip(path[0], spec.lowest, spec.credible)
+            weighed = _better(
+                shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
+            )
+            mean, covariance = weighed.moments(table)
+            before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
-        if not np.isfinite(path).all() or (path[0] < spec.lowest - limits.COVERAGE * path[1]).any():
-            return None
-        if path[0].max() >= spec.credible:
-            return None
-        best = int(np.argmax(weight))
-        steps = max(_log_sum(weighed.gain[shapes.steps]), weighed.steps)
-        base = -0.5 * float(np.sum((white @ (residuals - slopes @ degree)) ** 2))
-        sound = -0.5 * float(np.sum(self.sound[0] ** 2))
-        evidence = base + _log_sum(weighed.gain)
-        now, rate, shared = _at_end(shapes, weighed, weight, self.end)
-        if not spec.lowest - limits.COVERAGE * now[1] <= now[0] < spec.credible:
-            return None
+        u = _roots(covariance)
         left, count = self._left(fault, degree, shapes)
-        wide = max(left / count, 1.0) ** 0.5 if left > count else 1.0
+        wide = max(left / count, 1.0) ** 0.5
+        end = np.stack([shapes.table(np.array([self.end]))[0], shapes.rates()])
+        (now, rate), both = weighed.moments(end)
+        believed = np.append(mean, now) >= spec.lowest - limits.COVERAGE * np.append(
+            u, _roots(both)[0]
+        )
+        if not (
+            np.isfinite(mean).all() and believed.all() and max(now, mean.max()) < spec.credible
+        ):
+            return None
+        base = -0.5 * float(np.sum((white @ (residuals - slopes @ degree)) ** 2))
+        evidence = base + weighed.total
+        onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
+        steps = _told_steps(self.time, weighed) if len(weighed.gain) == 1 else ()
+        later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
         return Course(
             fault=fault,
             time=self.time,
-            degree=path[0],
-            u=wide * path[1],
-            now=(now[0], wide * now[1]),
-            rate=(rate[0], wide * rate[1]),
-            shared=wide**2 * shared,
-            bend=float(weight @ shapes.bends),
-            onset=int(shapes.onsets[best]),
+            degree=mean,
+            u=wide * u,
+            now=(float(now), wide * float(_roots(both)[0])),
+            rate=(float(rate), wide * float(_roots(both)[1])),
+            ahead=_ahead(shapes, weighed, later, wide),
+            steps=steps,
+            onset=onset,
             evidence=evidence,
-            gain=evidence - sound,
-            grown=_log_sum(weighed.gain[~shapes.steps]) - steps,
+            gain=evidence + 0.5 * float(np.sum(self.sound[0] ** 2)),
             left=left,
             residuals=count,
         )
@@ -294,7 +358,9 @@ class Stack:
     def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, int]:
         """Chi-square left with the tolerance of the fault's law, and the number of residuals."""
         residuals, slopes, white = self._undone(fault, degree, lenient=True)
-        weighed = _weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
+        weighed = _better(
+            shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
+        )
         return float(weighed.left[int(np.argmax(weighed.gain))]), len(residuals)
 
     def _in_columns(self, slopes: Array) -> Array:
@@ -355,40 +421,30 @@ def _log_sum(values: Array) -> float:
     return top + float(np.log(np.sum(np.exp(values - top)))) if np.isfinite(top) else -np.inf
 
 
-def _paths(shapes: Shapes, weighed: _Weighed, weight: Array) -> tuple[Array, Array]:
-    """Mean of the degree at each point over all courses, and its standard uncertainty."""
-    chosen = np.flatnonzero(weight > limits.IMPROBABLE)
-    parts = shapes.table[:, shapes.columns[chosen]].transpose(1, 0, 2)
-    mean = np.einsum("ckp,cp->ck", parts, weighed.parts[chosen])
-    own = np.einsum("ckp,cpq,ckq->ck", parts, weighed.covariance[chosen], parts)
-    return _mixed(weight[chosen], mean, own)
+def _better(shapes: Shapes, growing: _Weighed, steps: _Weighed | None) -> _Weighed:
+    """Growth, if it explains much more than steps do; else these."""
+    grown = _log_sum(growing.gain[~shapes.constant])
+    constant = _log_sum(growing.gain[shapes.constant])
+    if steps is None or grown > max(constant, steps.total) + limits.GROWS:
+        return growing
+    return steps
 
 
-def _at_end(
-    shapes: Shapes, weighed: _Weighed, weight: Array, end: float
-) -> tuple[tuple[float, float], tuple[float, float], float]:
-    """Degree and rate at a time, each with its standard uncertainty, and their covariance."""
-    time, whole = shapes.time, float(shapes.time[-1] - shapes.time[0])
-    count = len(time)
-    level = np.concatenate([np.ones(count), np.maximum(end - time, 0.0) / whole])
-    slope = np.concatenate([np.zeros(count), np.ones(count) / whole])
-    both = np.stack([level, slope])[:, shapes.columns]
-    mean = np.einsum("tcp,cp->ct", both, weighed.parts)
-    own = np.einsum("tcp,cpq,scq->cts", both, weighed.covariance, both)
-    middle = weight @ mean
-    apart = mean - middle
-    whole_covariance = np.einsum("c,cts->ts", weight, own + apart[:, :, None] * apart[:, None])
-    u = np.sqrt(np.maximum(np.diagonal(whole_covariance), 0.0))
-    return (
-        (float(middle[0]), float(u[0])),
-        (float(middle[1]), float(u[1])),
-        float(whole_covariance[0, 1]),
-    )
+def _roots(covariance: Array) -> Array:
+    u: Array = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    return u
 
 
-def _mixed(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation of a mixture, shape (points,) each; of each (courses, points)."""
-    share = weight / weight.sum()
-    middle = share @ mean
-    u: Array = np.sqrt(np.maximum(share @ (variance + (mean - middle) ** 2), 0.0))
-    return middle, u
+_AHEAD = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
+
+
+def _ahead(shapes: Shapes, weighed: _Weighed, later: Array, wide: float) -> Array:
+    """Times, s, with the degree then and its standard uncertainty, shape (3, times)."""
+    mean, covariance = weighed.moments(shapes.table(later))
+    return np.stack([later, mean, wide * _roots(covariance)])
+
+
+def _told_steps(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
+    """Times, s, and sizes of steps, in order."""
+    pairs = zip(weighed.columns[0].tolist(), weighed.parts[0].tolist(), strict=True)
+    return tuple((float(time[k]), size) for k, size in sorted(pairs))

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec_runtime import limits
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines, nothing_learned
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
@@ -40,9 +40,43 @@ def with_courses(timeline: Timeline, ruleset: Ruleset, seen: Seen, found: Found)
     place = {fault.id: i for i, fault in enumerate(faults)}
     named = list(dict.fromkeys(place[f.fault.id] for f in found.findings))
     stack = stack_of(seen.part.ruleset, seen.plain, judged, float(timeline.until[-1]), named)
-    if stack is not None and (courses := _explaining(stack, named, seen.isolation.chance)):
+    courses = [] if stack is None else _explaining(stack, named, seen.isolation.chance)
+    if stack is not None and courses and not _is_told(found, faults, courses[0]):
         found = _with_the_best(timeline, ruleset, seen, found, stack, courses)
+    elif courses:
+        growth = growth_of(faults[courses[0].fault], courses[0], float(timeline.until[-1]))
+        found = _with_growth(found, faults[courses[0].fault].id, growth)
     findings = [_followed(timeline, seen, found, one, place) for one in found.findings]
+    return replace(found, findings=findings)
+
+
+def _is_told(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
+    """Do runs of stretches say all that a course does? It goes in steps, and is where they say."""
+    if course.grows:
+        return False
+    degree, u = course.now
+    active = [f for f in found.findings if f.active]
+    if degree < limits.THRESHOLD * u:
+        return True
+    return any(
+        f.fault.id == faults[course.fault].id
+        and f.lower - limits.COVERAGE * u <= degree <= f.upper + limits.COVERAGE * u
+        for f in active
+    )
+
+
+def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
+    """With how a fault that is still there went up in steps."""
+    if growth.rate is None:
+        return found
+    findings = [
+        replace(
+            f, growth=replace(growth, time=f.until, degree=f.degree, lower=f.lower, upper=f.upper)
+        )
+        if f.active and f.fault.id == fault
+        else f
+        for f in found.findings
+    ]
     return replace(found, findings=findings)
 
 
@@ -52,8 +86,8 @@ def found_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
 
 
 def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Course]:
-    """Courses of one fault each that explain all stretches, the best first, if the best one grows
-    and is no chance; among them those of faults `named` so far."""
+    """Courses of one fault each that explain all stretches, the best first, if that is no chance;
+    among them those of faults `named` so far."""
     faults = stack.test.ruleset.faults
     gains = {i: stack.gain_at_first(i) for i in range(len(faults))}
     some = [i for i, gain in gains.items() if np.isfinite(gain)]
@@ -68,7 +102,7 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
         if c is not None and c.left <= accepted(c.residuals, limits.PARTS_OF_A_COURSE, chance)
     ]
     sound.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
-    if not sound or sound[0].grown < limits.GROWS or sound[0].gain < least:
+    if not sound or sound[0].gain < least:
         return []
     return sound
 
