@@ -168,16 +168,16 @@ class _Weighed:
         return weight
 
     def moments(self, rows: Array) -> tuple[Array, Array]:
-        """Mean over all courses and covariance of numbers that are linear in the columns: `rows` of
-        shape (numbers, columns); shapes (numbers,) and (numbers, numbers)."""
+        """Mean over all courses, and standard uncertainty, of numbers that are linear in the
+        columns: `rows` of shape (numbers, columns); both of shape (numbers,)."""
         likely = np.flatnonzero(self.weight > limits.IMPROBABLE)
         share = self.weight[likely] / self.weight[likely].sum()
-        own = rows[:, self.columns[likely]]
-        mean = np.einsum("ncp,cp->cn", own, self.parts[likely])
+        own = rows[:, self.columns[likely]].transpose(1, 0, 2)
+        mean = (own @ self.parts[likely, :, None])[:, :, 0]
         middle = share @ mean
-        within = np.einsum("c,ncp,cpq,mcq->nm", share, own, self.covariance[likely], own)
-        apart = mean - middle
-        return middle, within + np.einsum("c,cn,cm->nm", share, apart, apart)
+        within = np.sum(own @ self.covariance[likely] * own, axis=2)
+        u: Array = np.sqrt(np.maximum(share @ (within + (mean - middle) ** 2), 0.0))
+        return middle, u
 
 
 def _weighed(
@@ -289,21 +289,16 @@ class Stack:
             weighed = _better(
                 shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
             )
-            mean, covariance = weighed.moments(table)
+            mean, u = weighed.moments(table)
             before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
-        u = _roots(covariance)
         left, count = self._left(fault, degree, shapes)
         wide = max(left / count, 1.0) ** 0.5
-        end = np.stack([shapes.table(np.array([self.end]))[0], shapes.rates()])
-        (now, rate), both = weighed.moments(end)
-        believed = np.append(mean, now) >= spec.lowest - limits.COVERAGE * np.append(
-            u, _roots(both)[0]
-        )
-        if not (
-            np.isfinite(mean).all() and believed.all() and max(now, mean.max()) < spec.credible
-        ):
+        at_end = np.stack([shapes.table(np.array([self.end]))[0], shapes.rates()])
+        (now, rate), (u_now, u_rate) = weighed.moments(at_end)
+        lowest = np.append(mean + limits.COVERAGE * u, now + limits.COVERAGE * u_now).min()
+        if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         base = -0.5 * float(np.sum((white @ (residuals - slopes @ degree)) ** 2))
         evidence = base + weighed.total
@@ -315,8 +310,8 @@ class Stack:
             time=self.time,
             degree=mean,
             u=wide * u,
-            now=(float(now), wide * float(_roots(both)[0])),
-            rate=(float(rate), wide * float(_roots(both)[1])),
+            now=(float(now), wide * float(u_now)),
+            rate=(float(rate), wide * float(u_rate)),
             ahead=_ahead(shapes, weighed, later, wide),
             steps=steps,
             onset=onset,
@@ -430,18 +425,13 @@ def _better(shapes: Shapes, growing: _Weighed, steps: _Weighed | None) -> _Weigh
     return steps
 
 
-def _roots(covariance: Array) -> Array:
-    u: Array = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    return u
-
-
 _AHEAD = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
 
 
 def _ahead(shapes: Shapes, weighed: _Weighed, later: Array, wide: float) -> Array:
     """Times, s, with the degree then and its standard uncertainty, shape (3, times)."""
-    mean, covariance = weighed.moments(shapes.table(later))
-    return np.stack([later, mean, wide * _roots(covariance)])
+    mean, u = weighed.moments(shapes.table(later))
+    return np.stack([later, mean, wide * u])
 
 
 def _told_steps(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:

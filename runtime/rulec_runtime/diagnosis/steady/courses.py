@@ -26,6 +26,7 @@ from rulec_runtime.diagnosis.steady.findings import (
 from rulec_runtime.diagnosis.steady.growth import Growth, growth_of
 from rulec_runtime.diagnosis.steady.isolate import accepted, shares
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
+from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -89,18 +90,16 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
     """Courses of one fault each that explain all stretches, the best first, if that is no chance;
     among them those of faults `named` so far."""
     faults = stack.test.ruleset.faults
-    gains = {i: stack.gain_at_first(i) for i in range(len(faults))}
+    limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
+    may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()
+    gains = {i: stack.gain_at_first(i) for i in may}
     some = [i for i, gain in gains.items() if np.isfinite(gain)]
     most = sorted(some, key=lambda i: -gains[i])[: limits.COURSES_TRIED]
     least = -np.log(limits.ALARM_PER_RECORDING / max(len(some), 1))
     if not named and (not most or gains[most[0]] < least):
         return []
-    tried = [stack.course(i) for i in dict.fromkeys((*most, *named))]
-    sound = [
-        c
-        for c in tried
-        if c is not None and c.left <= accepted(c.residuals, limits.PARTS_OF_A_COURSE, chance)
-    ]
+    tried = [stack.course(i) for i in dict.fromkeys((*most, *named)) if i in gains]
+    sound = [c for c in tried if c is not None and c.left <= limit]
     sound.sort(key=lambda c: -c.evidence - np.log(faults[c.fault].odds))
     if not sound or sound[0].gain < least:
         return []
