@@ -13,10 +13,11 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import assembled, joined
-from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.steady.courses import found_again, found_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.seen import see_points
+from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
 from rulec_runtime.live.known import Known, PartKnown
@@ -78,9 +79,18 @@ def _judged(
     if not len(whole):
         return one.seen_again(whole, Found([], [], []), count), whole, None
     seen = see_points(own, whole.points, whole.halves, "default")
-    found = joined((found_of(whole.timeline, own, part) for part in seen), None)
+    enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
+    each = (
+        found_of(whole.timeline, own, part)
+        if enough
+        else found_again(whole.timeline, own, part, one.found)
+        for part in seen
+    )
+    found = joined(each, None)
     found.not_judged.extend(unsettled(tail, whole))
-    return one.seen_again(whole, found, count), whole, latest_of(own, whole.timeline, seen)
+    again = one.seen_again(whole, found, count)
+    again = replace(again, followed=len(whole)) if enough else again
+    return again, whole, latest_of(own, whole.timeline, seen)
 
 
 def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> Recording:

@@ -12,6 +12,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.live.episode import Episode, Kind
+from rulec_runtime.report.growth import grown
+from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
 
 
@@ -75,7 +77,7 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
-    fault = finding.fault
+    fault, growth = finding.fault, finding.growth
     return Episode(
         id=_id(fault.id, finding.since),
         kind="fault",
@@ -93,6 +95,9 @@ def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
         unit=fault.unit,
         probability=finding.probability,
         alternatives=finding.alternatives,
+        grows=grown(finding),
+        rate=0.0 if growth is None or growth.rate is None else growth.rate[0],
+        growth={} if growth is None else growth_form(fault, growth, None),
     )
 
 

@@ -83,7 +83,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "lower": finding.lower,
         "upper": finding.upper,
         **({"unit": finding.fault.unit} if finding.fault.unit else {}),
-        **({} if finding.growth is None else _growth(finding.fault, finding.growth, calendar)),
+        **({} if finding.growth is None else growth_form(finding.fault, finding.growth, calendar)),
         "probability": finding.probability,
         **_times(finding, calendar),
         "alternatives": [
@@ -112,7 +112,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
     }
 
 
-def _growth(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> dict[str, Any]:
+def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> dict[str, Any]:
     """How large a fault is now, how fast it grows, and between which times, s, it is how large."""
     seconds, name = growth.per
     told: dict[str, Any] = {

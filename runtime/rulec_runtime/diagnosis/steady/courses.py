@@ -68,8 +68,6 @@ def _is_told(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
 
 def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
     """With how a fault that is still there went up in steps."""
-    if growth.rate is None:
-        return found
     findings = [
         replace(
             f, growth=replace(growth, time=f.until, degree=f.degree, lower=f.lower, upper=f.upper)
@@ -84,6 +82,29 @@ def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
 def found_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     """What a part says over a recording: by runs of stretches, and by courses over all of them."""
     return with_courses(timeline, ruleset, seen, findings_of(timeline, ruleset, seen))
+
+
+def found_again(timeline: Timeline, ruleset: Ruleset, seen: Seen, before: Found) -> Found:
+    """The same after a few rows more, with courses as they were worked out `before`."""
+    found = findings_of(timeline, ruleset, seen)
+    for old in before.findings:
+        if old.growth is None or not old.active:
+            continue
+        if old.growth.grows:
+            until = float(timeline.until[-1])
+            found = _in_place(found, replace(old, until=until), old.since)
+        else:
+            found = _with_growth(found, old.fault.id, old.growth)
+    return found
+
+
+def _in_place(found: Found, one: Finding, since: float) -> Found:
+    """A finding in the place of all that was told while it was there."""
+    return replace(
+        found,
+        findings=[*(f for f in found.findings if f.until < since), one],
+        unknown=[p for p in found.unknown if p.until < since],
+    )
 
 
 def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Course]:
@@ -142,9 +163,7 @@ def _with_the_best(
     one = finding_of(ruleset, plain, cause, [last], (since, until))
     growth = growth_of(faults[best.fault], best, stack.end)
     one = replace(one, behind=behind_of(timeline, seen, [last]), growth=growth)
-    outside = [f for f in found.findings if f.until < since]
-    unknown = [p for p in found.unknown if p.until < since]
-    return replace(found, findings=[*outside, one], unknown=unknown)
+    return _in_place(found, one, since)
 
 
 def _followed(

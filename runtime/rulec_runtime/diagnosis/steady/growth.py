@@ -105,7 +105,7 @@ def _reaches(
     fault: FaultSpec, course: Course, rate: tuple[float, float, float], time: float
 ) -> Reaches | None:
     """When the next round degree is reached, if it goes on as it did."""
-    level = _next_level(_between(course.now)[2])
+    level = next_level(_between(course.now)[2])
     if level >= fault.credible:
         return None
     if not course.grows:
@@ -127,10 +127,10 @@ def _reaches(
     )
 
 
-def _next_level(degree: float) -> float:
+def next_level(degree: float) -> float:
     """The next round number.
 
-    >>> [round(_next_level(x), 6) for x in (0.031, 0.12, 0.5, 0.93)]
+    >>> [round(next_level(x), 6) for x in (0.031, 0.12, 0.5, 0.93)]
     [0.04, 0.15, 0.6, 1.0]
     """
     decade = 10.0 ** np.floor(np.log10(degree))
