@@ -36,6 +36,8 @@ def grown(finding: Finding) -> str:
     middle, *ends = (degree_in_words(fault, x * seconds) for x in growth.rate)
     way = "grows by" if growth.rate[0] > 0.0 else "changes by"
     rate = f"{way} {middle} per {each} ({' to '.join(ends)})"
+    if not growth.grows and growth.reaches is None:
+        return ""
     if not growth.grows:
         rate = f"goes up in steps, by about {middle} per {each}"
     return "; ".join(filter(None, (now, rate, _ahead(fault, growth))))

@@ -41,7 +41,7 @@ class Course:
     ----------
     fault : its place in the ruleset.
     time, degree, u : shape (points,), s, and the degree there with its standard uncertainty.
-    now, rate : degree at the end, and its growth per second.
+    now, rate : degree at the end, and its growth per second, if it does not go in steps.
     ahead : times from the end on, s, with the degree then and its standard uncertainty: (3, times).
     steps : times, s, and sizes of steps, where these explain it better than growth does.
     onset : place among the points where it begins.
@@ -286,24 +286,23 @@ class Stack:
         degree = np.zeros(len(self.time))
         for _ in range(limits.FIT_STEPS):
             residuals, slopes, white = self._undone(fault, degree)
-            weighed = _better(
-                shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
-            )
+            growing, steps = _weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
+            weighed = _better(shapes, growing, steps)
             mean, u = weighed.moments(table)
             before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
         left, count = self._left(fault, degree, shapes)
         wide = max(left / count, 1.0) ** 0.5
-        at_end = np.stack([shapes.table(np.array([self.end]))[0], shapes.rates()])
-        (now, rate), (u_now, u_rate) = weighed.moments(at_end)
+        (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
+        (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
         lowest = np.append(mean + limits.COVERAGE * u, now + limits.COVERAGE * u_now).min()
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         base = -0.5 * float(np.sum((white @ (residuals - slopes @ degree)) ** 2))
         evidence = base + weighed.total
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
-        steps = _told_steps(self.time, weighed) if len(weighed.gain) == 1 else ()
+        told = _told_steps(self.time, weighed) if weighed is steps else ()
         later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
         return Course(
             fault=fault,
@@ -313,7 +312,7 @@ class Stack:
             now=(float(now), wide * float(u_now)),
             rate=(float(rate), wide * float(u_rate)),
             ahead=_ahead(shapes, weighed, later, wide),
-            steps=steps,
+            steps=told,
             onset=onset,
             evidence=evidence,
             gain=evidence + 0.5 * float(np.sum(self.sound[0] ** 2)),

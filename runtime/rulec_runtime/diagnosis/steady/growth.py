@@ -57,10 +57,10 @@ class Growth:
 
 def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
     """What a course says of its end."""
-    rate = _between(course.rate) if course.grows else _rate_of_steps(course, time)
-    reaches = None
-    if rate is not None and rate[1] > 0.0:
-        reaches = _reaches(fault, course, rate, time)
+    by_steps = None if course.grows else _rate_of_steps(course, time)
+    rate = by_steps or _between(course.rate)
+    growing = (course.grows or by_steps is not None) and rate[1] > 0.0
+    reaches = _reaches(fault, course, rate, time) if growing else None
     ahead = _until(course, reaches.latest) if course.grows and reaches is not None else ()
     return Growth(
         time=time,
