@@ -20,7 +20,7 @@ from tests.rig.long_run import courses, pairs, rows, year
 
 def _rows(out: Console, options: argparse.Namespace) -> dict[str, Any]:
     answers = rows.measure(options.first, options.seeds or 1, options.only)
-    table = _table("row", "rig", "variant", "said", "wrong with that")
+    table = Table("row", "rig", "variant", "said", "wrong with that", box=None)
     for a in answers:
         table.add_row(a.row, a.rig, a.variant, a.said, "\n".join(a.complaints) or "[green]right[/]")
     out.print(table)
@@ -35,7 +35,9 @@ def _courses(out: Console, options: argparse.Namespace) -> dict[str, Any]:
     form = courses.form(
         courses.measure(options.first, options.seeds or courses.DRAWN, options.live)
     )
-    table = _table("course", "true", "said", "", "true rate", "said", "reaches", "truly", "within")
+    table = Table(
+        "course", "true", "said", "", "true rate", "said", "reaches", "truly", "within", box=None
+    )
     for one in form["courses"]:
         table.add_row(*(str(one[key]) for key in courses.COLUMNS))
     out.print(table)
@@ -47,7 +49,7 @@ def _pairs(out: Console, options: argparse.Namespace) -> dict[str, Any]:
     form = pairs.form(pairs.measure(options.first, options.seeds or pairs.DRAWN))
     for one in form["misses"]:
         out.print(f"{one['number']:>3} {one['what']}: [bold]{one['verdict']}[/] {one['said']}")
-    table = _table("problem", *pairs.VERDICTS)
+    table = Table("problem", *pairs.VERDICTS, box=None)
     for problem, counts in form["by_problem"].items():
         table.add_row(problem, *(str(counts[v]) for v in pairs.VERDICTS))
     out.print(table)
@@ -56,7 +58,9 @@ def _pairs(out: Console, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _year(out: Console, options: argparse.Namespace) -> dict[str, Any]:
-    form = year.measure(options.first, options.days, whole=options.whole, rig=options.rig)
+    form = year.measure(
+        options.first, options.days, whole=options.whole, rig=options.rig, season=options.kelvin
+    )
     for alarm in form["alarms"]:
         out.print(f"day {alarm['day']}: {alarm['said']}")
     _counts(out, {k: v for k, v in form.items() if k != "alarms"})
@@ -76,6 +80,7 @@ def main() -> None:
     parser.add_argument("--live", action="store_true", help="courses: play them to a watch, too")
     parser.add_argument("--rig", default="abc", help="of the year (default abc)")
     parser.add_argument("--days", type=int, default=365, help="of the year (default 365)")
+    parser.add_argument("--kelvin", type=float, default=year.SEASON, help="of its seasons")
     parser.add_argument("--whole", action="store_true", help="the year as one recording")
     parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
     options = parser.parse_args()
@@ -91,11 +96,6 @@ def main() -> None:
         print(json.dumps(form, indent=1))
     elif options.json:
         Path(options.json).write_text(json.dumps(form, indent=1) + "\n", encoding="utf-8")
-
-
-def _table(*columns: str) -> Table:
-    table = Table(*columns, box=None, title_justify="left")
-    return table
 
 
 def _counts(out: Console, counts: Mapping[str, Any]) -> None:

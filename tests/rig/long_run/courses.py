@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from tests.figures.share import Share
-from tests.rig.long_run.judged import CLOSE, last_of, names_of, now_of
+from tests.rig.long_run.judged import CLOSE, USEFUL, last_of, names_of, now_of
 from tests.rig.long_run.plants import Form, asked, clock, constant, moving, recorded, watched
 from tests.rig.long_run.readings import Columns
 
@@ -42,9 +42,6 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3_600.0, "d": DAY, "w": 7 * DAY, "week": 
 
 BEYOND = 20.0
 """Lengths of the recording within which the truth is followed on."""
-
-USEFUL = 0.2
-"""Half width of bounds, as a share of the degree, up to which they help. Origin: assumed."""
 
 COLUMNS = ("what", "true", "said", "fits", "true_rate", "rate", "reaches", "truly", "within")
 

@@ -16,6 +16,9 @@ SURE = 0.9
 CLOSE = 0.05
 """How far a degree may be off, as a share of it."""
 
+USEFUL = 0.2
+"""Half width of bounds, as a share of the degree, up to which they help. Origin: assumed."""
+
 LIQUID = r"liquid|fluid|viscos"
 """In name or text of a finding that blames the liquid."""
 
@@ -62,6 +65,12 @@ def now_of(finding: Form) -> tuple[float, float, float]:
     return float(told["degree"]), float(told["lower"]), float(told["upper"])
 
 
+def width_of(finding: Form) -> float:
+    """Half the width of the bounds of the degree at the end."""
+    _, lower, upper = now_of(finding)
+    return (upper - lower) / 2.0
+
+
 def fits(finding: Form, degree: float) -> bool:
     """Is the degree close to the true one, or do its bounds hold it?"""
     said, lower, upper = now_of(finding)
@@ -105,6 +114,8 @@ def _faults(right: Right, form: Form) -> Iterator[str]:
             yield f"{fault} is {degree:.3g}, told {said:.3g} ({lower:.3g} to {upper:.3g})"
         if right.grows and "now" not in finding:
             yield f"{fault}: no course is told"
+        if right.grows and width_of(finding) > USEFUL * degree:
+            yield f"{fault}: {degree:.3g} is told within {width_of(finding):.2g} only"
         if right.events is not None:
             yield from _events(right.events, finding, form)
 

@@ -14,12 +14,15 @@ from tests.figures.share import Share
 from tests.rig.long_run import physics, readings
 from tests.rig.long_run.judged import LIQUID, Right, names_of, surely_wrong, told
 from tests.rig.long_run.plants import Form, asked, clock, constant, moving, plant, recorded
-from tests.rig.long_run.readings import Columns
+from tests.rig.long_run.readings import Columns, changed
 
 DRAWN = 300
 ROWS = 360
 BREAKS, LEAKS = 60, 180
 """Rows from which on a reading is wrong, and the plant."""
+
+ALONG = np.arange(ROWS) / ROWS
+"""Part of the recording that has gone by, shape (ROWS,)."""
 
 VERDICTS = ("right", "wrong", "ok", "without a name")
 """The fault is told, first or as an alternative; else another one with 90 %; else nothing is told;
@@ -36,19 +39,19 @@ Random = np.random.Generator
 Broken = Callable[[Columns, str, Random], Columns]
 
 READINGS: Mapping[str, Broken] = {
-    "frozen": lambda c, s, r: readings.frozen(c, s, BREAKS),
+    "frozen": lambda c, s, r: readings.held(c, s, BREAKS),
     "clipped": lambda c, s, r: readings.clipped(c, s, float(r.uniform(0.05, 0.5))),
-    "dead": lambda c, s, r: readings.dead(c, s, BREAKS),
+    "dead": lambda c, s, r: readings.held(c, s, BREAKS, 0.0),
     "no column": lambda c, s, r: readings.absent(c, s),
-    "lost later": lambda c, s, r: readings.lost(c, s, BREAKS),
-    "gaps": lambda c, s, r: readings.gaps(c, s, float(r.uniform(0.1, 0.6)), r),
-    "too high": lambda c, s, r: readings.scaled(c, s, 1.0 + float(r.uniform(0.05, 0.3))),
-    "too low": lambda c, s, r: readings.scaled(c, s, 1.0 - float(r.uniform(0.05, 0.3))),
-    "drift": lambda c, s, r: readings.scaled(c, s, _ramp(float(r.uniform(0.05, 0.2)))),
-    "offset": lambda c, s, r: _offset(c, s, float(r.uniform(0.05, 0.2))),
-    "noise": lambda c, s, r: _noise(c, s, float(r.uniform(0.02, 0.08)), r),
-    "spikes": lambda c, s, r: readings.spikes(c, s, float(r.uniform(0.01, 0.05)), r),
-    "late": lambda c, s, r: readings.late(c, s, int(r.integers(2, 8))),
+    "lost later": lambda c, s, r: readings.held(c, s, BREAKS, np.nan),
+    "gaps": lambda c, s, r: changed(c, s, lambda v: readings.gaps(v, r.uniform(0.1, 0.6), r)),
+    "too high": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.3))),
+    "too low": lambda c, s, r: changed(c, s, lambda v: v * (1.0 - r.uniform(0.05, 0.3))),
+    "drift": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.2) * ALONG)),
+    "offset": lambda c, s, r: changed(c, s, lambda v: v + r.uniform(0.05, 0.2) * v.mean()),
+    "noise": lambda c, s, r: changed(c, s, lambda v: v + _noise(v, r.uniform(0.02, 0.08), r)),
+    "spikes": lambda c, s, r: changed(c, s, lambda v: readings.spikes(v, r.uniform(0.01, 0.05), r)),
+    "late": lambda c, s, r: changed(c, s, lambda v: _late(v, int(r.integers(2, 8)))),
     "swapped": lambda c, s, r: readings.swapped(c, s, _other(c, s)),
     "unit": lambda c, s, r: readings.all_in(
         c, s.split(".")[1], float(r.choice([1e-3, 0.1, 100.0]))
@@ -127,7 +130,8 @@ def readings_of(pair: Pair, sound: bool = False) -> Columns:
     random = np.random.default_rng([53, pair.number])
     time, rig, built = clock(ROWS), pair.rig, plant(pair.rig)
     speed = moving(rig, time, 45, random) if pair.moves else constant(rig, time)
-    faults: dict[str, Array] = {} if pair.problem != "cold liquid" else _cold()(built)
+    is_cold = pair.problem == "cold liquid"
+    faults = physics.everywhere(built, np.full(ROWS, 0.15)) if is_cold else {}
     if not sound:
         there = np.where(time >= LEAKS, pair.degree, 0.0)
         before = faults.get(pair.fault, np.zeros(ROWS))
@@ -136,12 +140,12 @@ def readings_of(pair: Pair, sound: bool = False) -> Columns:
     if pair.problem == "pump off":
         off = str(random.choice([n for n in built.modules if n != pair.fault.split(".")[0]]))
         speed = {**speed, off: np.where(time >= BREAKS, 0.0, speed[off])}
-        pump = physics.Standing(built.modules[off].pump, physics.SHUT)
+        pump = physics.Idle(built.modules[off].pump, time >= BREAKS)
         built, backflow = physics.with_pump(built, off, pump), True
     elif pair.problem in ("ramps", "restless"):
         period, size = (90.0, 0.12) if pair.problem == "ramps" else (9.0, 0.06)
         speed = {n: v * (1.0 + size * np.sin(6.283 * time / period)) for n, v in speed.items()}
-    elif pair.problem == "cold liquid":
+    elif is_cold:
         built = physics.with_slip(built, np.full(ROWS, 0.8))
     elif pair.problem == "starts late":
         time = clock(ROWS) + np.where(clock(ROWS) >= BREAKS, 4.0 * 3600.0, 0.0)
@@ -228,22 +232,12 @@ def _of(
     )
 
 
-def _cold() -> Callable[[Any], dict[str, Array]]:
-    return lambda built: physics.everywhere(built, np.full(ROWS, 0.15))
+def _noise(values: Array, share: float, random: Random) -> Array:
+    return np.asarray(share * values.mean() * random.normal(size=values.size))
 
 
-def _ramp(size: float) -> Array:
-    return 1.0 + size * np.arange(ROWS) / ROWS
-
-
-def _offset(columns: Columns, signal: str, share: float) -> Columns:
-    values = columns[readings.title(columns, signal)]
-    return readings.offset(columns, signal, share * float(np.mean(values)))
-
-
-def _noise(columns: Columns, signal: str, share: float, random: Random) -> Columns:
-    values = columns[readings.title(columns, signal)]
-    return readings.offset(columns, signal, share * np.mean(values) * random.normal(size=ROWS))
+def _late(values: Array, rows: int) -> Array:
+    return np.concatenate([np.full(rows, values[0]), values[:-rows]])
 
 
 def _other(columns: Columns, signal: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -29,61 +29,41 @@ VISCOSITY_PER_KELVIN = 0.024
 BLASIUS = 0.25
 """Exponent of the viscosity in the friction of a smooth turbulent line (Blasius)."""
 
-_NO_FLOW = 1.0e-10  # m3/s; where the root search starts, and what a dry pump delivers
-
 
 @dataclass(frozen=True)
-class Standing:
-    """A pump with any law while it turns; while it stands, a passage: dp = -back Q |Q|."""
+class Idle:
+    """A pump that does not pump for a while: off, or dry.
 
-    running: Pump
-    back: float
+    Attributes
+    ----------
+    pump : its law while it pumps
+    idle : shape (n,); when it does not, and is a passage instead: dp = -back Q |Q|
+    back : Pa/(m3/s)2; of a check valve, `SHUT`
+    """
+
+    pump: Pump
+    idle: Any
+    back: float = SHUT
 
     def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s."""
-        return np.where(speed > 0.0, self.running.free_flow(speed), -1e3 * _NO_FLOW)
+        """Flow without back-pressure, m3/s; next to none while idle."""
+        return np.where(self.idle, -1e-7, self.pump.free_flow(speed))
 
     def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Of the law that holds, with its slopes by flow and by pressure."""
-        law = self.running.imbalance(np.maximum(speed, 1e-3), flow, pressure)
+        law = self.pump.imbalance(np.maximum(speed, 1e-3), flow, pressure)
         passage = pressure + self.back * flow * np.abs(flow)
-        stands = (passage, 2.0 * self.back * np.abs(flow), np.ones_like(flow))
-        turning = speed > 0.0
-        found = [np.where(turning, a, b) for a, b in zip(law, stands, strict=True)]
+        idle = (passage, 2.0 * self.back * np.abs(flow), np.ones_like(flow))
+        found = [np.where(self.idle, b, a) for a, b in zip(law, idle, strict=True)]
         return found[0], found[1], found[2]
 
     def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        """Electric power, W; none while it stands."""
-        return np.where(speed > 0.0, self.running.power(speed, flow, pressure), 0.0)
-
-
-@dataclass(frozen=True)
-class Dry:
-    """A pump that finds air at its inlet where `dry`, shape (n,), is true: no flow, little power;
-    a check valve holds the liquid behind it."""
-
-    wet: Pump
-    dry: Any
-
-    def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s."""
-        return np.where(self.dry, _NO_FLOW, self.wet.free_flow(speed))
-
-    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
-        """Of the law that holds, with its slopes by flow and by pressure."""
-        law = self.wet.imbalance(speed, flow, pressure)
-        none = (flow - _NO_FLOW, np.ones_like(flow), np.zeros_like(flow))
-        found = [np.where(self.dry, b, a) for a, b in zip(law, none, strict=True)]
-        return found[0], found[1], found[2]
-
-    def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
-        """Electric power, W."""
-        wet = self.wet.power(speed, flow, pressure)
-        if isinstance(self.wet, Centrifugal):
-            idle = DRY_POWER * self.wet.power(speed, np.zeros_like(flow), pressure)
-        else:
-            idle = self.wet.power(speed, flow, np.zeros_like(pressure))
-        return np.where(self.dry, idle, wet)
+        """Electric power, W; of a dry one that of friction alone, of one that is off none."""
+        none = np.zeros_like(flow)
+        dry = self.pump.power(speed, none, none)
+        dry = dry * (DRY_POWER if isinstance(self.pump, Centrifugal) else 1.0)
+        wet = self.pump.power(speed, flow, pressure)
+        return np.where(self.idle, dry * (speed > 0.0), wet)
 
 
 def with_pump(plant: Plant, name: str, pump: Pump) -> Plant:
@@ -97,14 +77,9 @@ def with_slip(plant: Plant, factor: Array) -> Plant:
     scaled: Any = factor
     for name, module in plant.modules.items():
         if isinstance(module.pump, Displacement):
-            pump = replace(
-                module.pump,
-                slip=module.pump.slip * scaled,
-                slip_per_speed=module.pump.slip_per_speed * scaled,
-                slip_linear=module.pump.slip_linear * scaled,
-                slip_quadratic=module.pump.slip_quadratic * scaled,
-            )
-            plant = with_pump(plant, name, pump)
+            slips = [f.name for f in fields(module.pump) if f.name.startswith("slip")]
+            changed = {slip: getattr(module.pump, slip) * scaled for slip in slips}
+            plant = with_pump(plant, name, replace(module.pump, **changed))
     return plant
 
 

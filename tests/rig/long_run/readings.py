@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -15,9 +15,10 @@ def title(columns: Columns, signal: str) -> str:
     return next(name for name in columns if name.startswith(f"{signal} ["))
 
 
-def put(columns: Columns, signal: str, values: Array) -> Columns:
-    """Another column for a signal."""
-    return {**columns, title(columns, signal): values}
+def changed(columns: Columns, signal: str, change: Callable[[Array], Array]) -> Columns:
+    """Other values for a signal, in the unit shown."""
+    name = title(columns, signal)
+    return {**columns, name: change(columns[name])}
 
 
 def absent(columns: Columns, signal: str) -> Columns:
@@ -25,47 +26,18 @@ def absent(columns: Columns, signal: str) -> Columns:
     return {name: v for name, v in columns.items() if name != title(columns, signal)}
 
 
-def lost(columns: Columns, signal: str, first: int = 0) -> Columns:
-    """Empty cells from a row on."""
-    values = columns[title(columns, signal)].copy()
-    values[first:] = np.nan
-    return put(columns, signal, values)
-
-
-def gaps(columns: Columns, signal: str, share: float, random: np.random.Generator) -> Columns:
-    """Empty cells here and there."""
-    values = columns[title(columns, signal)]
-    return put(columns, signal, np.where(random.uniform(size=values.size) < share, np.nan, values))
-
-
-def frozen(columns: Columns, signal: str, first: int) -> Columns:
-    """The same value from a row on."""
-    values = columns[title(columns, signal)].copy()
-    values[first:] = values[first]
-    return put(columns, signal, values)
-
-
-def dead(columns: Columns, signal: str, first: int) -> Columns:
-    """Zero from a row on."""
-    values = columns[title(columns, signal)].copy()
-    values[first:] = 0.0
-    return put(columns, signal, values)
+def held(columns: Columns, signal: str, first: int, value: float | None = None) -> Columns:
+    """One value from a row on: that of the row, or a given one (NaN is an empty cell)."""
+    return changed(
+        columns,
+        signal,
+        lambda v: np.where(np.arange(v.size) < first, v, v[first] if value is None else value),
+    )
 
 
 def clipped(columns: Columns, signal: str, share: float) -> Columns:
     """Cut off at the value that this share of the readings does not reach."""
-    values = columns[title(columns, signal)]
-    return put(columns, signal, np.minimum(values, np.quantile(values, share)))
-
-
-def scaled(columns: Columns, signal: str, factor: Array | float) -> Columns:
-    """Times a factor, or a course of it."""
-    return put(columns, signal, columns[title(columns, signal)] * factor)
-
-
-def offset(columns: Columns, signal: str, by: Array | float) -> Columns:
-    """Plus a value, or a course of it, in the unit shown."""
-    return put(columns, signal, columns[title(columns, signal)] + by)
+    return changed(columns, signal, lambda v: np.minimum(v, np.quantile(v, share)))
 
 
 def swapped(columns: Columns, one: str, other: str) -> Columns:
@@ -82,14 +54,12 @@ def all_in(columns: Columns, signal: str, factor: float) -> Columns:
     }
 
 
-def spikes(columns: Columns, signal: str, share: float, random: np.random.Generator) -> Columns:
+def spikes(values: Array, share: float, random: np.random.Generator) -> Array:
     """Half or twice the value here and there."""
-    values = columns[title(columns, signal)]
     hit = random.uniform(size=values.size) < share
-    return put(columns, signal, values * np.where(hit, random.choice([0.5, 2.0], values.size), 1.0))
+    return values * np.where(hit, random.choice([0.5, 2.0], values.size), 1.0)
 
 
-def late(columns: Columns, signal: str, rows: int) -> Columns:
-    """What was there some rows ago."""
-    values = columns[title(columns, signal)]
-    return put(columns, signal, np.concatenate([np.full(rows, values[0]), values[:-rows]]))
+def gaps(values: Array, share: float, random: np.random.Generator) -> Array:
+    """Empty cells here and there."""
+    return np.where(random.uniform(size=values.size) < share, np.nan, values)

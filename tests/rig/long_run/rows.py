@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ def fast_reading(rig: str, seed: int) -> Iterator[Asked]:
     """A speed is read too high, the plant is sound."""
     for share in (0.1, 0.2, 0.3):
         columns = recorded(rig, clock(SHORT), seed)
-        columns = readings.scaled(columns, "A.n", 1.0 + share)
+        columns = readings.changed(columns, "A.n", partial(np.multiply, 1.0 + share))
         right = Right(sensors=("A.n.",))
         yield Asked(variant=f"n {share:.0%} high", rig=rig, columns=columns, right=right)
 
@@ -96,8 +97,8 @@ def blind(rig: str, seed: int) -> Iterator[Asked]:
     columns = recorded(rig, clock(SHORT), seed, {"A.leakage": leak})
     cells: Mapping[str, Callable[[str], Columns]] = {
         "no column": lambda signal: readings.absent(columns, signal),
-        "empty": lambda signal: readings.lost(columns, signal),
-        "from row 50": lambda signal: readings.lost(columns, signal, 50),
+        "empty": lambda signal: readings.held(columns, signal, 0, np.nan),
+        "from row 50": lambda signal: readings.held(columns, signal, 50, np.nan),
     }
     hidden = Right(blind=("A.leakage",), also=("A.", "C.", "M1."))
     for name, without in cells.items():
@@ -137,9 +138,8 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     time, speed = clock(SHORT), constant(rig, clock(SHORT))
     name = "A" if rig == "abc" else "E"
     off = {**speed, "A": np.where(time >= HERE, 0.0, speed["A"])}
-    back = physics.with_pump(
-        plant(rig), "A", physics.Standing(plant(rig).modules["A"].pump, physics.OPEN)
-    )
+    passage = physics.Idle(plant(rig).modules["A"].pump, time >= HERE, physics.OPEN)
+    back = physics.with_pump(plant(rig), "A", passage)
     columns = recorded(rig, time, seed, speed=off, built=back, backflow=True)
     right = Right(states=("reverse|back ?flow|runs back",), also=("A.",))
     yield Asked(variant="A off, reverse flow", rig=rig, columns=columns, right=right)
@@ -149,7 +149,7 @@ def pump_states(rig: str, seed: int) -> Iterator[Asked]:
     columns = recorded(rig, time, seed, shut, speed=slow)
     right = Right(states=("dead.?head|closed valve|shut",), also=(f"{name}.clogging",))
     yield Asked(variant=f"{name} dead-heading", rig=rig, columns=columns, right=right)
-    dry = physics.Dry(plant(rig).modules[name].pump, time >= HERE)
+    dry = physics.Idle(plant(rig).modules[name].pump, time >= HERE)
     built = physics.with_pump(plant(rig), name, dry)
     columns = recorded(rig, time, seed, built=built, backflow=True)
     right = Right(states=(r"\bdr(y|ies)\b|runs.dry|dry.run",), also=(f"{name}.leakage",))
@@ -165,7 +165,7 @@ def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
         columns = recorded(rig, time, seed, {"A.leakage": _step(0.4, 2 * HERE)}, speed=speed)
         right = Right(faults={"A.leakage": 0.4}, sensors=("A.dp.",))
         broken = {
-            "frozen": readings.frozen(columns, "A.dp", HERE),
+            "frozen": readings.held(columns, "A.dp", HERE),
             "clipped": readings.clipped(columns, "A.dp", 0.02 if speeds == "constant" else 0.3),
         }
         for name, shown in broken.items():

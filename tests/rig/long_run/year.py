@@ -34,23 +34,19 @@ SHIFT = 480
 """Rows with the same set points: eight hours."""
 
 SEASON = 4.0
-"""Kelvin by which the liquid is warmer in summer than on average. Origin: assumed; a plant in a
-hall."""
-
-DAY_AND_NIGHT = 1.0
-"""Kelvin by which it is warmer in the afternoon. Origin: assumed."""
+"""Kelvin by which the liquid is warmer in summer than on average, and a quarter of that in the
+afternoon. Origin: assumed; a plant in a hall."""
 
 TURNS = 6
 """How often the error of a sensor turns within a year. Origin: assumed."""
 
 
-def day_of(rig: str, day: int, seed: int) -> Columns:
+def day_of(rig: str, day: int, seed: int, season: float = SEASON) -> Columns:
     """Readings of one day."""
     time = MINUTE * (ROWS * day + np.arange(ROWS, dtype=np.float64))
     days = time / 86_400.0
-    warmer = -SEASON * np.cos(2.0 * np.pi * days / YEAR)
-    warmer = warmer - DAY_AND_NIGHT * np.cos(2.0 * np.pi * (days - 0.125))
-    temperature = LIQUID_TEMPERATURE + warmer
+    colder = np.cos(2.0 * np.pi * days / YEAR) + np.cos(2.0 * np.pi * (days - 0.125)) / 4.0
+    temperature = LIQUID_TEMPERATURE - season * colder
     built, faults = physics.water_at(plant(rig), temperature)
     random = np.random.default_rng([54, seed, day])
     speed = {}
@@ -63,9 +59,11 @@ def day_of(rig: str, day: int, seed: int) -> Columns:
     return _with_drifts(rig, noisy, day, seed)
 
 
-def measure(first: int, days: int, *, whole: bool, rig: str) -> dict[str, Any]:
+def measure(
+    first: int, days: int, *, whole: bool = False, rig: str = "abc", season: float = SEASON
+) -> dict[str, Any]:
     """All that is told of the days of a year, as false alarms; `first` is the seed."""
-    said = _whole(rig, days, first) if whole else _each(rig, days, first)
+    said = (_whole if whole else _each)(rig, days, first, season)
     alarms, forms = [], 0
     blamed = {"fault": 0, "sensor": 0, "unknown": 0, "liquid": 0}
     statuses: dict[str, int] = {}
@@ -80,6 +78,7 @@ def measure(first: int, days: int, *, whole: bool, rig: str) -> dict[str, Any]:
             alarms.append({"day": day, "said": told(form)})
     return {
         "rig": rig,
+        "season": season,
         "rows": days * ROWS,
         "recordings": forms,
         "with_an_alarm": len(alarms),
@@ -89,17 +88,17 @@ def measure(first: int, days: int, *, whole: bool, rig: str) -> dict[str, Any]:
     }
 
 
-def _each(rig: str, days: int, seed: int) -> Iterator[tuple[int, Form]]:
+def _each(rig: str, days: int, seed: int, season: float) -> Iterator[tuple[int, Form]]:
     """Every day on its own; fewer days are spread over the year."""
     for day in np.linspace(0, YEAR - 1, days).round().astype(int).tolist():
-        yield day, asked(rig, day_of(rig, day, seed))
+        yield day, asked(rig, day_of(rig, day, seed, season))
 
 
-def _whole(rig: str, days: int, seed: int) -> Iterator[tuple[int, Form]]:
+def _whole(rig: str, days: int, seed: int, season: float) -> Iterator[tuple[int, Form]]:
     """All days from the first on, as a folder of files, read as one recording."""
     with tempfile.TemporaryDirectory(prefix="rulec-year-") as folder:
         for day in range(days):
-            write_csv(Path(folder, f"{day:03}.csv"), day_of(rig, day, seed), digits=8)
+            write_csv(Path(folder, f"{day:03}.csv"), day_of(rig, day, seed, season), digits=8)
         recording = read_recording(Path(folder), ruleset(rig))
         yield 0, diagnosis_form(diagnose(recording, ruleset(rig)))
 
