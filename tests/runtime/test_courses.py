@@ -61,7 +61,7 @@ def test_the_degree_is_that_of_the_end(fault: str, size: float, way: str) -> Non
 
 
 def test_where_it_is_going() -> None:
-    """A leakage that has grown to 0.4 for an hour reaches 0.5, the next round one, a quarter later."""
+    """A leakage that grew to 0.4 in an hour reaches 0.5, the next round one, a quarter later."""
     growth = growing("A.leakage", "linear", 0.4).growth
     assert growth is not None
     assert growth.reaches is not None
