@@ -49,6 +49,7 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
         "remote": [],
         "together": [],
         "evidence": [],
+        **({"mended": found.mended} if found.mended else {}),
         "text": found.text,
         "action": found.condition.action,
     }
