@@ -89,3 +89,41 @@ def test_a_sound_plant_with_all_pressures_in_another_unit() -> None:
     found = diagnose(times(100.0, ALL)(sound), ruleset("abc"))
     assert ALL == tuple(s.signal for s in found.sensors)
     assert ((), ()) == (found.findings, found.unknown)
+
+
+@pytest.mark.parametrize("points", [1, 6])
+def test_a_leakage_beside_a_frozen_pressure_of_its_module(points: int) -> None:
+    """All estimates of the module read the pressure, and any pressure leaves the leakage over."""
+    made = leaking(points, 180 // points)
+    stuck = made.values["A.dp"].copy()
+    stuck[30:] = stuck[30]
+    found = diagnose(replace(made, values={**made.values, "A.dp": stuck}), ruleset("abc"))
+    assert ["A.dp.stuck"] == [s.id for s in found.sensors]
+    leakage_of(found)
+    (blind,) = found.not_judged
+    assert "in part: A.dp: stuck at one value; cannot see A.dp.high, A.dp.low" == blind.text
+
+
+def test_a_leakage_beside_a_clipped_pressure_of_its_module() -> None:
+    """A transmitter at the end of its range from the first sample on that shows no pressure."""
+    made = leaking()
+    signal = ruleset("abc").signal_by_id["A.dp"]
+    assert signal.highest is not None
+    beyond = np.full(len(made), 1.08 * signal.highest)
+    found = diagnose(replace(made, values={**made.values, "A.dp": beyond}), ruleset("abc"))
+    assert ["A.dp.range"] == [s.id for s in found.sensors]
+    leakage_of(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_frozen_pressure_alone(seed: int) -> None:
+    """Of the plant nothing is told: it is sound."""
+    made = leaking(seed=seed)
+    sound = {n: v[:80].copy() for n, v in made.values.items()}
+    sound["A.dp"][20:] = sound["A.dp"][20]
+    found = diagnose(
+        replace(made, time=made.time[:80], values=sound, segment=made.segment[:80]),
+        ruleset("abc"),
+    )
+    assert ["A.dp.stuck"] == [s.id for s in found.sensors]
+    assert ((), ()) == (found.findings, found.unknown)

@@ -244,6 +244,8 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
     found: list[Period] = []
     last = ""
     whole = np.asarray(seen.observed.valid.all(axis=0))
+    for flags in seen.observed.points.stood_in.values():
+        whole &= ~flags
     for i in range(len(timeline)):
         text = "" if whole[i] else partly_blind(seen, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])
