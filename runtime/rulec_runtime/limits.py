@@ -230,6 +230,17 @@ PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient. Origin:
 assumed."""
 
+FEWEST_EVENTS = 3
+"""Times that something comes and goes before it is told. Origin: assumed, twice may be chance."""
+
+LONGEST_EVENT = 10
+"""Samples between two settled stretches at most that count as an event: what lasts longer settles.
+Origin: assumed."""
+
+LEAST_EVENT = 2.0
+"""Samples that a single reading must be off each time, on average: else it glitches. Origin:
+assumed."""
+
 SETTLING = 5
 """Samples behind a jump at most that are left out because a reading still settles. Origin:
 assumed."""
@@ -412,8 +423,7 @@ range. Origin: numerical, the equations are straight enough from there."""
 
 STAND_IN_SPREAD = 0.3
 """Standard uncertainty of a value that stands in for a reading, as a share of the range: that of
-any value in it is as likely (the range over the root of 12). Origin: rectangular distribution, GUM
-(JCGM 100:2008), 4.3.7."""
+any value in it being as likely (the range over the root of 12). Origin: distribution, uniform."""
 
 SHOULD_MOVE = 6.0
 """Standard uncertainties by which the value that suits the others must move. Origin: assumed."""

@@ -7,7 +7,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
+from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -106,8 +106,19 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
             for e in finding.evidence
         ],
         **({"from_sheet": True} if finding.from_sheet else {}),
+        **({"events": _events(finding.events)} if finding.events is not None else {}),
         "text": finding.text,
         "action": actions(ruleset, finding),
+    }
+
+
+def _events(events: Events) -> dict[str, Any]:
+    """Times in s, set points in SI: the least and the largest value of each input."""
+    return {
+        "count": events.count,
+        "duration": events.duration,
+        "share": events.share,
+        "set_point": {name: [low, high] for name, (low, high) in events.settings.items()},
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from rulec_runtime.diagnosis.steady.verdict import (
 )
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
+from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
 
@@ -49,6 +50,23 @@ class Step:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Events:
+    """What comes and goes: how often, in how many samples, how long each time on average, s, for
+    which share of the recording, and between which values of each input, SI."""
+
+    count: int
+    samples: int
+    duration: float
+    share: float
+    settings: Mapping[str, tuple[float, float]]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"comes and goes: {self.count} times, about {duration(self.duration)} each"
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault that fits, over a period; times in s.
@@ -57,7 +75,7 @@ class Finding:
     time, without which this one does not explain the readings. `baseline` is the number of
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
     follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
-    `from_sheet`: the plant was never seen to be as its sheet says.
+    `from_sheet`: the plant was never seen to be as its sheet says. `events`: it comes and goes.
     """
 
     fault: FaultSpec
@@ -78,6 +96,7 @@ class Finding:
     behind: str | None = OVER
     step: Step | None = None
     from_sheet: bool = False
+    events: Events | None = None
 
     @property
     def active(self) -> bool:
