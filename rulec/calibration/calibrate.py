@@ -14,7 +14,7 @@ from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle, systematic_u
-from rulec_runtime.report.wording import KEPT, LEFT_OUT
+from rulec_runtime.report.wording import kept_of
 
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.calibration.notes import notes_of
@@ -139,7 +139,7 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
         fits=tuple(_fit_all(models, ruleset, points)),
         points=len(stretches),
         table=table,
-        sensors=tuple(f"{f.text}; {LEFT_OUT if f.signal else KEPT}" for f in health.findings),
+        sensors=tuple(f"{f.text}; {kept_of(f)}" for f in health.findings),
     )
 
 

@@ -230,6 +230,17 @@ PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient. Origin:
 assumed."""
 
+FEWEST_EVENTS = 3
+"""Times that something comes and goes before it is told. Origin: assumed, twice may be chance."""
+
+LONGEST_EVENT = 10
+"""Samples between two settled stretches at most that count as an event: what lasts longer settles.
+Origin: assumed."""
+
+LEAST_EVENT = 2.0
+"""Samples that a single reading must be off each time, on average: else it glitches. Origin:
+assumed."""
+
 SETTLING = 5
 """Samples behind a jump at most that are left out because a reading still settles. Origin:
 assumed."""
@@ -394,6 +405,25 @@ FREED_FROM = 0.05
 
 FREED_TO = 3.0
 """High end of the values tried, in references, where a sensor has no range. Origin: assumed."""
+
+STAND_IN_VALUES = 15
+"""Values tried for a reading that was taken out, between the ends of its range. Origin: numerical,
+each stands for all as near to it as to the next one."""
+
+STAND_INS = 60
+"""Stretches in which a value stands in for a reading that was taken out, spread evenly over all of
+them. Origin: assumed, what a finding needs; each costs as much as a hundred others."""
+
+STAND_INS_REFINED = 2
+"""Of the values tried those whose neighbours are tried next. Origin: numerical."""
+
+STAND_IN_ROUNDS = 3
+"""Times that neighbours are tried, each time three times closer: in the end a thousandth of the
+range. Origin: numerical, the equations are straight enough from there."""
+
+STAND_IN_SPREAD = 0.3
+"""Standard uncertainty of a value that stands in for a reading, as a share of the range: that of
+any value in it being as likely (the range over the root of 12). Origin: distribution, uniform."""
 
 SHOULD_MOVE = 6.0
 """Standard uncertainties by which the value that suits the others must move. Origin: assumed."""

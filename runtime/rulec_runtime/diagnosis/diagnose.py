@@ -12,6 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
 from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
@@ -113,7 +114,9 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
         since, until = float(recording.time[0]), float(recording.time[-1])
         return 0, Found([], [], [Period(since, until, restless(len(recording)))])
     seen = see_stretches(recording, ruleset, stretches, noise, mode)
-    return told_of(ruleset, timeline_of(recording.time, stretches), seen)
+    judged, found = told_of(ruleset, timeline_of(recording.time, stretches), seen)
+    found.findings.extend(events_of(recording, ruleset, stretches, noise, seen, mode))
+    return judged, found
 
 
 def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:

@@ -22,6 +22,7 @@ from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
 from rulec_runtime.live.known import Known, PartKnown
 from rulec_runtime.live.look import unsettled
+from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 
@@ -97,7 +98,8 @@ def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> R
     """Rows from the last stretch on of the signals of a part, without what was found unfit."""
     first = max(len(recent) - (count - known.cut), 0)
     clean = known.health.recording
-    unfit = {f.signal for f in known.health.findings if f.active}
+    recent = mended(recent, known.health.mendings)
+    unfit = {f.signal for f in known.health.findings if f.active and not f.mended}
     before = known.count - known.cut
     values = {}
     for name in sorted(own.observed & recent.values.keys() & clean.values.keys()):

@@ -16,8 +16,6 @@ from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
 from rulec_runtime.report.wording import (
-    KEPT,
-    LEFT_OUT,
     LISTED,
     STATUS,
     FlowUnit,
@@ -30,6 +28,7 @@ from rulec_runtime.report.wording import (
     estimates,
     evidence_first,
     headline,
+    kept_of,
     l_per_h,
     readings_of,
     remarks_of,
@@ -82,7 +81,7 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
     rows = [
         ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
         ("What to do", found.condition.action),
-        ("Note", LEFT_OUT if found.signal else KEPT),
+        ("Note", kept_of(found)),
     ]
     body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
     return (

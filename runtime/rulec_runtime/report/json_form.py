@@ -7,7 +7,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
+from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
@@ -50,6 +50,7 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
         "remote": [],
         "together": [],
         "evidence": [],
+        **({"mended": found.mended} if found.mended else {}),
         "text": found.text,
         "action": found.condition.action,
     }
@@ -107,6 +108,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
             for e in finding.evidence
         ],
         **({"from_sheet": True} if finding.from_sheet else {}),
+        **({"events": _events(finding.events)} if finding.events is not None else {}),
         "text": finding.text,
         "action": actions(ruleset, finding),
     }
@@ -132,6 +134,16 @@ def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> 
             ends = {"earliest_time": ahead.earliest, "latest_time": ahead.latest}
             told["reaches"] |= {key: calendar.iso(time) for key, time in ends.items()}
     return told
+
+
+def _events(events: Events) -> dict[str, Any]:
+    """Times in s, set points in SI: the least and the largest value of each input."""
+    return {
+        "count": events.count,
+        "duration": events.duration,
+        "share": events.share,
+        "set_point": {name: [low, high] for name, (low, high) in events.settings.items()},
+    }
 
 
 def _step(step: Step) -> dict[str, Any]:

@@ -18,8 +18,6 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.growth import grown, sparkline
 from rulec_runtime.report.wording import (
-    KEPT,
-    LEFT_OUT,
     LISTED,
     SHOWN,
     STATUS,
@@ -34,6 +32,7 @@ from rulec_runtime.report.wording import (
     flow_unit,
     ground,
     headline,
+    kept_of,
     readings_of,
     remarks_of,
     rows_of,
@@ -96,7 +95,7 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     )
     tree = Tree(title, guide_style="dim")
     tree.add(f"do: {found.condition.action}")
-    tree.add(f"{when}; {LEFT_OUT if found.signal else KEPT}")
+    tree.add(f"{when}; {kept_of(found)}")
     out.print(tree)
 
 

@@ -11,6 +11,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.recordings.when import course, span
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
+    from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
     from rulec_runtime.diagnosis.steady.evidence import Evidence
     from rulec_runtime.diagnosis.steady.findings import Finding, Period
     from rulec_runtime.recordings.wall_clock import Calendar
@@ -27,6 +28,13 @@ STATUS = {
 LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged without them"
 KEPT = "rows stay in the order in which they stand; times behind it are moved on"
 """What is done about a reading, and about a clock, that is none."""
+
+
+def kept_of(found: SensorFinding) -> str:
+    """What is done about a reading, or a clock, that is none."""
+    if found.mended:
+        return f"judged as if mended: {found.mended}"
+    return LEFT_OUT if found.signal else KEPT
 
 
 LARGE = 5e-3

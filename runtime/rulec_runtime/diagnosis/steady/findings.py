@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from rulec_runtime.diagnosis.steady.verdict import (
 )
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
+from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
 
@@ -50,6 +51,23 @@ class Step:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Events:
+    """What comes and goes: how often, in how many samples, how long each time on average, s, for
+    which share of the recording, and between which values of each input, SI."""
+
+    count: int
+    samples: int
+    duration: float
+    share: float
+    settings: Mapping[str, tuple[float, float]]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"comes and goes: {self.count} times, about {duration(self.duration)} each"
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault that fits, over a period; times in s.
@@ -59,7 +77,7 @@ class Finding:
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
     follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
     `from_sheet`: the plant was never seen to be as its sheet says. `growth` is where it is now, of
-    one that is still there.
+    one that is still there. `events`: it comes and goes.
     """
 
     fault: FaultSpec
@@ -81,6 +99,7 @@ class Finding:
     step: Step | None = None
     from_sheet: bool = False
     growth: Growth | None = None
+    events: Events | None = None
 
     @property
     def active(self) -> bool:
@@ -247,6 +266,8 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
     found: list[Period] = []
     last = ""
     whole = np.asarray(seen.observed.valid.all(axis=0))
+    for flags in seen.observed.points.stood_in.values():
+        whole &= ~flags
     for i in range(len(timeline)):
         text = "" if whole[i] else partly_blind(seen, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])

@@ -13,6 +13,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
@@ -60,7 +61,9 @@ def fit(
     )
     touched = [test.touched(faults) for faults in hypotheses]
     counts = np.array([len(names) for names in touched], dtype=int)
-    wanted = np.broadcast_to(counts[:, None] > 0, shape)
+    wanted = (counts[:, None] > 0) & ~np.array(
+        [np.any([_unread(test, fault) for fault in faults], axis=0) for faults in hypotheses]
+    ).reshape(shape)
     which, problem = np.nonzero(wanted if tried is None else wanted & tried)
     begin = starts if starts is not None else usual_starts(hypotheses)
     for chosen, most in _portions(test, counts, which):
@@ -79,6 +82,12 @@ def fit(
         found.degree[:, own, at], found.u[:, own, at] = degree, u
         found.distance[own, at], found.evidence[own, at] = distance, evidence
     return found
+
+
+def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
+    """Problems in which a fault would be there in a reading that was taken out, shape (n,)."""
+    flags: np.ndarray = np.any(test.unread(fault) & (test.present > 0.0), axis=0)
+    return flags
 
 
 def _portions(

@@ -53,6 +53,9 @@ def why_blind(seen: Seen, point: int) -> str:
         reason(seen.part.ruleset, seen.observed, int(i), point)
         for i in np.flatnonzero(~seen.observed.valid[:, point])
     ]
+    points = seen.observed.points
+    taken_out = (name for name, flags in points.stood_in.items() if flags[point])
+    reasons += [f"{name}: {points.why[name]}" for name in taken_out]
     return "; ".join(dict.fromkeys(reasons))
 
 
