@@ -215,7 +215,9 @@ def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) 
     """The best few steps of sizes like `scale`, one after the other, at so many points."""
     chosen: list[int] = []
     best: _Weighed | None = None
-    while len(chosen) < limits.STEPS_OF_A_COURSE:
+    # As many steps as points would go through all of them.
+    most_steps = min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_THAT_GROW, 1))
+    while len(chosen) < most_steps:
         tried = np.array([[*chosen, k] for k in range(count) if k not in chosen])
         prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))
         found = _compared(gram, pull, whole, tried, np.full(tried.shape, scale), prior)
