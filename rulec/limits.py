@@ -106,6 +106,9 @@ FAR_READING = 50.0
 """Ratio of the median of a recorded reading to the typical one, beyond which `rulec check` asks for
 its unit. As FAR_ESTIMATES. Origin: assumed."""
 
+MOST_INSTRUMENTS = 2
+"""Instruments that are proposed for a module that nothing checks. Origin: assumed."""
+
 ALIKE_ESTIMATES = 5.0
 """Ratio of estimates at the typical readings that counts as agreement. Origin: assumed."""
 
