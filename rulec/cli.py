@@ -43,6 +43,7 @@ _COMMANDS = {
     "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
+    "mcp": "answer agents by the Model Context Protocol, on standard input and output",
     "demo": "see the whole thing on a shipped example",
     "completion": "write what makes a shell complete commands, options and files",
 }
@@ -148,6 +149,9 @@ def _parser() -> argparse.ArgumentParser:
     _mismatch(made["mismatch"])
     _study(made["study"])
     prove_options(made["prove"])
+    made["mcp"].add_argument(
+        "folder", metavar="FOLDER", nargs="?", default=".", help="whose files may be read"
+    )
     _demo(made["demo"])
     made["completion"].add_argument("shell", choices=("bash", "zsh", "fish"))
     for name, command in made.items():
