@@ -127,6 +127,17 @@ def _parser() -> argparse.ArgumentParser:
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
     made["calibrate"].add_argument(
+        "--learn",
+        metavar="M.DEFINITION",
+        help="learn a definition of a module as a monotone curve instead; FILE is then a module "
+        "type with a table in its place",
+    )
+    made["calibrate"].add_argument(
+        "--over",
+        metavar="SIGNAL",
+        help="with --learn: what the curve follows; default: the only input that it reads",
+    )
+    made["calibrate"].add_argument(
         "--force", action="store_true", help="write values too far from the sheet as well"
     )
     json_option(made["calibrate"])

@@ -565,3 +565,20 @@ SCALE_ROUNDS = 3
 NEAR_END = 1e-12
 """Share of its stated value from which on a positive parameter counts in logarithms, when a fit by
 points alone found none. Origin: numerical."""
+
+LEARNT_KNOTS = 8
+"""Points of a learnt curve at most. Origin: assumed; a table may have 12."""
+
+LEARNT_FAR = 0.2
+"""Share of the flow within which no point is set aside from a learnt curve, as straight lines may
+be off between knots. Origin: assumed."""
+
+LEARNT_STEPS = 30
+"""Steps that a fit of a learnt curve takes at most. Origin: numerical."""
+
+KNOT_GAP = 0.03
+"""Share of the span of what a curve follows by which its points are apart at least. Origin:
+assumed."""
+
+GAP = 0.15
+"""Share of a sensor's range without data that is told. Origin: assumed."""

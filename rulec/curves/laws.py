@@ -31,7 +31,7 @@ class Law:
 
 def laws_of(kind: ModuleType) -> list[Law]:
     """Laws that signals alone determine, definitions first."""
-    dimensions = _dimensions(kind)
+    dimensions = dimensions_of(kind)
     stated = kind.laws()
     parts = {
         **{("definitions", d.name): d.expression for d in kind.definitions.values()},
@@ -92,8 +92,8 @@ class _Names:
         raise AssertionError(f"a law that asks for {name} of a fluid is left out")
 
 
-def _dimensions(kind: ModuleType) -> Mapping[str, Dimension]:
-    """Dimension of each definition; they stand in order of use."""
+def dimensions_of(kind: ModuleType) -> Mapping[str, Dimension]:
+    """Dimension of each name; definitions stand in order of use."""
     known = {n: s.unit.dimension for n, s in kind.signals.items()}
     known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
     known |= {n: s.unit.dimension for n, s in kind.states.items()}
