@@ -45,9 +45,10 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(seen, i)
         for one in seen:
-            fits, at = one.isolation.probability > 0, np.ix_(one.part.faults, here)
-            degree[at] += np.where(fits, one.isolation.degree, 0.0)
-            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u, 0.0)
+            listed, at = slice(len(one.part.faults)), np.ix_(one.part.faults, here)
+            fits = one.isolation.probability[listed] > 0
+            degree[at] += np.where(fits, one.isolation.degree[listed], 0.0)
+            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u[listed], 0.0)
     return Trace(
         recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
     )
