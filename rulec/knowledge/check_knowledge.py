@@ -93,9 +93,7 @@ def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorE
     for i, part in enumerate(reader.document.data.get("errors", ())):
         path, name = ("errors", i, "fault"), part["fault"]
         if name not in faults:
-            reader.report(
-                path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal)
-            )
+            reader.report(path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal))
         elif name not in signal:
             message = f"'{name}' acts on a {faults[name].acts_on}; an error of a sensor on a signal"
             reader.report(path, "KB048", message, did_you_mean(name, signal))

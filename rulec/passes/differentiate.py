@@ -149,9 +149,7 @@ def differentiate(plant: Plant) -> dict[str, TypeModel]:
     }
 
 
-def type_model(
-    kind: ModuleType, knowledge: Knowledge, *, any_error: bool = False
-) -> TypeModel:
+def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = False) -> TypeModel:
     """All symbolic work on one module type; with `any_error` its readings may have errors that it
     does not list."""
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}

@@ -43,7 +43,7 @@ class _Undo:
             self._observers(name)
 
     def _symbol_nodes(self, name: str) -> dict[sympy.Symbol, Node]:
-        """Nodes of the own readings, without unlisted errors, parameters and degrees of a module."""
+        """Nodes of the own readings (unlisted errors undone), parameters, degrees."""
         module, model, graph = self.network.plant.modules[name], self.models[name], self.graph
         nodes = {model.symbols[s]: graph.input(f"{name}.{s}") for s in module.type.signals}
         for parameter in module.parameters.values():

@@ -153,8 +153,8 @@ class FaultSpec:
     itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
     With a `unit` the degree is a size that is added to the reading; else it is a share.
     `frequency` says how often it comes beside other faults, as `frequency_origin` has it. Nobody
-    would believe a degree from `absurd` on, where that is below `highest`. An `unlisted` fault is one
-    that any reading of its class may have: its module does not list it, and no rule gives its degree.
+    would believe a degree from `absurd` on, where that is below `highest`. An `unlisted` one
+    may be in any reading of its class: no module lists it, and no rule gives its degree.
     """
 
     id: str
@@ -373,6 +373,15 @@ class Ruleset:
         """Logarithm of the prior odds of the faults that no module lists, 0 of the others, shape
         (faults,)."""
         return np.where(self.is_listed, 0.0, np.log(self.odds))
+
+    @cached_property
+    def moved_by_reading(self) -> Mapping[str, frozenset[str]]:
+        """Residuals that some unlisted error of a reading moves, by the signal."""
+        cells: dict[str, set[str]] = {}
+        for cell in self.unlisted_cells:
+            (signal,) = self.fault_by_id[cell.fault].scales
+            cells.setdefault(signal, set()).add(cell.residual)
+        return {signal: frozenset(moved) for signal, moved in cells.items()}
 
     def with_unlisted(self) -> Ruleset:
         """The same ruleset with all that may be wrong among its faults, the listed ones first."""

@@ -18,7 +18,7 @@ Name = TypeVar("Name", int, str)
 
 @dataclass(frozen=True)
 class Other(Generic[Name]):
-    """A cause with its probability, and with that if all faults came equally often; `unlisted` where
+    """A cause with its probability, and with that if all faults came equally often; `unlisted` if
     its module does not list it."""
 
     name: Name

@@ -75,8 +75,8 @@ def _without(chi: ChiSquare, free: Array) -> Array:
 
 
 def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
-    """The faults with the highest scores, shape (faults, n): of those that modules list, by flags of
-    the shape (faults,), and of the others, so that neither take the place of the other."""
+    """The faults with the highest scores, shape (faults, n): some that modules list, by flags of
+    the shape (faults,), and as many others, so that neither take the place of the other."""
     found = np.zeros(scores.shape, dtype=bool)
     for own in (np.flatnonzero(listed), np.flatnonzero(~listed)):
         order = np.argsort(-scores[own], axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
