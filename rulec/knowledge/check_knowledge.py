@@ -95,7 +95,9 @@ def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorE
         if name not in faults:
             reader.report(path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal))
         elif name not in signal:
-            message = f"'{name}' acts on a {faults[name].acts_on}; an error of a sensor on a signal"
+            message = (
+                f"'{name}' acts on a {faults[name].acts_on}; an error of a sensor acts on a signal"
+            )
             reader.report(path, "KB048", message, did_you_mean(name, signal))
         elif name in named:
             reader.report(path, "KB049", f"'{name}' stands twice", "keep one")
