@@ -8,9 +8,22 @@ from dataclasses import dataclass, field, replace
 from rulec.knowledge.effect import Effect
 from rulec.knowledge.module_type import FaultUse, Fluid, Frequency, ModuleType
 from rulec.knowledge.shape import Usual
+from rulec.language.diagnostics import Place
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit, UnitTable
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """How a class of sensors comes to read wrong: a fault that acts on a signal.
+
+    Without a `frequency` it comes as often as the fault does.
+    """
+
+    fault: str
+    place: Place
+    frequency: Frequency | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +33,8 @@ class SensorClass:
     `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
     `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
     `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
-    quantity for which advice may propose it where no signal is declared.
+    quantity for which advice may propose it where no signal is declared. Any reading of the class
+    may have one of its `errors`, whatever its module lists.
     """
 
     name: str
@@ -31,6 +45,7 @@ class SensorClass:
     cost: float
     measures: str
     origin: Origin
+    errors: tuple[SensorError, ...] = ()
 
     def uncertainty(self, full_scale: float | None, reading: float) -> float:
         """Standard uncertainty of a reading, SI."""

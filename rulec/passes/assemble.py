@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
@@ -59,7 +60,10 @@ class Hypothesis:
 
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
+    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
+
+    `unlisted` are errors of readings that no module lists; no pass works out rules for them.
+    """
 
     graph: Graph
     observers: Mapping[str, Node]
@@ -67,6 +71,7 @@ class Assembly:
     guards: Mapping[str, tuple[tuple[str, Node], ...]]
     targets: Mapping[str, TargetNodes]
     hypotheses: tuple[Hypothesis, ...]
+    unlisted: tuple[Hypothesis, ...]
     residual_nodes: Mapping[str, Node]
     residual_gradients: Mapping[str, Gradient]
     residual_variances: Mapping[str, Node]
@@ -95,7 +100,11 @@ def assemble(
     for part in parts.values():
         part.lower_observers(observers, gradients, guards)
     readers = _readers(parts.values())
-    hypotheses = tuple(h for part in parts.values() for h in _hypotheses(part, readers))
+    hypotheses, unlisted = (
+        tuple(h for part in parts.values() for h in _hypotheses(part, faults(part.model), readers))
+        for faults in (attrgetter("faults"), attrgetter("unlisted"))
+    )
+    unlisted = tuple(h for h in unlisted if h.affects)
     targets: dict[str, TargetNodes] = {}
     for part in parts.values():
         part.lower_targets(targets)
@@ -109,10 +118,11 @@ def assemble(
         guards=guards,
         targets=targets,
         hypotheses=hypotheses,
+        unlisted=unlisted,
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,
-        undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
+        undo=undo_graph(network, types, tuple(h.id for h in (*hypotheses, *unlisted))),
     )
 
 
@@ -334,8 +344,10 @@ def _readers(parts: Iterable[_Instance]) -> Readers:
     return found
 
 
-def _hypotheses(part: _Instance, readers: Readers) -> Iterable[Hypothesis]:
-    for fault in part.model.faults:
+def _hypotheses(
+    part: _Instance, faults: Iterable[TypeFault], readers: Readers
+) -> Iterable[Hypothesis]:
+    for fault in faults:
         affects = [part.id(o) for o in fault.affects]
         if fault.fault.acts_on == "signal":
             affects += [reader.id for reader in readers.get(part.id(fault.target), ())]

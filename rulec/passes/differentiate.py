@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from rulec.knowledge.degree_unit import for_signal
+from rulec.knowledge.degree_unit import adds, for_signal, has_no_zero, scales_from_zero
 from rulec.knowledge.fluid import closed_forms
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
@@ -93,7 +93,10 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class TypeModel:
-    """A module type differentiated; local variables are its symbols by name."""
+    """A module type differentiated; local variables are its symbols by name.
+
+    `unlisted` are errors of readings that the type does not list, and classes of sensors have.
+    """
 
     type: ModuleType
     symbols: Mapping[str, sympy.Symbol]
@@ -103,6 +106,7 @@ class TypeModel:
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
+    unlisted: tuple[TypeFault, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,9 @@ class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
     `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
-    d(observer)/d(gathered name); absent where zero.
+    d(observer)/d(gathered name); absent where zero. `readings` are the signals with unlisted errors
+    undone, of which all of these are functions; `reading_slopes` d(reading)/d(degree), `by_reading`
+    d(observer)/d(reading), `signal_by_reading` d(signal)/d(its own reading).
     """
 
     observers: Mapping[str, sympy.Expr]
@@ -118,6 +124,10 @@ class Undone:
     slopes: Mapping[tuple[str, str], sympy.Expr]
     signal_slopes: Mapping[tuple[str, str], sympy.Expr]
     gather_slopes: Mapping[tuple[str, str], sympy.Expr]
+    readings: Mapping[str, sympy.Expr]
+    reading_slopes: Mapping[tuple[str, str], sympy.Expr]
+    by_reading: Mapping[tuple[str, str], sympy.Expr]
+    signal_by_reading: Mapping[str, sympy.Expr]
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
@@ -131,16 +141,23 @@ def differentiate(plant: Plant) -> dict[str, TypeModel]:
     -2*C2*dp
     """
     used = {module.type.key: module.type for module in plant.modules.values()}
-    return {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
+    # Balances know listed faults alone: each more is one more simulation of every window.
+    settled = not any(kind.states for kind in used.values())
+    return {
+        name: type_model(kind.settled(), plant.knowledge, any_error=settled)
+        for name, kind in used.items()
+    }
 
 
-def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
-    """All symbolic work on one module type."""
+def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = False) -> TypeModel:
+    """All symbolic work on one module type; with `any_error` its readings may have errors that it
+    does not list."""
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols, {})
     faults = tuple(_faults(kind, knowledge, symbols, observers))
-    targets = {f.target: None for f in faults if f.fault.acts_on != "flow"}
+    unlisted = tuple(_unlisted(kind, knowledge, symbols, observers)) if any_error else ()
+    targets = {f.target: None for f in (*faults, *unlisted) if f.fault.acts_on != "flow"}
     return TypeModel(
         type=kind,
         symbols=symbols,
@@ -151,7 +168,8 @@ def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
         },
         targets={name: _target(kind, name, symbols, observers) for name in targets},
         faults=faults,
-        undone=_undone(kind, faults, symbols),
+        undone=_undone(kind, faults, unlisted, symbols),
+        unlisted=unlisted,
     )
 
 
@@ -272,14 +290,57 @@ def _faults(
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.fault_in(use)
         affects = _affected(kind, fault, use.target, symbols, observers)
-        yield TypeFault(
-            id=name,
-            fault=fault,
-            variant=variant,
-            target=use.target,
-            affects=affects,
-            rule=_rule(fault, variant),
-        )
+        yield _type_fault(name, fault, variant, use.target, affects)
+
+
+def _type_fault(
+    name: str, fault: FaultType, variant: Variant, target: str, affects: tuple[str, ...]
+) -> TypeFault:
+    return TypeFault(
+        id=name,
+        fault=fault,
+        variant=variant,
+        target=target,
+        affects=affects,
+        rule=_rule(fault, variant),
+    )
+
+
+def _unlisted(
+    kind: ModuleType,
+    knowledge: Knowledge,
+    symbols: Mapping[str, sympy.Symbol],
+    observers: Mapping[str, sympy.Expr],
+) -> Iterator[TypeFault]:
+    """Errors of the readings, by the classes of their sensors, that the module does not list.
+
+    They are named as if it listed them; a fault that it lists keeps the shorter name.
+    """
+    uses = [*unlisted_uses(kind, knowledge)]
+    targets = [use.target for use in (*kind.faults, *uses)]
+    for use in uses:
+        fault, target = knowledge.fault_in(use), use.target
+        affects = _affected(kind, fault, target, symbols, observers)
+        if affects or target in kind.provides.values():
+            stem = target if targets.count(target) == 1 else f"{target}.{fault.name}"
+            for variant in fault.variants:
+                own = for_signal(variant, kind.signals[target], knowledge.units)
+                name = f"{stem}.{variant.name}" if variant.name else stem
+                yield _type_fault(name, fault, own, target, affects)
+
+
+def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
+    """Faults of signals that a module type does not list, and their sensors have.
+
+    None is a share of a reading whose zero means nothing, or a size within a range nobody stated.
+    """
+    for signal in kind.signals.values():
+        for error in knowledge.sensors[signal.sensor].errors:
+            use = FaultUse(error.fault, signal.name, error.place, error.frequency)
+            fault = knowledge.faults[error.fault]
+            shared = scales_from_zero(fault) and has_no_zero(signal, knowledge.units)
+            if not (use in kind.faults or shared or (adds(fault) and not signal.full_scale)):
+                yield use
 
 
 def fault_names(
@@ -338,7 +399,10 @@ def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
 
 
 def _undone(
-    kind: ModuleType, faults: tuple[TypeFault, ...], symbols: Mapping[str, sympy.Symbol]
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    unlisted: tuple[TypeFault, ...],
+    symbols: Mapping[str, sympy.Symbol],
 ) -> Undone:
     """At degree 0 these are the observers; at the true degree they agree again."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
@@ -359,12 +423,20 @@ def _undone(
                 undone[observer] = law_of(fault.variant, undone[observer], x)
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
+    readings: dict[str, sympy.Expr] = {}
+    for fault in unlisted:
+        readings[fault.target] = _undo(fault, readings.get(fault.target, symbols[fault.target]))
+    of_readings = {name: symbols[name] for name in readings}
     return Undone(
         undone,
         signals,
         _slopes(undone, degrees),
         _slopes(signals, degrees),
         _slopes(undone, gathered),
+        readings,
+        _slopes(readings, {f.id: degree_symbol(f.id) for f in unlisted}),
+        _slopes(undone, of_readings),
+        {name: sympy.diff(signals[name], symbol) for name, symbol in of_readings.items()},
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import rulec_runtime.contract.ruleset as contract
 
@@ -16,7 +17,7 @@ from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
-from rulec.passes.derive_signatures import Signatures
+from rulec.passes.derive_signatures import Signature, Signatures
 from rulec.passes.link import Network, junctions
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
@@ -43,6 +44,8 @@ def emit(
     (9, 18, 76)
     """
     plant = network.plant
+    seen = {cell.fault for cell in signatures.unlisted}
+    unlisted = [h for h in assembly.unlisted if h.id in seen]
     return contract.Ruleset(
         format_version=contract.FORMAT_VERSION,
         plant=plant.name,
@@ -76,19 +79,7 @@ def emit(
             *(_settled(h) for h in assembly.hypotheses),
             *(_of_store(f) for f in balanced.faults if not f.settled),
         ),
-        cells=tuple(
-            contract.Cell(
-                rule.signature.fault,
-                rule.signature.residual,
-                rule.signature.sign,
-                rounded(rule.signature.gain, DIGITS),
-                rounded(rule.signature.sensitivity, DIGITS),
-                rounded(rule.signature.detectable, DIGITS),
-                rule.forms,
-                rule.equation,
-            )
-            for rule in rules
-        ),
+        cells=tuple(_cell(rule.signature, rule.forms, rule.equation) for rule in rules),
         ambiguous=tuple(_ambiguous(group) for group in isolability.groups),
         unobserved=_unobserved(isolability.unobserved, balanced),
         parameters=_parameters(plant),
@@ -102,6 +93,21 @@ def emit(
             for b in junctions(plant)
             if b not in network.balances
         ),
+        unlisted=tuple(replace(_settled(h), unlisted=True) for h in unlisted),
+        unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
+    )
+
+
+def _cell(cell: Signature, forms: tuple[str, ...], equation: str) -> contract.Cell:
+    return contract.Cell(
+        cell.fault,
+        cell.residual,
+        cell.sign,
+        rounded(cell.gain, DIGITS),
+        rounded(cell.sensitivity, DIGITS),
+        rounded(cell.detectable, DIGITS),
+        forms,
+        equation,
     )
 
 

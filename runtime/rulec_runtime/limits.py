@@ -765,6 +765,14 @@ FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
 """Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
 assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
 
+UNLISTED_ODDS = 0.1
+"""Prior odds of an error of a reading that no module lists, over a listed fault of the same word.
+Origin: assumed; who describes a module lists what comes in it."""
+
+ALIKE = 0.8
+"""Share of the likelihood of a cause from which on a reading's error that no module lists stands
+beside it, however seldom it comes: no reading speaks against either. Origin: assumed."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 

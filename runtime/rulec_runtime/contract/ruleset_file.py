@@ -74,7 +74,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "signal": [s.id for s in ruleset.signals],
         "observer": [o.id for o in ruleset.observers],
         "residual": [r.id for r in ruleset.residuals],
-        "fault": [f.id for f in ruleset.faults],
+        "fault": [f.id for f in (*ruleset.faults, *ruleset.unlisted)],
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
@@ -124,12 +124,12 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield from (("module", m) for m in (*junction.outlets, *junction.inlets))
     for residual in ruleset.residuals:
         yield from (("observer", t.observer) for t in residual.terms)
-    for fault in ruleset.faults:
+    for fault in (*ruleset.faults, *ruleset.unlisted):
         yield "module", fault.module
         yield "frequency", fault.frequency
         yield from (("observer", o) for o in fault.affects)
         yield from (("signal", s) for s in fault.scales)
-    for cell in ruleset.cells:
+    for cell in (*ruleset.cells, *ruleset.unlisted_cells):
         yield "fault", cell.fault
         yield "residual", cell.residual
     yield from _references_of_steps(ruleset.simulation)

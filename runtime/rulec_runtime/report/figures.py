@@ -155,11 +155,8 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
 def _degree_panel(
     diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str, last: bool
 ) -> str:
-    row = [f.id for f in diagnosis.ruleset.faults].index(name)
     judged = _with_degree(trace)
-    degree, low, high = (
-        np.where(judged, table[row], np.nan) for table in (trace.degree, trace.lower, trace.upper)
-    )
+    degree, low, high = (np.where(judged, values, np.nan) for values in trace.of(name))
     true = np.full(len(degree), np.nan)
     unit = diagnosis.ruleset.fault_by_id[name].unit
     if truth is not None and name in truth.faults:

@@ -171,15 +171,15 @@ def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, An
     }
 
 
-def trace_csv(trace: Trace, ruleset: Ruleset) -> str:
+def trace_csv(trace: Trace) -> str:
     """One row per sample: time, verdict, and per fault degree, lower and upper bound."""
     header = ["time [s]", "verdict"]
-    for fault in ruleset.faults:
-        header += [fault.id, f"{fault.id} lower", f"{fault.id} upper"]
+    for name in trace.faults:
+        header += [name, f"{name} lower", f"{name} upper"]
     lines = [row_of(header)]
     for i, (time, verdict) in enumerate(zip(trace.time, trace.verdict, strict=True)):
         row = [f"{time:.10g}", verdict]
-        for j in range(len(ruleset.faults)):
+        for j in range(len(trace.faults)):
             row += [f"{v[j, i]:.5g}" for v in (trace.degree, trace.lower, trace.upper)]
         lines.append(",".join(row))
     return "\n".join(lines) + "\n"

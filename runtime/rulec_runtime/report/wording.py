@@ -208,12 +208,18 @@ def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
     rarer = [f for f in others if f.odds < fault.odds]
     if rarer:
         both = "both fit" if len(others) == 1 else "all of them fit"
-        words = ", ".join(f"{f.id} is {f.frequency}" for f in (fault, *rarer))
+        words = ", ".join(map(_how_often, (fault, *rarer)))
         yield f"{both}; {fault.id} is more usual, so it is named first ({words})"
     for other in others:
         if other.odds > fault.odds:
-            words = f"{other.id} is {other.frequency}, {fault.id} is {fault.frequency}"
+            words = f"{_how_often(other)}, {_how_often(fault)}"
             yield f"{other.id} is more usual, but the readings favour {fault.id} ({words})"
+
+
+def _how_often(fault: FaultSpec) -> str:
+    """How often a fault comes; of what no module lists, that."""
+    word = "listed by no module" if fault.unlisted else fault.frequency
+    return f"{fault.id} is {word}"
 
 
 def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:

@@ -208,12 +208,13 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
     # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
     # estimates can show: a test in the direction of a fault sees smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
-    visible = [bool(test.touched((fault,))) for fault in test.ruleset.faults]
-    strongest = quantile(chance / (2 * max(sum(visible), 1)))
+    visible = np.array([bool(test.touched((fault,))) for fault in test.ruleset.faults], dtype=bool)
+    asked = visible & test.ruleset.is_listed
+    strongest = quantile(chance / (2 * max(int(asked.sum()), 1)))
     pull, information = test.towards()
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-        deviating |= (pull * floor > strongest)[visible].any(axis=0)
+        deviating |= (pull * floor > strongest)[asked].any(axis=0)
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():

@@ -39,9 +39,10 @@ class PaperResult:
 def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     """Apply Eqs. 17-19 to every point."""
     n = len(observed)
+    cells = [cell for cell in ruleset.cells if cell.forms]
     names = [
         f"{kind}:{_form(cell)}:{cell.fault}:{cell.residual}"
-        for cell in ruleset.cells
+        for cell in cells
         for kind in ("x", "ux")
     ]
     results = ruleset.plan.select(names).run(plan_inputs(observed.points))
@@ -53,7 +54,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     sound = _sound(ruleset, observed)
     with np.errstate(invalid="ignore"):
         fires = sound & (np.abs(observed.residuals) > limits.COVERAGE * observed.residual_u)
-    for cell in ruleset.cells:
+    for cell in cells:
         key = f"{_form(cell)}:{cell.fault}:{cell.residual}"
         i, j = rows[cell.fault], columns[cell.residual]
         x = np.broadcast_to(results[f"x:{key}"], (n,))

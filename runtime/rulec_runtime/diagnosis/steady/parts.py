@@ -29,7 +29,8 @@ class Part:
 def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
     """The parts in order of their first observer; worked out once for a ruleset."""
     if "parts" not in ruleset.kept:
-        ruleset.kept["parts"] = tuple(_part(ruleset, block) for block in blocks_of(ruleset))
+        whole = ruleset.with_unlisted() if ruleset.unlisted else ruleset
+        ruleset.kept["parts"] = tuple(_part(whole, block) for block in blocks_of(ruleset))
     found: tuple[Part, ...] = ruleset.kept["parts"]
     return found
 
@@ -38,8 +39,9 @@ def _part(ruleset: Ruleset, block: Block) -> Part:
     observers = np.flatnonzero(block.observers)
     residuals = _held(ruleset, block, "residuals")
     faults = _held(ruleset, block, "faults")
+    listed = faults[ruleset.is_listed[faults]]
     if len(observers) == len(ruleset.observers):
-        return Part(ruleset, observers, residuals, faults)
+        return Part(ruleset, observers, residuals, listed)
     own = replace(
         ruleset,
         observers=tuple(ruleset.observers[i] for i in observers),
@@ -58,7 +60,7 @@ def _part(ruleset: Ruleset, block: Block) -> Part:
         replace(own, cells=cells, plan=plan.narrowed(), undo=undo.narrowed()),
         observers,
         residuals,
-        faults,
+        listed,
     )
 
 

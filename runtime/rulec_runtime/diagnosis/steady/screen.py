@@ -72,3 +72,13 @@ def _without(chi: ChiSquare, free: Array) -> Array:
     gain = np.einsum("in,in->n", slope, moved)
     # Where nothing is known of these flows, nothing can be said.
     return np.where(np.isfinite(gain), chi.value - gain, -np.inf)
+
+
+def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
+    """The faults with the highest scores, shape (faults, n): some that modules list, by flags of
+    the shape (faults,), and as many others, so that neither take the place of the other."""
+    found = np.zeros(scores.shape, dtype=bool)
+    for own in (np.flatnonzero(listed), np.flatnonzero(~listed)):
+        order = np.argsort(-scores[own], axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
+        np.put_along_axis(found, own[order], True, axis=0)
+    return found

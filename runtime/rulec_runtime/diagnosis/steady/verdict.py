@@ -69,7 +69,7 @@ def partly_blind(seen: Seen, point: int) -> str:
         for fault, floor in zip(
             seen.part.ruleset.faults, seen.isolation.floor[:, point], strict=True
         )
-        if not threshold_of(floor) < fault.highest
+        if not (fault.unlisted or threshold_of(floor) < fault.highest)
     ]
     if not because or not unseen:
         return ""
