@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
+from rulec.effects.model_builder import open_builder
 from rulec.knowledge.module_type import ModuleType
 from rulec.language.units import UnitTable
 from rulec.passes.pipeline import compile_plant
@@ -116,12 +117,11 @@ def test_a_law_keeps_to_what_is_published(name: str, check: Mapping[str, Any]) -
         assert found == pytest.approx(told, rel=within), point
 
 
-@pytest.fixture(scope="module")
-def plant(tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
-    """All types side by side, each with its neighbour, as one plant."""
+def write_plant(folder: Path, table: Mapping[str, Mapping[str, Any]]) -> None:
+    """Types side by side, each with its neighbour, as one plant."""
     lines = ["plant: library", "title: library", "fluid: water", f"kb: {ROOT / 'kb'}", "modules:"]
     connections = ["connections:"]
-    for kind, entry in TABLE.items():
+    for kind, entry in table.items():
         name, fluid = kind.replace("-", "_"), entry.get("fluid", "water")
         lines += [f"  {name}: {{type: {kind}, fluid: {fluid}}}"]
         reference = entry.get("reference", {"Q": 6})
@@ -129,9 +129,16 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
         pump = entry["beside"] != "metered-pump"
         pair = (name, f"{name}_beside") if pump else (f"{name}_beside", name)
         connections.append(f"  - {' -> '.join(pair)}")
-    file: Path = tmp_path_factory.mktemp("plant") / "plant.yaml"
-    file.write_text("\n".join([*lines, *connections]) + "\n", encoding="utf-8")
-    return compile_plant(file)
+    text = "\n".join([*lines, *connections]) + "\n"
+    (folder / "plant.yaml").write_text(text, encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
+    """All types of the table as one plant."""
+    folder: Path = tmp_path_factory.mktemp("plant")
+    write_plant(folder, TABLE)
+    return compile_plant(folder)
 
 
 def coinciding(ruleset: Ruleset, kind: str) -> list[list[str]]:
@@ -162,3 +169,19 @@ def test_a_fault_goes_the_way_it_is_told(plant: Ruleset, name: str) -> None:
         beside, residual = place.startswith("beside."), place.removeprefix("beside.")
         told = slopes[f"{module}.{fault}", f"{module}{'_beside' * beside}.{residual}"]
         assert told * sign > 0.0, (fault, told)
+
+
+@pytest.mark.parametrize(
+    ("effect", "places"),
+    [
+        ("hose-fatigue", {"peristaltic_pump.V_turn", "diaphragm_metering.V_stroke"}),
+        ("rotor-friction", {"turbine_meter.f", "oval_gear_meter.f"}),
+        ("tube-pressure", {"coriolis_meter.m", "coriolis_meter_loss.m"}),
+    ],
+)
+def test_effects_of_the_new_types_join_them(tmp_path: Path, effect: str, places: set[str]) -> None:
+    """And nothing else of the library."""
+    kinds = {place.partition(".")[0].replace("_", "-") for place in places}
+    write_plant(tmp_path, {kind: TABLE[kind] for kind in sorted(kinds | {"gear-pump"})})
+    candidates = open_builder(tmp_path)[1].candidates
+    assert places == {f"{c.module}.{c.place}" for c in candidates if c.name == effect}
