@@ -59,7 +59,11 @@ class Hypothesis:
 
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
+    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
+
+    `margins` are those of the conditions of regimes, such as ``A.reverse-flow:0``, each with its
+    standard uncertainty.
+    """
 
     graph: Graph
     observers: Mapping[str, Node]
@@ -70,6 +74,7 @@ class Assembly:
     residual_nodes: Mapping[str, Node]
     residual_gradients: Mapping[str, Gradient]
     residual_variances: Mapping[str, Node]
+    margins: Mapping[str, tuple[Node, Node]]
     undo: Graph
 
 
@@ -112,6 +117,7 @@ def assemble(
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,
+        margins={name: m for part in parts.values() for name, m in part.margins()},
         undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
     )
 
@@ -221,6 +227,13 @@ class _Instance:
                 whole_gradient=self.gradient(target.whole_gradient),
                 reaction=self.graph.zero,
             )
+
+    def margins(self) -> Iterable[tuple[str, tuple[Node, Node]]]:
+        """What must be positive in each regime, and its standard uncertainty."""
+        for name, (value, derivatives) in self.model.margins.items():
+            squares = [self.graph.square(node) for node in self.gradient(derivatives).values()]
+            u = self.graph.apply("sqrt", self.graph.sum(squares))
+            yield self.id(name), (self.lower(value), u)
 
     def signals_of(self, target: str) -> tuple[str, ...]:
         """Signals in what faults of a target scale; none where they act on the flow."""

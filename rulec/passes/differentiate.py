@@ -93,7 +93,11 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class TypeModel:
-    """A module type differentiated; local variables are its symbols by name."""
+    """A module type differentiated; local variables are its symbols by name.
+
+    `margins` are those of the conditions of its regimes, such as ``reverse-flow:0``, each with its
+    gradient.
+    """
 
     type: ModuleType
     symbols: Mapping[str, sympy.Symbol]
@@ -103,6 +107,7 @@ class TypeModel:
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
+    margins: Mapping[str, tuple[sympy.Expr, Gradient]]
 
 
 @dataclass(frozen=True)
@@ -152,7 +157,20 @@ def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
         targets={name: _target(kind, name, symbols, observers) for name in targets},
         faults=faults,
         undone=_undone(kind, faults, symbols),
+        margins=dict(_margins(kind, symbols)),
     )
+
+
+def _margins(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
+) -> Iterator[tuple[str, tuple[sympy.Expr, Gradient]]]:
+    """What must be positive in each regime."""
+    table = _table(kind, symbols, {}) if kind.regimes else {}
+    for regime in kind.regimes.values():
+        for i, condition in enumerate(regime.when):
+            if not condition.signal:
+                value = _translated(kind, condition.margin, table, symbols)
+                yield f"{regime.name}:{i}", (value, _gradient(value, symbols))
 
 
 def _symbol(name: str) -> sympy.Symbol:

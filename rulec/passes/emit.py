@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import rulec_runtime.contract.ruleset as contract
 
@@ -102,7 +103,33 @@ def emit(
             for b in junctions(plant)
             if b not in network.balances
         ),
+        regimes=tuple(_regimes(plant, assembly)),
     )
+
+
+def _regimes(plant: Plant, assembly: Assembly) -> Iterator[contract.RegimeSpec]:
+    """Regimes of all modules; those that stand on what is stored have no margin."""
+    for module in plant.modules.values():
+        for regime in module.type.settled().regimes.values():
+            name = f"{module.name}.{regime.name}"
+            yield contract.RegimeSpec(
+                id=name,
+                module=module.name,
+                title=regime.title,
+                text=filled(regime.text, {"module": module.name}),
+                action=regime.action,
+                status=regime.status,
+                when=tuple(
+                    contract.RegimeCondition(
+                        c.text,
+                        f"{module.name}.{c.signal}" if c.signal else "",
+                        c.above,
+                        "" if c.signal else f"{name}:{i}",
+                    )
+                    for i, c in enumerate(regime.when)
+                ),
+                origin=_origin(regime.origin),
+            )
 
 
 def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:

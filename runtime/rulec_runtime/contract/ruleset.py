@@ -306,6 +306,35 @@ class Dynamics:
     plan: Plan
 
 
+@dataclass(frozen=True)
+class RegimeCondition:
+    """A condition of a regime, `text` as its author wrote it.
+
+    With a `signal` its reading is not below its minimum (`above`), or below it. Else the plan's
+    output ``margin:<margin>`` is positive beyond ``u_margin:<margin>``, its standard uncertainty.
+    """
+
+    text: str
+    signal: str
+    above: bool
+    margin: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegimeSpec:
+    """A way in which a module runs that its laws for delivering do not cover, such as dry; all
+    conditions must hold."""
+
+    id: str
+    module: str
+    title: str
+    text: str
+    action: str
+    status: str
+    when: tuple[RegimeCondition, ...]
+    origin: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class KnowledgeSpec:
     """A folder of knowledge that the ruleset is made from.
@@ -351,6 +380,7 @@ class Ruleset:
     file: FileForm = field(default=AS_SEEN, metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
+    regimes: tuple[RegimeSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:

@@ -75,6 +75,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "observer": [o.id for o in ruleset.observers],
         "residual": [r.id for r in ruleset.residuals],
         "fault": [f.id for f in ruleset.faults],
+        "regime": [r.id for r in ruleset.regimes],
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
@@ -132,6 +133,11 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
     for cell in ruleset.cells:
         yield "fault", cell.fault
         yield "residual", cell.residual
+    for regime in ruleset.regimes:
+        yield "module", regime.module
+        yield from (("signal", c.signal) for c in regime.when if c.signal)
+        margins = [c.margin for c in regime.when if not c.signal]
+        yield from (("output", f"{kind}:{m}") for m in margins for kind in ("margin", "u_margin"))
     yield from _references_of_steps(ruleset.simulation)
     if ruleset.dynamics is not None:
         yield from (("signal", s) for s in (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs))

@@ -13,6 +13,7 @@ from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.recordings.recording import Recording
@@ -36,6 +37,7 @@ class Diagnosis:
     sensors: tuple[SensorFinding, ...] = ()
     calendar: Calendar | None = None
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
 
 
 def diagnose(
@@ -87,6 +89,7 @@ def assembled(
         sensors=health.findings,
         calendar=recording.calendar,
         latest=found.latest,
+        regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
     )
 
 
@@ -127,6 +130,7 @@ def together(
     """The same, where it is known what each part says."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)
     found = joined(each, latest_of(ruleset, timeline, seen))
+    found = replace(found, regimes=regimes_of(ruleset, timeline, seen[0].points))
     return int(timeline.samples[judged].sum()), found
 
 
@@ -152,6 +156,7 @@ def restless(samples: int) -> str:
 def status_of(found: Found, judged: int) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
+    letters |= {r.regime.status for r in found.regimes}
     return worst(letters if judged else letters | {"C"})
 
 

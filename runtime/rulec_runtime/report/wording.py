@@ -13,6 +13,7 @@ from rulec_runtime.recordings.when import course, span
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
     from rulec_runtime.diagnosis.steady.evidence import Evidence
     from rulec_runtime.diagnosis.steady.findings import Finding, Period
+    from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
     from rulec_runtime.recordings.wall_clock import Calendar
 
 STATUS = {
@@ -168,6 +169,16 @@ def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tup
 def evidence_first(finding: Finding) -> list[Evidence]:
     """Residuals of a finding: first those that it should move, and that moved."""
     return sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
+
+
+def conditions(found: RegimeFinding) -> str:
+    """Why a regime is believed: its conditions, and how far beyond doubt each is."""
+    sure = dict(found.margins)
+    parts = [
+        f"{c.text} (by {sure[c.text]:.3g} u)" if c.text in sure else c.text
+        for c in found.regime.when
+    ]
+    return ", ".join(parts)
 
 
 def headline(ruleset: Ruleset, finding: Finding) -> str:

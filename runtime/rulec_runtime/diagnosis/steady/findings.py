@@ -16,6 +16,7 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_a
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import (
@@ -109,12 +110,14 @@ class Period:
 
 @dataclass(frozen=True)
 class Found:
-    """What a block of estimates says over a recording, and all residuals at its end."""
+    """What a block of estimates says over a recording, and all residuals at its end; of the whole
+    plant also in which regimes its modules ran."""
 
     findings: list[Finding]
     unknown: list[Period]
     not_judged: list[Period]
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
