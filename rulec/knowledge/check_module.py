@@ -288,6 +288,7 @@ class ModuleReader(Reader):
             "signal": kind.signals,
             "definition": kind.definitions,
             "flow": [*kind.components(), *ends],
+            "liquid": (),
         }
         for i, entry in enumerate(self.document.data.get("faults", ())):
             path: Path_ = ("faults", i)

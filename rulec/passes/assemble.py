@@ -21,7 +21,7 @@ from rulec.knowledge.plant import Module
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
 from rulec.passes.link import Network
-from rulec.passes.undo import undo_graph
+from rulec.passes.undo import liquid_affects, undo_graph
 
 Gradient = Mapping[str, Node]
 
@@ -62,7 +62,7 @@ class Assembly:
     """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
 
     `margins` are those of the conditions of regimes, such as ``A.reverse-flow:0``, each with its
-    standard uncertainty.
+    standard uncertainty. `liquid` lists the observers that each change of the liquid makes wrong.
     """
 
     graph: Graph
@@ -76,6 +76,7 @@ class Assembly:
     residual_variances: Mapping[str, Node]
     margins: Mapping[str, tuple[Node, Node]]
     undo: Graph
+    liquid: Mapping[str, tuple[str, ...]]
 
 
 def assemble(
@@ -119,6 +120,7 @@ def assemble(
         residual_variances=variances,
         margins={name: m for part in parts.values() for name, m in part.margins()},
         undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
+        liquid=liquid_affects(network, types),
     )
 
 

@@ -7,8 +7,9 @@ second derivatives, and the observers with all faults undone.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import sympy
 
@@ -20,6 +21,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
+from rulec.passes.liquid import Moved, liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -114,7 +116,9 @@ class TypeModel:
 class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
-    `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
+    `in_liquid` are the observers that a change of the liquid moves, also with that undone, and
+    `liquid_slopes` their derivatives by its degrees, whose names are whole ids. `slopes` is
+    d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
     d(observer)/d(gathered name); absent where zero.
     """
 
@@ -123,6 +127,8 @@ class Undone:
     slopes: Mapping[tuple[str, str], sympy.Expr]
     signal_slopes: Mapping[tuple[str, str], sympy.Expr]
     gather_slopes: Mapping[tuple[str, str], sympy.Expr]
+    in_liquid: Mapping[str, sympy.Expr]
+    liquid_slopes: Mapping[tuple[str, str], sympy.Expr]
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
@@ -156,9 +162,14 @@ def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
         },
         targets={name: _target(kind, name, symbols, observers) for name in targets},
         faults=faults,
-        undone=_undone(kind, faults, symbols),
+        undone=_undone(kind, faults, symbols, liquids_of(knowledge)),
         margins=dict(_margins(kind, symbols)),
     )
+
+
+def liquids_of(knowledge: Knowledge) -> tuple[FaultType, ...]:
+    """Faults of the liquid."""
+    return tuple(fault for fault in knowledge.faults.values() if fault.liquid is not None)
 
 
 def _margins(
@@ -356,7 +367,10 @@ def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
 
 
 def _undone(
-    kind: ModuleType, faults: tuple[TypeFault, ...], symbols: Mapping[str, sympy.Symbol]
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    symbols: Mapping[str, sympy.Symbol],
+    liquids: Sequence[FaultType],
 ) -> Undone:
     """At degree 0 these are the observers; at the true degree they agree again."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
@@ -364,26 +378,87 @@ def _undone(
         if fault.fault.acts_on == "signal":
             signals[fault.target] = _undo(fault, signals[fault.target])
     base = {**symbols, **signals}
-    replaced: dict[str, sympy.Expr] = {}
-    for fault in faults:
-        if fault.fault.acts_on == "definition":
-            current = _table(kind, base, replaced)[fault.target]
-            replaced[fault.target] = _undo(fault, current)
-    undone = _observers(kind, base, replaced)
-    for fault in faults:
-        if fault.fault.acts_on == "flow":
-            x = degree_symbol(fault.id)
-            for observer in fault.affects:
-                undone[observer] = law_of(fault.variant, undone[observer], x)
+    undone = _undone_over(kind, faults, base, symbols, {})
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
+    moved = _moved(kind, symbols, liquids)
+    of_liquid = {i: degree_symbol(i) for f in liquids for i in liquid_ids(f)}
+    in_liquid = _undone_over(kind, faults, base, symbols, moved) if moved else {}
+    in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
     return Undone(
         undone,
         signals,
         _slopes(undone, degrees),
         _slopes(signals, degrees),
         _slopes(undone, gathered),
+        in_liquid,
+        _slopes(in_liquid, of_liquid),
     )
+
+
+def _undone_over(
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    base: Mapping[str, sympy.Expr],
+    symbols: Mapping[str, sympy.Symbol],
+    moved: Mapping[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]],
+) -> dict[str, sympy.Expr]:
+    """Observers with faults undone over `base`, and laws of places `moved` by the liquid."""
+    known = {n: moved.get(("parameter", n), _same)(e) for n, e in base.items()}
+    replaced: dict[str, sympy.Expr] = {}
+    for name in kind.definitions:
+        if ("definition", name) in moved:
+            replaced[name] = moved["definition", name](_table(kind, known, replaced)[name])
+        for fault in faults:
+            if fault.fault.acts_on == "definition" and fault.target == name:
+                replaced[name] = _undo(fault, _table(kind, known, replaced)[name])
+    undone = _observers(kind, known, replaced)
+    undone = {o: moved.get(("observer", o), _same)(e) for o, e in undone.items()}
+    for fault in faults:
+        if fault.fault.acts_on == "flow":
+            x = degree_symbol(fault.id)
+            for observer in fault.affects:
+                undone[observer] = law_of(fault.variant, undone[observer], x)
+    return undone
+
+
+def _same(value: sympy.Expr) -> sympy.Expr:
+    return value
+
+
+def liquid_ids(fault: FaultType) -> list[str]:
+    """Ids of all directions of a fault of the liquid."""
+    return [liquid_id(fault, variant.name) for variant in fault.variants]
+
+
+def _moved(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
+) -> dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]]:
+    """What each place should give where the liquid has changed, by its plain value."""
+    table, observers = _table(kind, symbols, {}), _observers(kind, symbols, {})
+    values = {("definition", n): table[n] for n in kind.definitions}
+    values |= {("observer", n): e for n, e in observers.items()}
+    found: dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]] = {}
+    for fault in liquids:
+        assert fault.liquid is not None, "checked when the fault was read"
+        ratio = sympy.S.One
+        for variant in fault.variants:
+            ratio *= law_of(variant, sympy.S.One, degree_symbol(liquid_id(fault, variant.name)))
+        opened = partial(_opened, kind, symbols=symbols, observers=observers)
+        for part in moved_by(fault.liquid, kind, symbols, values, opened):
+            before = found.get(part.place, _same)
+            found[part.place] = partial(_then, before, part, symbols, ratio)
+    return found
+
+
+def _then(
+    before: Callable[[sympy.Expr], sympy.Expr],
+    part: Moved,
+    symbols: Mapping[str, sympy.Symbol],
+    ratio: sympy.Expr,
+    plain: sympy.Expr,
+) -> sympy.Expr:
+    return part.law(before(plain), symbols, ratio)
 
 
 def degree_symbol(fault: str) -> sympy.Symbol:

@@ -12,18 +12,16 @@ from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.written import filled, rounded
-from rulec.limits import ABSURD_FAULT
+from rulec.limits import ABSURD_FAULT, DIGITS
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signatures
+from rulec.passes.emit_liquid import liquid_specs
 from rulec.passes.link import Network, junctions
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
-
-DIGITS = 9
-"""Significant digits of figures at the reference point."""
 
 
 def emit(
@@ -104,6 +102,7 @@ def emit(
             if b not in network.balances
         ),
         regimes=tuple(_regimes(plant, assembly)),
+        liquid=tuple(liquid_specs(plant, assembly, residuals, signatures)),
     )
 
 

@@ -680,6 +680,17 @@ FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
 """Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
 assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
 
+SECOND_FAULT = math.log(100.0)
+"""Advantage, as a log-likelihood, that two faults at once need over a change of the liquid alone.
+Origin: assumed; two steps of `FREQUENCY_ODDS`, as a second fault is a coincidence."""
+
+BY_TEMPERATURE = math.log(10.0)
+"""Advantage, as a log-likelihood, of a change of the liquid where recorded temperatures moved as it
+needs; as large a disadvantage where they did not. Origin: assumed, a step of `FREQUENCY_ODDS`."""
+
+SAME_TEMPERATURE = 0.5
+"""Kelvin within which a temperature is told to have stayed where it was. Origin: assumed."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 

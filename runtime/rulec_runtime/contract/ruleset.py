@@ -306,6 +306,23 @@ class Dynamics:
     plan: Plan
 
 
+@dataclass(frozen=True, kw_only=True)
+class LiquidSpec:
+    """A change of the liquid: a fault of no module, which makes estimates of several wrong at once.
+
+    `cells` are as those of other faults, without rules. Where `per_kelvin` (1/K, known to a
+    `factor`) is not 0, the property follows the temperature; `thermometers` are the signals that
+    measure one. `sign` is that of the change of the property.
+    """
+
+    fault: FaultSpec
+    cells: tuple[Cell, ...]
+    sign: int
+    per_kelvin: float
+    factor: float
+    thermometers: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class RegimeCondition:
     """A condition of a regime, `text` as its author wrote it.
@@ -351,8 +368,10 @@ class KnowledgeSpec:
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant.
 
-    `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
-    that store: what meets there is connected, and no flows balance.
+    `liquid` are changes of the liquid; `undo` gives the observers that they move as ``ql:``, and
+    slopes by their degrees as ``dql:``. The ruleset of a part has them among its `faults`, as
+    ``q:`` and ``dq:``. `knowledge` is empty where it comes from one folder alone. `unbalanced` are
+    junctions at modules that store: what meets there is connected, and no flows balance.
     """
 
     format_version: int
@@ -381,10 +400,11 @@ class Ruleset:
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
     regimes: tuple[RegimeSpec, ...] = field(default=(), metadata=SELDOM)
+    liquid: tuple[LiquidSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
-        return {f.id: f for f in self.faults}
+        return {f.id: f for f in (*self.faults, *(c.fault for c in self.liquid))}
 
     @cached_property
     def odds(self) -> Array:
@@ -422,8 +442,9 @@ class Ruleset:
 
     @cached_property
     def cells_of_fault(self) -> Mapping[str, tuple[Cell, ...]]:
-        found: dict[str, list[Cell]] = {f.id: [] for f in self.faults}
-        for cell in self.cells:
+        found: dict[str, list[Cell]] = {name: [] for name in self.fault_by_id}
+        others = (c for change in self.liquid for c in change.cells)
+        for cell in dict.fromkeys((*self.cells, *others)):
             found[cell.fault].append(cell)
         return {name: tuple(cells) for name, cells in found.items()}
 

@@ -74,7 +74,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "signal": [s.id for s in ruleset.signals],
         "observer": [o.id for o in ruleset.observers],
         "residual": [r.id for r in ruleset.residuals],
-        "fault": [f.id for f in ruleset.faults],
+        "fault": [*(f.id for f in ruleset.faults), *(c.fault.id for c in ruleset.liquid)],
         "regime": [r.id for r in ruleset.regimes],
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
@@ -130,7 +130,11 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield "frequency", fault.frequency
         yield from (("observer", o) for o in fault.affects)
         yield from (("signal", s) for s in fault.scales)
-    for cell in ruleset.cells:
+    for change in ruleset.liquid:
+        yield "frequency", change.fault.frequency
+        yield from (("observer", o) for o in change.fault.affects)
+        yield from (("signal", s) for s in (*change.fault.scales, *change.thermometers))
+    for cell in (*ruleset.cells, *(c for change in ruleset.liquid for c in change.cells)):
         yield "fault", cell.fault
         yield "residual", cell.residual
     for regime in ruleset.regimes:

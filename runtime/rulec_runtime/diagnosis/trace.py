@@ -32,7 +32,8 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
     stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
-    degree = np.zeros((len(ruleset.faults), len(recording)))
+    place = {name: i for i, name in enumerate(ruleset.fault_by_id)}
+    degree = np.zeros((len(place), len(recording)))
     half = np.zeros_like(degree)
     if not len(stretches):
         return Trace(recording.time, tuple(words), degree, degree, degree)
@@ -45,7 +46,8 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(seen, i)
         for one in seen:
-            fits, at = one.isolation.probability > 0, np.ix_(one.part.faults, here)
+            rows = [place[fault.id] for fault in one.part.ruleset.faults]
+            fits, at = one.isolation.probability > 0, np.ix_(rows, here)
             degree[at] += np.where(fits, one.isolation.degree, 0.0)
             half[at] += np.where(fits, limits.COVERAGE * one.isolation.u, 0.0)
     return Trace(

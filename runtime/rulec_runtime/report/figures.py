@@ -151,7 +151,7 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
 def _degree_panel(
     diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str, last: bool
 ) -> str:
-    row = [f.id for f in diagnosis.ruleset.faults].index(name)
+    row = list(diagnosis.ruleset.fault_by_id).index(name)
     judged = _with_degree(trace)
     degree, low, high = (
         np.where(judged, table[row], np.nan) for table in (trace.degree, trace.lower, trace.upper)

@@ -228,6 +228,8 @@ def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
 
 def titled(fault: FaultSpec) -> str:
     """A fault with its module, as a phrase."""
+    if not fault.module:
+        return fault.title[:1].lower() + fault.title[1:]
     if fault.title.startswith(f"{fault.module}."):
         return fault.title
     return f"{fault.title.lower()} in {fault.module}"

@@ -14,6 +14,7 @@ from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
+from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
@@ -143,7 +144,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
             )
         elif kind == "fault":
-            causes = causes_of(seen, members, _evident(seen, members, next(fits)), known)
+            fitted = by_temperature(seen, members, _evident(seen, members, next(fits)))
+            causes = causes_of(seen, members, fitted, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
@@ -276,6 +278,8 @@ def _finding(
     own = seen.part.ruleset
     fault = own.faults[cause.fault]
     strongest = _worst(seen, members)
+    cause, further = with_temperature(seen, members, cause)
+    text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
     return Finding(
         fault,
         cause.degree,
@@ -290,7 +294,7 @@ def _finding(
         _readings(ruleset, seen.points, strongest),
         _flows(own, seen.observed, strongest),
         seen.baselines.count_at(members[0]),
-        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+        f"{text}{further}",
     )
 
 
