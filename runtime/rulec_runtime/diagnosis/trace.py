@@ -46,7 +46,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(seen, i)
         for one in seen:
-            rows = [place[fault.id] for fault in one.part.ruleset.faults]
+            rows = np.array([place[fault.id] for fault in one.part.ruleset.faults], dtype=int)
             fits, at = one.isolation.probability > 0, np.ix_(rows, here)
             degree[at] += np.where(fits, one.isolation.degree, 0.0)
             half[at] += np.where(fits, limits.COVERAGE * one.isolation.u, 0.0)
