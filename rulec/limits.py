@@ -144,6 +144,14 @@ ABSURD_FAULT = 4.0
 """Geometric standard deviations above the usual degree of a fault from which on nobody would
 believe it. Origin: distribution (normal, one-sided, 3e-5)."""
 
+DIGITS = 9
+"""Significant digits of figures at the reference point. Origin: numerical, fewer than a solver's
+last ones."""
+
+LIQUID_SEEN = 0.05
+"""Share of the largest shift of a residual by a change of the liquid from which on another one is
+expected to move as well. Origin: assumed; what it moves less follows laws known to a factor."""
+
 EFFECT_TRIES = 20
 """Draws of readings and parameters on which the laws of an effect are tried. Origin: assumed."""
 

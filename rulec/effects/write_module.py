@@ -85,6 +85,7 @@ def _data(
         },
         "residuals": old.get("residuals"),
         "faults": old.get("faults"),
+        "regimes": old.get("regimes"),
     }
     for path, accuracy in kind.laws().items():
         group, name = map(str, path)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.effect import Effect
+from rulec.knowledge.liquid import Liquid
 from rulec.knowledge.module_type import FaultUse, Fluid, Frequency, ModuleType
 from rulec.knowledge.shape import Usual
 from rulec.language.diagnostics import Place
@@ -81,7 +82,8 @@ class Variant:
 class FaultType:
     """What a fault does; sign, gain, rule and matrix row are derived from it.
 
-    Without a `frequency` nobody said how often it comes.
+    Without a `frequency` nobody said how often it comes. `liquid` says what it changes where it
+    acts on the liquid, and so on all modules at once.
     """
 
     name: str
@@ -94,6 +96,7 @@ class FaultType:
     action: str
     origin: Origin
     frequency: Frequency | None = None
+    liquid: Liquid | None = None
 
     def title_at(self, target: str, variant: Variant) -> str:
         """Title of one variant of it, which acts on `target`."""

@@ -22,7 +22,7 @@ from rulec.knowledge.plant import Module
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
 from rulec.passes.link import Network
-from rulec.passes.undo import undo_graph
+from rulec.passes.undo import liquid_affects, undo_graph
 
 Gradient = Mapping[str, Node]
 
@@ -63,6 +63,8 @@ class Assembly:
     """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
 
     `unlisted` are errors of readings that no module lists; no pass works out rules for them.
+    `margins` are those of the conditions of regimes, such as ``A.reverse-flow:0``, each with its
+    standard uncertainty. `liquid` lists the observers that each change of the liquid makes wrong.
     """
 
     graph: Graph
@@ -75,7 +77,9 @@ class Assembly:
     residual_nodes: Mapping[str, Node]
     residual_gradients: Mapping[str, Gradient]
     residual_variances: Mapping[str, Node]
+    margins: Mapping[str, tuple[Node, Node]]
     undo: Graph
+    liquid: Mapping[str, tuple[str, ...]]
 
 
 def assemble(
@@ -122,7 +126,9 @@ def assemble(
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,
+        margins={name: m for part in parts.values() for name, m in part.margins()},
         undo=undo_graph(network, types, tuple(h.id for h in (*hypotheses, *unlisted))),
+        liquid=liquid_affects(network, types),
     )
 
 
@@ -231,6 +237,13 @@ class _Instance:
                 whole_gradient=self.gradient(target.whole_gradient),
                 reaction=self.graph.zero,
             )
+
+    def margins(self) -> Iterable[tuple[str, tuple[Node, Node]]]:
+        """What must be positive in each regime, and its standard uncertainty."""
+        for name, (value, derivatives) in self.model.margins.items():
+            squares = [self.graph.square(node) for node in self.gradient(derivatives).values()]
+            u = self.graph.apply("sqrt", self.graph.sum(squares))
+            yield self.id(name), (self.lower(value), u)
 
     def signals_of(self, target: str) -> tuple[str, ...]:
         """Signals in what faults of a target scale; none where they act on the flow."""

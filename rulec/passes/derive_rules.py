@@ -58,7 +58,7 @@ def derive_rules(
 
 
 def _basic_outputs(assembly: Assembly) -> None:
-    """``q:``, ``s:`` (scaled gradient), ``guard:``, ``R:`` and ``u:`` outputs."""
+    """``q:``, ``s:`` (scaled gradient), ``guard:``, ``R:`` and ``u:`` outputs, and margins."""
     graph, outputs = assembly.graph, assembly.graph.outputs
     for observer, node in assembly.observers.items():
         outputs[f"q:{observer}"] = node
@@ -69,6 +69,8 @@ def _basic_outputs(assembly: Assembly) -> None:
     for residual, node in assembly.residual_nodes.items():
         outputs[f"R:{residual}"] = node
         outputs[f"u:{residual}"] = graph.apply("sqrt", assembly.residual_variances[residual])
+    for name, (margin, u) in assembly.margins.items():
+        outputs[f"margin:{name}"], outputs[f"u_margin:{name}"] = margin, u
 
 
 def _rule(

@@ -7,8 +7,9 @@ second derivatives, and the observers with all faults undone.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import sympy
 
@@ -20,6 +21,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
+from rulec.passes.liquid import Moved, liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -96,6 +98,8 @@ class TypeModel:
     """A module type differentiated; local variables are its symbols by name.
 
     `unlisted` are errors of readings that the type does not list, and classes of sensors have.
+    `margins` are those of the conditions of its regimes, such as ``reverse-flow:0``, each with its
+    gradient.
     """
 
     type: ModuleType
@@ -106,6 +110,7 @@ class TypeModel:
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
+    margins: Mapping[str, tuple[sympy.Expr, Gradient]]
     unlisted: tuple[TypeFault, ...] = ()
 
 
@@ -114,8 +119,10 @@ class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
     `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
-    d(observer)/d(gathered name); absent where zero. `readings` are the signals with unlisted errors
-    undone, of which all of these are functions; `reading_slopes` d(reading)/d(degree), `by_reading`
+    d(observer)/d(gathered name); absent where zero. `in_liquid` are the observers that a change of
+    the liquid moves, also with that undone, and `liquid_slopes` their derivatives by its degrees,
+    whose names are whole ids. `readings` are the signals with unlisted errors undone, of which all
+    of these are functions; `reading_slopes` d(reading)/d(degree), `by_reading`
     d(observer)/d(reading), `signal_by_reading` d(signal)/d(its own reading).
     """
 
@@ -128,6 +135,8 @@ class Undone:
     reading_slopes: Mapping[tuple[str, str], sympy.Expr]
     by_reading: Mapping[tuple[str, str], sympy.Expr]
     signal_by_reading: Mapping[str, sympy.Expr]
+    in_liquid: Mapping[str, sympy.Expr]
+    liquid_slopes: Mapping[tuple[str, str], sympy.Expr]
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
@@ -168,9 +177,27 @@ def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = Fals
         },
         targets={name: _target(kind, name, symbols, observers) for name in targets},
         faults=faults,
-        undone=_undone(kind, faults, unlisted, symbols),
+        undone=_undone(kind, faults, unlisted, symbols, liquids_of(knowledge)),
+        margins=dict(_margins(kind, symbols)),
         unlisted=unlisted,
     )
+
+
+def liquids_of(knowledge: Knowledge) -> tuple[FaultType, ...]:
+    """Faults of the liquid."""
+    return tuple(fault for fault in knowledge.faults.values() if fault.liquid is not None)
+
+
+def _margins(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
+) -> Iterator[tuple[str, tuple[sympy.Expr, Gradient]]]:
+    """What must be positive in each regime."""
+    table = written_out(kind, symbols, {}) if kind.regimes else {}
+    for regime in kind.regimes.values():
+        for i, condition in enumerate(regime.when):
+            if not condition.signal:
+                value = _translated(kind, condition.margin, table, symbols)
+                yield f"{regime.name}:{i}", (value, _gradient(value, symbols))
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -403,6 +430,7 @@ def _undone(
     faults: tuple[TypeFault, ...],
     unlisted: tuple[TypeFault, ...],
     symbols: Mapping[str, sympy.Symbol],
+    liquids: Sequence[FaultType],
 ) -> Undone:
     """At degree 0 these are the observers; at the true degree they agree again."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
@@ -410,19 +438,13 @@ def _undone(
         if fault.fault.acts_on == "signal":
             signals[fault.target] = _undo(fault, signals[fault.target])
     base = {**symbols, **signals}
-    replaced: dict[str, sympy.Expr] = {}
-    for fault in faults:
-        if fault.fault.acts_on == "definition":
-            current = written_out(kind, base, replaced)[fault.target]
-            replaced[fault.target] = _undo(fault, current)
-    undone = _observers(kind, base, replaced)
-    for fault in faults:
-        if fault.fault.acts_on == "flow":
-            x = degree_symbol(fault.id)
-            for observer in fault.affects:
-                undone[observer] = law_of(fault.variant, undone[observer], x)
+    undone = _undone_over(kind, faults, base, symbols, {})
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
+    moved = _moved(kind, symbols, liquids)
+    of_liquid = {i: degree_symbol(i) for f in liquids for i in liquid_ids(f)}
+    in_liquid = _undone_over(kind, faults, base, symbols, moved) if moved else {}
+    in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
     readings: dict[str, sympy.Expr] = {}
     for fault in unlisted:
         readings[fault.target] = _undo(fault, readings.get(fault.target, symbols[fault.target]))
@@ -437,7 +459,74 @@ def _undone(
         _slopes(readings, {f.id: degree_symbol(f.id) for f in unlisted}),
         _slopes(undone, of_readings),
         {name: sympy.diff(signals[name], symbol) for name, symbol in of_readings.items()},
+        in_liquid,
+        _slopes(in_liquid, of_liquid),
     )
+
+
+def _undone_over(
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    base: Mapping[str, sympy.Expr],
+    symbols: Mapping[str, sympy.Symbol],
+    moved: Mapping[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]],
+) -> dict[str, sympy.Expr]:
+    """Observers with faults undone over `base`, and laws of places `moved` by the liquid."""
+    known = {n: moved.get(("parameter", n), _same)(e) for n, e in base.items()}
+    replaced: dict[str, sympy.Expr] = {}
+    for name in kind.definitions:
+        if ("definition", name) in moved:
+            replaced[name] = moved["definition", name](written_out(kind, known, replaced)[name])
+        for fault in faults:
+            if fault.fault.acts_on == "definition" and fault.target == name:
+                replaced[name] = _undo(fault, written_out(kind, known, replaced)[name])
+    undone = _observers(kind, known, replaced)
+    undone = {o: moved.get(("observer", o), _same)(e) for o, e in undone.items()}
+    for fault in faults:
+        if fault.fault.acts_on == "flow":
+            x = degree_symbol(fault.id)
+            for observer in fault.affects:
+                undone[observer] = law_of(fault.variant, undone[observer], x)
+    return undone
+
+
+def _same(value: sympy.Expr) -> sympy.Expr:
+    return value
+
+
+def liquid_ids(fault: FaultType) -> list[str]:
+    """Ids of all directions of a fault of the liquid."""
+    return [liquid_id(fault, variant.name) for variant in fault.variants]
+
+
+def _moved(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
+) -> dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]]:
+    """What each place should give where the liquid has changed, by its plain value."""
+    table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
+    values = {("definition", n): table[n] for n in kind.definitions}
+    values |= {("observer", n): e for n, e in observers.items()}
+    found: dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]] = {}
+    for fault in liquids:
+        assert fault.liquid is not None, "checked when the fault was read"
+        ratio = sympy.S.One
+        for variant in fault.variants:
+            ratio *= law_of(variant, sympy.S.One, degree_symbol(liquid_id(fault, variant.name)))
+        opening = partial(opened, kind, symbols=symbols, observers=observers)
+        for part in moved_by(fault.liquid, kind, symbols, values, opening):
+            before = found.get(part.place, _same)
+            found[part.place] = partial(_then, before, part, symbols, ratio)
+    return found
+
+
+def _then(
+    before: Callable[[sympy.Expr], sympy.Expr],
+    part: Moved,
+    symbols: Mapping[str, sympy.Symbol],
+    ratio: sympy.Expr,
+    plain: sympy.Expr,
+) -> sympy.Expr:
+    return part.law(before(plain), symbols, ratio)
 
 
 def degree_symbol(fault: str) -> sympy.Symbol:

@@ -20,8 +20,23 @@ Types = Mapping[str, TypeModel]
 
 
 def undo_graph(network: Network, types: Types, faults: tuple[str, ...]) -> Graph:
-    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``."""
+    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``.
+
+    Where a change of the liquid moves an observer, ``ql:`` and ``dql:`` are the same with that
+    undone as well; without a degree of it ``ql:`` is ``q:``.
+    """
     return _Undo(network, types, faults).graph
+
+
+def liquid_affects(network: Network, types: Types) -> dict[str, tuple[str, ...]]:
+    """By id of a fault of the liquid the observers that it makes wrong, where these are of several
+    modules; in one module alone it is what faults of that module are."""
+    found: dict[str, list[str]] = {}
+    for name, module in network.plant.modules.items():
+        for observer, fault in types[module.type.key].undone.liquid_slopes:
+            found.setdefault(fault, []).append(f"{name}.{observer}")
+    several = {i for i, o in found.items() if len({n.partition(".")[0] for n in o}) > 1}
+    return {i: tuple(o) for i, o in found.items() if i in several}
 
 
 class _Undo:
@@ -30,10 +45,12 @@ class _Undo:
     def __init__(self, network: Network, types: Types, faults: tuple[str, ...]) -> None:
         plant = network.plant
         self.network = network
-        self.graph = Graph([*plant.signals, *(f"x:{fault}" for fault in faults)])
         self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
         # Slopes of the readings by the degrees of their unlisted errors.
         self.errors: dict[str, dict[tuple[str, str], Node]] = {}
+        self.liquid = liquid_affects(network, types)
+        inputs = [*plant.signals, *(f"x:{fault}" for fault in (*faults, *self.liquid))]
+        self.graph = Graph(inputs)
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
         # Slopes of readings, which all modules upstream share.
         self._inner: dict[tuple[str, str], dict[str, Node]] = {}
@@ -50,6 +67,7 @@ class _Undo:
             nodes[model.symbols[parameter.name]] = graph.constant(parameter.value)
         for fault in (*model.faults, *model.unlisted):
             nodes[degree_symbol(fault.id)] = graph.input(f"x:{name}.{fault.id}")
+        nodes |= {degree_symbol(i): graph.input(f"x:{i}") for i in self.liquid}
         slopes = model.undone.reading_slopes
         self.errors[name] = {key: lower(graph, slope, nodes) for key, slope in slopes.items()}
         readings = model.undone.readings
@@ -71,6 +89,11 @@ class _Undo:
         nodes, undone = self.tables[name], self.models[name].undone
         for observer, expression in undone.observers.items():
             outputs[f"q:{name}.{observer}"] = lower(graph, expression, nodes)
+        if self.liquid:
+            for observer, expression in undone.in_liquid.items():
+                outputs[f"ql:{name}.{observer}"] = lower(graph, expression, nodes)
+            for (observer, fault), slope in undone.liquid_slopes.items():
+                outputs[f"dql:{name}.{observer}:{fault}"] = lower(graph, slope, nodes)
         for (observer, fault), slope in undone.slopes.items():
             outputs[f"dq:{name}.{observer}:{name}.{fault}"] = lower(graph, slope, nodes)
         for (observer, signal), slope in undone.by_reading.items():

@@ -773,6 +773,17 @@ ALIKE = 0.8
 """Share of the likelihood of a cause from which on a reading's error that no module lists stands
 beside it, however seldom it comes: no reading speaks against either. Origin: assumed."""
 
+SECOND_FAULT = math.log(100.0)
+"""Advantage, as a log-likelihood, that two faults at once need over a change of the liquid alone.
+Origin: assumed; two steps of `FREQUENCY_ODDS`, as a second fault is a coincidence."""
+
+BY_TEMPERATURE = math.log(10.0)
+"""Advantage, as a log-likelihood, of a change of the liquid where recorded temperatures moved as it
+needs; as large a disadvantage where they did not. Origin: assumed, a step of `FREQUENCY_ODDS`."""
+
+SAME_TEMPERATURE = 0.5
+"""Kelvin within which a temperature is told to have stayed where it was. Origin: assumed."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 

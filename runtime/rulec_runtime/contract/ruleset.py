@@ -310,6 +310,52 @@ class Dynamics:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LiquidSpec:
+    """A change of the liquid: a fault of no module, which makes estimates of several wrong at once.
+
+    `cells` are as those of other faults, without rules. Where `per_kelvin` (1/K, known to a
+    `factor`) is not 0, the property follows the temperature; `thermometers` are the signals that
+    measure one. `sign` is that of the change of the property.
+    """
+
+    fault: FaultSpec
+    cells: tuple[Cell, ...]
+    sign: int
+    per_kelvin: float
+    factor: float
+    thermometers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RegimeCondition:
+    """A condition of a regime, `text` as its author wrote it.
+
+    With a `signal` its reading is not below its minimum (`above`), or below it. Else the plan's
+    output ``margin:<margin>`` is positive beyond ``u_margin:<margin>``, its standard uncertainty.
+    """
+
+    text: str
+    signal: str
+    above: bool
+    margin: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegimeSpec:
+    """A way in which a module runs that its laws for delivering do not cover, such as dry; all
+    conditions must hold."""
+
+    id: str
+    module: str
+    title: str
+    text: str
+    action: str
+    status: str
+    when: tuple[RegimeCondition, ...]
+    origin: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class KnowledgeSpec:
     """A folder of knowledge that the ruleset is made from.
 
@@ -328,6 +374,9 @@ class Ruleset:
     `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
     that store: what meets there is connected, and no flows balance. `unlisted` are errors that a
     reading may have whatever its module lists, with cells of their own: causes beside `faults`.
+    `liquid` are changes of the liquid; `undo` gives the observers that they move as ``ql:``, and
+    slopes by their degrees as ``dql:``. The ruleset of a part has them among its `faults`, as
+    ``q:`` and ``dq:``.
     """
 
     format_version: int
@@ -357,11 +406,14 @@ class Ruleset:
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
     unlisted: tuple[FaultSpec, ...] = field(default=(), metadata=SELDOM)
     unlisted_cells: tuple[Cell, ...] = field(default=(), metadata=SELDOM)
+    regimes: tuple[RegimeSpec, ...] = field(default=(), metadata=SELDOM)
+    liquid: tuple[LiquidSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
         """Those that are listed, and the others."""
-        return {f.id: f for f in (*self.faults, *self.unlisted)}
+        liquid = (change.fault for change in self.liquid)
+        return {f.id: f for f in (*self.faults, *self.unlisted, *liquid)}
 
     @cached_property
     def is_listed(self) -> np.ndarray:
@@ -430,7 +482,8 @@ class Ruleset:
     @cached_property
     def cells_of_fault(self) -> Mapping[str, tuple[Cell, ...]]:
         found: dict[str, list[Cell]] = {name: [] for name in self.fault_by_id}
-        for cell in (*self.cells, *self.unlisted_cells):
+        others = (*self.unlisted_cells, *(c for change in self.liquid for c in change.cells))
+        for cell in dict.fromkeys((*self.cells, *others)):
             found[cell.fault].append(cell)
         return {name: tuple(cells) for name, cells in found.items()}
 

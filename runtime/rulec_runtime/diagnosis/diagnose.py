@@ -15,6 +15,7 @@ from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.recordings.recording import Recording
@@ -38,6 +39,7 @@ class Diagnosis:
     sensors: tuple[SensorFinding, ...] = ()
     calendar: Calendar | None = None
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
 
 
 def diagnose(
@@ -89,6 +91,7 @@ def assembled(
         sensors=health.findings,
         calendar=recording.calendar,
         latest=found.latest,
+        regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
     )
 
 
@@ -131,6 +134,7 @@ def together(
     """The same, where it is known what each part says."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)
     found = joined(each, latest_of(ruleset, timeline, seen))
+    found = replace(found, regimes=regimes_of(ruleset, timeline, seen[0].points))
     return int(timeline.samples[judged].sum()), found
 
 
@@ -156,6 +160,7 @@ def restless(samples: int) -> str:
 def status_of(found: Found, judged: int) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
+    letters |= {r.regime.status for r in found.regimes}
     return worst(letters if judged else letters | {"C"})
 
 

@@ -181,7 +181,7 @@ def _rivals(episode: Episode) -> set[str]:
 def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
     """What is new, for people."""
     if now.kind != "fault":
-        name = now.subject if now.kind == "sensor" else ""
+        name = now.subject if now.kind in ("sensor", "regime") else ""
         if what in ("ended", "withdrawn"):
             again = {"sensor": "healthy again", "blind": "judged again"}.get(now.kind, "over")
             return f"{name} {again}: {now.text}".strip()

@@ -53,7 +53,7 @@ def glance(
         ruleset,
         "default",
         judged=known.diagnosis.judged,
-        found=joined(each, latest),
+        found=replace(joined(each, latest), regimes=known.diagnosis.regimes),
     )
     return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
 

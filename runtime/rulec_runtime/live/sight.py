@@ -54,6 +54,19 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
             action=sensor.condition.action,
             probability=sensor.probability,
         )
+    for one in diagnosis.regimes:
+        yield Episode(
+            id=_id(one.regime.id, one.since),
+            kind="regime",
+            subject=one.regime.id,
+            module=one.regime.module,
+            status=one.regime.status,
+            since=one.since,
+            until=one.until,
+            active=one.active,
+            text=one.regime.text,
+            action=one.regime.action,
+        )
     others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
         ("unknown", "S", diagnosis.unknown),
         ("blind", "C", diagnosis.not_judged),

@@ -9,6 +9,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.growth import grown
@@ -24,6 +25,7 @@ from rulec_runtime.report.wording import (
     advice,
     agreement,
     causes,
+    conditions,
     context,
     estimates,
     evidence_first,
@@ -57,6 +59,7 @@ def badge(letter: str, small: bool = False) -> str:
 def told(diagnosis: Diagnosis) -> str:
     """Each fault with what to do about it."""
     parts = [_sensor(diagnosis, found) for found in diagnosis.sensors]
+    parts += [_regime(diagnosis, found) for found in diagnosis.regimes]
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
@@ -87,6 +90,21 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
     return (
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
         f"{safe(found.text)}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
+    """A way in which a module runs: what, since when, why that is believed, what to do."""
+    letter = found.regime.status
+    rows = [
+        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
+        ("Because", conditions(found)),
+        ("What to do", found.regime.action),
+    ]
+    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
+        f"{safe(found.regime.text)}</h3><dl>{body}</dl></section>"
     )
 
 

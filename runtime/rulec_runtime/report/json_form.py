@@ -9,6 +9,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
 from rulec_runtime.diagnosis.steady.growth import Growth
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -28,6 +29,7 @@ def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
             *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
             *(_finding(diagnosis.ruleset, f, diagnosis.calendar) for f in diagnosis.findings),
         ],
+        "regimes": [_regime(r, diagnosis.calendar) for r in diagnosis.regimes],
         "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
         "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
         "notes": list(diagnosis.notes),
@@ -56,7 +58,24 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
     }
 
 
-def _times(found: Finding | SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+def _regime(found: RegimeFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """Conditions hold by so many standard uncertainties where they hold most."""
+    regime = found.regime
+    return {
+        "regime": regime.id,
+        "module": regime.module,
+        "status": regime.status,
+        **_times(found, calendar),
+        "evidence": [{"condition": text, "sigma": sure} for text, sure in found.margins],
+        "title": regime.title,
+        "text": regime.text,
+        "action": regime.action,
+    }
+
+
+def _times(
+    found: Finding | SensorFinding | RegimeFinding, calendar: Calendar | None
+) -> dict[str, Any]:
     """Times of a finding, s, with dates where the recording has them."""
     return {
         "since": found.since,

@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
@@ -26,6 +27,7 @@ from rulec_runtime.report.wording import (
     advice,
     agreement,
     causes,
+    conditions,
     context,
     estimates,
     evidence_first,
@@ -59,6 +61,12 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
     for sensor in diagnosis.sensors:
         _sensor(out, diagnosis, sensor)
+    for regime in diagnosis.regimes[:SHOWN]:
+        _regime(out, diagnosis, regime)
+    if left := len(diagnosis.regimes[SHOWN:]):
+        out.print(
+            styled("[dim]and {} (--json has all)[/]", plural(left, "other regime", "other regimes"))
+        )
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
@@ -96,6 +104,21 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     tree = Tree(title, guide_style="dim")
     tree.add(f"do: {found.condition.action}")
     tree.add(f"{when}; {kept_of(found)}")
+    out.print(tree)
+
+
+def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
+    """A way in which a module runs: what, why that is believed, what to do."""
+    regime = found.regime
+    symbol, colour = STATUS[regime.status][0], COLOURS[regime.status]
+    head = "\n[bold {}]{} {}[/] [bold]{}[/]  {}"
+    tree = Tree(
+        styled(head, colour, symbol, regime.status, regime.id, regime.text), guide_style="dim"
+    )
+    tree.add(f"do: {regime.action}")
+    tree.add(f"because {conditions(found)}")
+    tree.add(course(diagnosis.calendar, found.since, found.until, found.behind))
+    tree.add(styled("[dim]{}[/]", regime.origin))
     out.print(tree)
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # words alone need nothing that judges recordings
     from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
     from rulec_runtime.diagnosis.steady.evidence import Evidence
     from rulec_runtime.diagnosis.steady.findings import Finding, Period
+    from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
     from rulec_runtime.recordings.wall_clock import Calendar
 
 STATUS = {
@@ -178,6 +179,16 @@ def evidence_first(finding: Finding) -> list[Evidence]:
     return sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
 
 
+def conditions(found: RegimeFinding) -> str:
+    """Why a regime is believed: its conditions, and how far beyond doubt each is."""
+    sure = dict(found.margins)
+    parts = [
+        f"{c.text} (by {sure[c.text]:.3g} u)" if c.text in sure else c.text
+        for c in found.regime.when
+    ]
+    return ", ".join(parts)
+
+
 def headline(ruleset: Ruleset, finding: Finding) -> str:
     """What is wrong, and what else it may be if that is nearly as probable."""
     text = finding.text
@@ -231,6 +242,8 @@ def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
 
 def titled(fault: FaultSpec) -> str:
     """A fault with its module, as a phrase."""
+    if not fault.module:
+        return fault.title[:1].lower() + fault.title[1:]
     if fault.title.startswith(f"{fault.module}."):
         return fault.title
     return f"{fault.title.lower()} in {fault.module}"

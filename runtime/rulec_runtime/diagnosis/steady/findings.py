@@ -15,8 +15,10 @@ from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
+from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import (
@@ -131,12 +133,14 @@ class Period:
 
 @dataclass(frozen=True)
 class Found:
-    """What a block of estimates says over a recording, and all residuals at its end."""
+    """What a block of estimates says over a recording, and all residuals at its end; of the whole
+    plant also in which regimes its modules ran."""
 
     findings: list[Finding]
     unknown: list[Period]
     not_judged: list[Period]
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
@@ -162,7 +166,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
             )
         elif kind == "fault":
-            causes = causes_of(seen, members, _evident(seen, members, next(fits)), known)
+            fitted = by_temperature(seen, members, _evident(seen, members, next(fits)))
+            causes = causes_of(seen, members, fitted, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
@@ -297,6 +302,8 @@ def finding_of(
     own = seen.part.ruleset
     fault = own.faults[cause.fault]
     strongest = _worst(seen, members)
+    cause, further = with_temperature(seen, members, cause)
+    text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
     return Finding(
         fault,
         cause.degree,
@@ -311,7 +318,7 @@ def finding_of(
         _readings(ruleset, seen.points, strongest),
         _flows(own, seen.observed, strongest),
         seen.baselines.count_at(members[0]),
-        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+        f"{text}{further}",
     )
 
 

@@ -237,10 +237,16 @@ def _explain(
     within = _within_range(test)
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
-    unexplained = np.asarray(~np.isfinite(evidence).any(axis=0) & within.all(axis=0))
+    # What moves everything leaves little of two faults at once: they are tried beside it as well.
+    own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
+    unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
     if pairs and unexplained.any() and rank > 2:
         found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
-        _take_pairs(found, chosen[unexplained], test.ruleset.odds, result)
+        least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
+        better = np.max(found.evidence, axis=0, initial=-np.inf) > least
+        points = chosen[unexplained][better]
+        result.probability[:, points] = 0.0
+        _take_pairs(found.at(better), points, test.ruleset.odds, result)
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:

@@ -61,6 +61,9 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     tried = may_fit(test, limit, (every[:, None] > 0.0) & own[:, None])
     fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
+    if (isolation.pair[judged, 0] >= 0).any():
+        # Two faults at once explained some stretch better than a change of the liquid.
+        evidence[[not fault.module for fault in ruleset.faults]] = -np.inf
     if not np.isfinite(evidence).any():
         return None
     deviating = isolation.deviating[test.members[:, 0]]

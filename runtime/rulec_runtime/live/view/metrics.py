@@ -50,7 +50,7 @@ def _findings(now: Now, plant: Labels) -> Iterator[str]:
                 **plant,
                 "kind": e.kind,
                 # Remarks are no names: each would be a series of its own.
-                "subject": e.subject if e.kind in ("fault", "sensor") else "",
+                "subject": e.subject if e.kind in ("fault", "sensor", "regime") else "",
                 "module": e.module,
                 "status": e.status,
                 "unit": e.unit,
