@@ -688,6 +688,10 @@ ALIKE = 0.8
 """Share of the likelihood of a cause from which on a reading's error that no module lists stands
 beside it, however seldom it comes: no reading speaks against either. Origin: assumed."""
 
+AS_GOOD = 0.5
+"""Share of the likelihood of the best listed fault that an error which no module lists has in
+some stretch, to be tried on the run: less than `ALIKE`, as noise moves both. Origin: assumed."""
+
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""
 
