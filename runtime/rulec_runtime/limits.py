@@ -570,6 +570,9 @@ ONSETS_AT_FIRST = 8
 """Every which stretch is tried as the first one with a fault, before its course is worked out.
 Origin: numerical; growth that began between two of them is seen as well."""
 
+POINTS_OF_A_STEP = 3
+"""Stretches per step at least. Origin: assumed; with fewer, steps would go through all of them."""
+
 STEPS_OF_A_COURSE = 8
 """Steps at most that growth is compared with. Origin: numerical; the rest is told by runs."""
 
@@ -783,6 +786,10 @@ needs; as large a disadvantage where they did not. Origin: assumed, a step of `F
 
 SAME_TEMPERATURE = 0.5
 """Kelvin within which a temperature is told to have stayed where it was. Origin: assumed."""
+
+AS_GOOD = 0.5
+"""Share of the likelihood of the best listed fault that an error which no module lists has in
+some stretch, to be tried on the run: less than `ALIKE`, as noise moves both. Origin: assumed."""
 
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""

@@ -25,7 +25,7 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
-from rulec_runtime.diagnosis.steady.screen import leading, may_fit
+from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
 from rulec_runtime.recordings.scratch import give_back, let_go
@@ -177,7 +177,7 @@ def _fits_alike(
     once = np.repeat([0.0, 1.0], [len(first.learned), len(first.points)])
     later = np.repeat(once[:, None], count, axis=1)
     test = stacked_test(ruleset, observed, first.valid, members, later)
-    candidates = [set(_candidates(isolation, s.members)) for s in stacks]
+    candidates = [set(_candidates(ruleset, isolation, s.members)) for s in stacks]
     singles = [(i,) for i in range(len(ruleset.faults))]
     seen = np.ones((len(singles), 1), dtype=bool)
     if len(test.basis) >= limits.MANY_RESIDUALS:
@@ -256,10 +256,16 @@ def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarr
     return np.concatenate([own, others], axis=1)
 
 
-def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Single faults, or pairs where only pairs fit."""
-    chance = isolation.probability[:, members].max(axis=1)
+def _candidates(
+    ruleset: Ruleset, isolation: Isolation, members: Sequence[int]
+) -> Iterator[tuple[int, ...]]:
+    """Single faults, or pairs where only pairs fit; of those that no module lists such as some
+    stretch has no better explanation for."""
+    own = isolation.probability[:, members]
     pairs = isolation.pair[members[0], 0] >= 0
+    if not pairs:
+        own = np.where(beside_listed(own, ruleset.is_listed, limits.AS_GOOD), own, 0.0)
+    chance = own.max(axis=1)
     likely = np.flatnonzero(chance > (limits.PAIR_CANDIDATE if pairs else 0.0))
     yield from combinations((int(i) for i in likely), 2 if pairs else 1)
 

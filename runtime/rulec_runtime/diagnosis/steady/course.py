@@ -215,8 +215,7 @@ def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) 
     """The best few steps of sizes like `scale`, one after the other, at so many points."""
     chosen: list[int] = []
     best: _Weighed | None = None
-    # As many steps as points would go through all of them.
-    most_steps = min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_THAT_GROW, 1))
+    most_steps = min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_OF_A_STEP, 1))
     while len(chosen) < most_steps:
         tried = np.array([[*chosen, k] for k in range(count) if k not in chosen])
         prior = np.full(len(tried), -(len(chosen) + 1) * np.log(count))

@@ -28,7 +28,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
-from rulec_runtime.diagnosis.steady.screen import least_left, may_fit
+from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,10 +254,11 @@ def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) 
     shape (faults, n)."""
     faults = test.ruleset.faults
     hypotheses = [(fault,) for fault in faults]
+    promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)
     if all_tried or not test.metric.is_large:
-        return fit(test, hypotheses, None if all_tried else may_fit(test, limit))
-    least = least_left(test, np.ones((len(faults), len(test)), dtype=bool))
-    may = least <= limits.ROUNDED_OTHERWISE * limit
+        return fit(test, hypotheses, None if all_tried else may_fit(test, limit, promising))
+    least = least_left(test, promising)
+    may = promising & (least <= limits.ROUNDED_OTHERWISE * limit)
     # What moves many flows leaves little of them where any of them may be anything.
     touched = np.array([len(test.touched((fault,))) for fault in faults])[:, None]
     order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")
