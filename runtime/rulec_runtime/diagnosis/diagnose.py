@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.blind import Blind, blind_of
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
+from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
@@ -36,22 +37,22 @@ class Diagnosis:
     sensors: tuple[SensorFinding, ...] = ()
     calendar: Calendar | None = None
     latest: Latest | None = None
+    blind: tuple[Blind, ...] = ()
+
+    @property
+    def is_whole(self) -> bool:
+        """Was something judged, and every fault seen that could be?"""
+        return self.judged > 0 and not self.blind
 
 
-def diagnose(
-    recording: Recording, ruleset: Ruleset, mode: str = "default", *, whole: bool = True
-) -> Diagnosis:
+def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Diagnosis:
     """Judge a recording.
 
     Parameters
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
-    whole : whether it is all there is; of the latest rows of a source, the source tells what lacks.
     """
     health = examine(recording, ruleset)
-    if whole:
-        lost = tuple(lost_readings(recording, ruleset))
-        health = replace(health, findings=(*health.findings, *lost))
     sound = health.recording
     notes: tuple[str, ...] = ()
     if ruleset.dynamics is None:
@@ -69,11 +70,14 @@ def assembled(
     judged: int,
     found: Found,
     notes: tuple[str, ...] = (),
+    blind: tuple[Blind, ...] | None = None,
 ) -> Diagnosis:
-    """What sensors and physics say, put together and in order of time."""
+    """What sensors and physics say, put together and in order of time; `blind` where it is known
+    already."""
     recording = health.recording
     missing = (f"{name} is not in the recording" for name in recording.missing)
-    letters = {f.condition.status for f in health.findings} | {status_of(found, judged)}
+    blind = blind_of(recording, ruleset) if blind is None else blind
+    letters = {f.condition.status for f in health.findings} | {status_of(found, judged, blind)}
     return Diagnosis(
         ruleset=ruleset,
         mode=mode,
@@ -87,6 +91,7 @@ def assembled(
         sensors=health.findings,
         calendar=recording.calendar,
         latest=found.latest,
+        blind=blind,
     )
 
 
@@ -149,10 +154,10 @@ def restless(samples: int) -> str:
     return f"no settled stretch was found: no {needed} samples in a row without a jump"
 
 
-def status_of(found: Found, judged: int) -> str:
+def status_of(found: Found, judged: int, blind: Sequence[Blind] = ()) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
-    return worst(letters if judged else letters | {"C"})
+    return worst(letters if judged and not blind else letters | {"C"})
 
 
 def worst(letters: set[str]) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
+from rulec_runtime.report.blindness import PARTLY, brought_back, hidden, told_else, unseen
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
@@ -60,10 +62,12 @@ def told(diagnosis: Diagnosis) -> str:
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
-    if diagnosis.not_judged and not diagnosis.findings:
+    if diagnosis.blind:
+        parts.append(_blind(diagnosis))
+    left = told_else(diagnosis)
+    if left and not diagnosis.findings:
         parts.append(
-            f'<div class="finding is-C"><h3>{UNSEEN}</h3>'
-            f"{remarks(diagnosis.not_judged, diagnosis.calendar)}</div>"
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(left, diagnosis.calendar)}</div>'
         )
     if diagnosis.unknown:
         sheet = all(p.from_sheet for p in diagnosis.unknown)
@@ -88,6 +92,25 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
         f"{safe(found.text)}</h3><dl>{body}</dl></section>"
     )
+
+
+def _blind(diagnosis: Diagnosis) -> str:
+    """What could not be seen: which faults, since when, why, and what brings them back."""
+    rows = [
+        (course(diagnosis.calendar, b.since, b.until, b.behind), safe(_why_blind(diagnosis, b)))
+        for b in diagnosis.blind[:LISTED]
+    ]
+    if (more := len(diagnosis.blind) - LISTED) > 0:
+        rows.append(("", f"and {counted(more, 'other period')}"))
+    body = "".join(f"<dt>{safe(when)}</dt><dd>{text}</dd>" for when, text in rows)
+    return (
+        f'<section class="finding is-C"><h3>{badge("C", True)} {PARTLY}: '
+        f"{hidden(diagnosis)}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _why_blind(diagnosis: Diagnosis, blind: Blind) -> str:
+    return f"{unseen(diagnosis.ruleset, blind)}: {blind.because}; {brought_back(blind)}"
 
 
 def _card(diagnosis: Diagnosis, finding: Finding) -> str:
