@@ -357,7 +357,12 @@ FAILED_ABOVE = 0.0625
 BEYOND_RANGE = 0.02
 """Share of its range by which a reading may leave it and still be used. Origin: assumed."""
 
-SETS_TRIED = 256
+NEAREST_ESTIMATES = 24
+"""Estimates from which on it is asked of those nearest to a module alone which of its faults can be
+seen. Origin: assumed; as many as the largest plant that is shipped has, and what is farther away
+says next to nothing."""
+
+SETS_TRIED = 128
 """Sets of lost readings of one size that are tried for the smallest that brings a fault back.
 Origin: numerical; of more, a set is taken of which all are needed."""
 

@@ -19,7 +19,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.steady.points import outside_range
-from rulec_runtime.diagnosis.visible import Visible, visible_of
+from rulec_runtime.diagnosis.visible import visible_of
 from rulec_runtime.recordings.piecewise import runs_where
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import let_go
@@ -105,34 +105,34 @@ def _spells(
     """Runs of rows in which a fault is never seen, from the first to the last one in which lost
     readings hide it."""
     visible = visible_of(ruleset)
-    known: dict[tuple[frozenset[str], frozenset[str]], Hidden] = {}
+    known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
     begun: dict[str, Spell] = {}
     for first, last, gone, low in _segments(count, lost, still):
-        if (gone, low) not in known:
-            known[gone, low] = _hidden(ruleset, visible, gone, low)
-        hidden, seen = known[gone, low]
+        rests = _at_rest(ruleset, low)
+        if (gone, rests) not in known:
+            unseen = visible.unseen(gone, rests)
+            known[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in unseen}
+        hidden = known[gone, rests]
         for fault, readings in hidden.items():
             before = begun.get(fault)
             if before is not None and before[3] != readings:
                 yield before
                 before = None
             begun[fault] = (fault, first if before is None else before[1], last, readings)
-        for fault in seen.intersection(begun):
-            yield begun.pop(fault)
+        for fault in begun.keys() - hidden.keys():
+            if visible.sees(fault, gone, rests):
+                yield begun.pop(fault)
     yield from begun.values()
 
 
-Hidden = tuple[Mapping[str, tuple[str, ...]], frozenset[str]]
-"""Faults that lost readings hide, with those that bring them back; and faults that are seen."""
-
-
-def _hidden(
-    ruleset: Ruleset, visible: Visible, gone: frozenset[str], low: frozenset[str]
-) -> Hidden:
-    rests = frozenset(o.id for o in ruleset.observers if not low.isdisjoint(o.signals))
-    unseen = visible.unseen(gone, rests)
-    back = {fault: visible.brings_back(fault, gone, rests) for fault in unseen}
-    return back, visible.faults(gone, rests)
+def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
+    """Estimates that read a signal below its minimum; all of a module of which it is the input."""
+    modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
+    return frozenset(
+        o.id
+        for o in ruleset.observers
+        if low and (o.module in modules or not low.isdisjoint(o.signals))
+    )
 
 
 def _segments(
@@ -160,16 +160,17 @@ def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
 
 
 def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
-    """Signals that something reads, with the rows in which they have no reading. What a column map
-    leaves out and nobody recorded, the plant does not have."""
+    """Signals that something reads, with the rows in which they have no reading. Where all columns
+    that are there come by a map, the plant does not have what this leaves out."""
     mapped = {column.signal for column in ruleset.columns}
+    by_map = mapped >= recording.values.keys()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if signal.id not in ruleset.read:
             continue
         if values is not None:
             yield signal.id, _runs(values, partial(_is_gone, signal))
-        elif not mapped or signal.id in mapped:
+        elif not (mapped and by_map) or signal.id in mapped:
             yield signal.id, ((0, len(recording)),)
 
 

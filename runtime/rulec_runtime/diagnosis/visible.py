@@ -18,14 +18,14 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, ObserverSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.isolate import test_of
-from rulec_runtime.diagnosis.steady.observe import Observed, observe_part
+from rulec_runtime.diagnosis.steady.observe import observe_part
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import free_flows, vanishing
 from rulec_runtime.recordings.stationary import systematic_u
 
 NONE: frozenset[str] = frozenset()
@@ -45,51 +45,58 @@ class Sighted(Protocol):
         """Degree from which on each fault can be seen without some signals while some observers,
         by their ids, estimate nothing; absent where it leaves no trace."""
 
+    def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
+        """Products of the effects of all faults with each other, shape (faults, faults), in the
+        metric of errors; 0 where a fault leaves no trace."""
+
 
 @dataclass(frozen=True)
 class PartSighted:
-    """Estimates that check each other, at the reference point."""
+    """Estimates that check each other, at the reference point, with what they say of some faults.
 
-    part: Part
-    observed: Observed
-    known: dict[bytes, Mapping[str, float]] = field(default_factory=dict)
+    `free` are the flows through their modules by those that are free, shape (observers, free);
+    `covariance` is that of the estimates, (m3/s)^2; `slopes` are theirs by the degree of each
+    fault, shape (observers, faults), m3/s.
+    """
+
+    observers: tuple[ObserverSpec, ...]
+    faults: tuple[FaultSpec, ...]
+    free: Array
+    covariance: Array
+    slopes: Array
+    known: dict[bytes, Array] = field(default_factory=dict)
 
     @cached_property
     def signals(self) -> frozenset[str]:
-        return self.part.ruleset.observed
+        return frozenset(signal for o in self.observers for signal in o.signals)
 
     @cached_property
     def highest(self) -> Mapping[str, float]:
-        return {f.id: f.highest for f in self.part.ruleset.faults}
+        return {f.id: f.highest for f in self.faults}
 
     def detectable(self, lost: Set[str], still: Set[str]) -> Mapping[str, float]:
-        usable = self.usable(lost, still)
+        known = np.diag(self.information(lost, still)).tolist()
+        return {f.id: threshold_of(x**-0.5) for f, x in zip(self.faults, known, strict=True) if x}
+
+    def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
+        there = [o.id not in still and lost.isdisjoint(o.signals) for o in self.observers]
+        usable = np.array(there, dtype=bool)
         key = usable.tobytes()
         if key not in self.known:
-            self.known[key] = self._detectable(self.test(usable))
+            self.known[key] = self._information(usable)
         return self.known[key]
 
-    def usable(self, lost: Set[str], still: Set[str] = NONE) -> np.ndarray:
-        """Estimates that can be used, by flags, shape (observers,)."""
-        observers = self.part.ruleset.observers
-        there = [o.id not in still and lost.isdisjoint(o.signals) for o in observers]
-        usable: np.ndarray = self.observed.valid[:, 0] & np.array(there, dtype=bool)
-        return usable
-
-    def test(self, usable: np.ndarray) -> HypothesisTest | None:
-        """What some estimates say of faults; None where they do not check each other."""
-        basis = residual_basis(self.part.ruleset, usable)
+    def _information(self, usable: np.ndarray) -> Array:
+        basis = vanishing(self.free[usable])
+        own = self.slopes[usable]
+        effects = basis @ own
+        size, largest = np.linalg.norm(effects, axis=0), np.abs(own).max(axis=0, initial=0.0)
+        effects = np.where(size > limits.UNTOUCHED * largest, effects, 0.0)
         if not len(basis):
-            return None
-        return test_of(self.part.ruleset, self.observed, usable, basis, np.zeros(1, dtype=int))
-
-    def _detectable(self, test: HypothesisTest | None) -> Mapping[str, float]:
-        if test is None:
-            return {}
-        faults = self.part.ruleset.faults
-        information: Array = test.towards()[1][:, 0]
-        shown = [f for f in zip(faults, information.tolist(), strict=True) if f[1] > 0.0]
-        return {f.id: threshold_of(known**-0.5) for f, known in shown if test.touched((f,))}
+            return np.zeros((len(self.faults), len(self.faults)))
+        spread = basis @ self.covariance[np.ix_(usable, usable)] @ basis.T
+        found: Array = effects.T @ inverse_of(spread[None])[0] @ effects
+        return found
 
 
 @dataclass(frozen=True)
@@ -98,21 +105,29 @@ class Visible:
 
     parts: tuple[Sighted, ...]
 
-    def faults(self, lost: Set[str] = NONE, still: Set[str] = NONE) -> frozenset[str]:
-        """Faults that can be seen without some signals while some observers stand still."""
-        return NONE.union(*(self._of(one, lost, still) for one in self.parts))
+    @cached_property
+    def of_fault(self) -> Mapping[str, tuple[Sighted, ...]]:
+        """The parts that may show each fault."""
+        found: dict[str, list[Sighted]] = {}
+        for one in self.parts:
+            for fault in one.highest:
+                found.setdefault(fault, []).append(one)
+        return {fault: tuple(parts) for fault, parts in found.items()}
 
-    def unseen(self, lost: Set[str], still: Set[str] = NONE) -> frozenset[str]:
+    def sees(self, fault: str, lost: Set[str] = NONE, still: Set[str] = NONE) -> bool:
+        """Can a fault be seen without some signals while some observers stand still?"""
+        return any(_sees(one, fault, lost, still) for one in self.of_fault.get(fault, ()))
+
+    def unseen(self, lost: Set[str], still: Set[str] = NONE) -> list[str]:
         """Faults that only lost signals hide."""
-        return self.faults(NONE, still) - self.faults(lost, still)
-
-    def _of(self, one: Sighted, lost: Set[str], still: Set[str]) -> frozenset[str]:
-        return frozenset(fault for fault in one.highest if _sees(one, fault, lost, still))
+        touched = [one for one in self.parts if not lost.isdisjoint(one.signals)]
+        asked = dict.fromkeys(fault for one in touched for fault in one.highest)
+        return [f for f in asked if self.sees(f, NONE, still) and not self.sees(f, lost, still)]
 
     def brings_back(self, fault: str, lost: Set[str], still: Set[str] = NONE) -> tuple[str, ...]:
         """The fewest of the lost signals with which a fault can be seen again; those of its own
         module first. Where too many sets would have to be tried, a set of which all are needed."""
-        own = [one for one in self.parts if fault in one.highest]
+        own = self.of_fault[fault]
         read = NONE.union(*(one.signals for one in own))
         module = fault.partition(".")[0]
         asked = sorted(lost & read, key=lambda s: (s.partition(".")[0] != module, s))
@@ -137,7 +152,7 @@ class Visible:
 
 def _sees(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> bool:
     """Is a degree seen that is within the range of a fault, or any where its sheet hides all?"""
-    degree = one.detectable(lost, still).get(fault, inf)
+    degree = one.detectable(lost & one.signals, still).get(fault, inf)
     sheet = one.detectable(NONE, NONE).get(fault, inf)
     return degree < (one.highest[fault] if sheet < one.highest[fault] else inf)
 
@@ -160,9 +175,50 @@ def _parts(ruleset: Ruleset) -> list[Sighted]:
 
 
 def settled_parts(ruleset: Ruleset) -> list[PartSighted]:
-    """The parts of a plant that settles, at its reference point."""
-    points = reference_point(ruleset)
-    return [PartSighted(one, observe_part(ruleset, one, points)) for one in parts_of(ruleset)]
+    """The parts of a plant that settles, at its reference point. In a large one the estimates that
+    are nearest to its module say of a fault whether it can be seen; farther ones are not asked."""
+    points, found = reference_point(ruleset), []
+    for part in parts_of(ruleset):
+        own = part.ruleset
+        observed = observe_part(ruleset, part, points)
+        valid = observed.valid[:, 0]
+        slopes = np.zeros((len(own.observers), len(own.faults)))
+        each = test_of(own, observed, valid, np.zeros((0, 0)), np.zeros(1, dtype=int)).each
+        for column, (places, slope) in each.items():
+            slopes[np.flatnonzero(valid)[places], column] = slope[:, 0, 0]
+        groups: dict[str, list[int]] = {}
+        for i, fault in enumerate(own.faults):
+            whole = len(own.observers) <= limits.NEAREST_ESTIMATES
+            groups.setdefault("" if whole else fault.module, []).append(i)
+        covariance = observed.covariance_at(np.zeros(1, dtype=int))[0]
+        place = {name: i for i, name in enumerate(ruleset.modules)}
+        free = free_flows(ruleset)[[place[o.module] for o in own.observers]]
+        for module, chosen in groups.items():
+            near = np.flatnonzero(valid & _nearest(ruleset, part, module) if module else valid)
+            found.append(
+                PartSighted(
+                    observers=tuple(own.observers[i] for i in near),
+                    faults=tuple(own.faults[i] for i in chosen),
+                    # No more columns than rows say as much.
+                    free=np.transpose(np.linalg.qr(free[near].T, mode="r")),
+                    covariance=covariance[np.ix_(near, near)],
+                    slopes=slopes[near][:, chosen],
+                )
+            )
+    return found
+
+
+def _nearest(ruleset: Ruleset, part: Part, module: str) -> np.ndarray:
+    """Estimates of a part nearest to a module, as flags: those of modules the fewest junctions
+    away."""
+    order, front = {module: None}, [module]
+    own = [o.module for o in part.ruleset.observers]
+    while front and sum(m in order for m in own) < limits.NEAREST_ESTIMATES:
+        ends = [{*j.outlets, *j.inlets} for j in ruleset.junctions]
+        reached = [m for near in ends if not near.isdisjoint(front) for m in sorted(near)]
+        front = list(dict.fromkeys(m for m in reached if m not in order))
+        order |= dict.fromkeys(front)
+    return np.array([m in order for m in own], dtype=bool)
 
 
 def reference_point(ruleset: Ruleset) -> Points:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.when import course
+from rulec_runtime.recordings.when import moment, span
 from rulec_runtime.report.text import listed
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
@@ -21,8 +21,19 @@ PARTLY = "Partly blind"
 
 def blindness(ruleset: Ruleset, blind: Blind, calendar: Calendar | None = None) -> str:
     """Which faults, since when, why, and what brings them back."""
-    when = course(calendar, blind.since, blind.until, blind.behind)
-    return f"{unseen(ruleset, blind)} {when}: {blind.because}; {brought_back(blind)}"
+    return f"{unseen(ruleset, blind)} {since_when(blind, calendar)}: {why_and_how(blind)}"
+
+
+def since_when(blind: Blind, calendar: Calendar | None) -> str:
+    """Since when faults cannot be seen, or when they could not."""
+    if blind.active:
+        return f"since {moment(calendar, blind.since)}"
+    return f"in {span(calendar, blind.since, blind.until)}"
+
+
+def why_and_how(blind: Blind) -> str:
+    """The reason, and what is needed."""
+    return f"{blind.because}; {brought_back(blind)}"
 
 
 def unseen(ruleset: Ruleset, blind: Blind) -> str:
@@ -30,7 +41,7 @@ def unseen(ruleset: Ruleset, blind: Blind) -> str:
 
     Errors of a sensor in all directions are one matter, and so are all faults of a module.
     """
-    return f"cannot see {listed(list(_named(ruleset, blind.faults)))}"
+    return f"cannot see {listed(list(named(ruleset, blind.faults)))}"
 
 
 def brought_back(blind: Blind) -> str:
@@ -44,7 +55,7 @@ def hidden(diagnosis: Diagnosis) -> str:
     """How many faults could not be seen, of how many."""
     count = len({fault for one in diagnosis.blind for fault in one.faults})
     every = len(diagnosis.ruleset.faults)
-    return f"{count} of {plural(every, 'fault', 'faults')} could not be seen, at least for a time"
+    return f"{count} of {plural(every, 'fault', 'faults')} could not be seen"
 
 
 def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:
@@ -52,7 +63,8 @@ def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:
     return tuple(p for p in diagnosis.not_judged if not (diagnosis.blind and p.lost))
 
 
-def _named(ruleset: Ruleset, faults: Iterable[str]) -> Iterator[str]:
+def named(ruleset: Ruleset, faults: Iterable[str]) -> Iterator[str]:
+    """Faults in few words, in the order of their modules."""
     every, hidden = _by_module(ruleset.faults), set(faults)
     for module, own in every.items():
         lost = [f for f in own if f.id in hidden]

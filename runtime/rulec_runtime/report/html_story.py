@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
-from rulec_runtime.report.blindness import PARTLY, brought_back, hidden, told_else, unseen
+from rulec_runtime.report.blindness import (
+    PARTLY,
+    hidden,
+    since_when,
+    told_else,
+    unseen,
+    why_and_how,
+)
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
@@ -97,20 +103,16 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
 def _blind(diagnosis: Diagnosis) -> str:
     """What could not be seen: which faults, since when, why, and what brings them back."""
     rows = [
-        (course(diagnosis.calendar, b.since, b.until, b.behind), safe(_why_blind(diagnosis, b)))
+        (since_when(b, diagnosis.calendar), f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}")
         for b in diagnosis.blind[:LISTED]
     ]
     if (more := len(diagnosis.blind) - LISTED) > 0:
         rows.append(("", f"and {counted(more, 'other period')}"))
-    body = "".join(f"<dt>{safe(when)}</dt><dd>{text}</dd>" for when, text in rows)
+    body = "".join(f"<dt>{safe(when)}</dt><dd>{safe(text)}</dd>" for when, text in rows)
     return (
         f'<section class="finding is-C"><h3>{badge("C", True)} {PARTLY}: '
         f"{hidden(diagnosis)}</h3><dl>{body}</dl></section>"
     )
-
-
-def _why_blind(diagnosis: Diagnosis, blind: Blind) -> str:
-    return f"{unseen(diagnosis.ruleset, blind)}: {blind.because}; {brought_back(blind)}"
 
 
 def _card(diagnosis: Diagnosis, finding: Finding) -> str:

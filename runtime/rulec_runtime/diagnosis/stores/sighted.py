@@ -56,22 +56,28 @@ class StoresSighted:
         return self.ruleset.dynamics
 
     def _detectable(self, lost: frozenset[str]) -> Mapping[str, float]:
+        known = np.diag(self.information(lost)).tolist()
+        each = zip(self._dynamics.faults, known, strict=True)
+        return {name: threshold_of(x**-0.5) for name, x in each if x > 0.0}
+
+    def information(self, lost: Set[str], still: Set[str] = frozenset()) -> Array:
+        """As `Sighted` has it."""
         there = [i for i, name in enumerate(self._dynamics.outputs) if name not in lost]
         faults = self._dynamics.faults
-        if lost.intersection(self._dynamics.inputs) or not there:
-            return {}
+        if not lost.isdisjoint(self._dynamics.inputs) or not there:
+            return np.zeros((len(faults), len(faults)))
         if self.slopes is None:
-            return dict.fromkeys(faults, 0.0)
+            return np.diag(np.full(len(faults), np.inf))
         table = self.slopes[:, there].reshape(-1, self.slopes.shape[2])
         own, effect = np.split(table, [table.shape[1] - len(faults)], axis=1)
         certain = own.T @ own
         starts = len(certain) - self.errors
         certain[starts:, starts:] += np.eye(self.errors)
         shared = own.T @ effect
-        whole = np.einsum("nf,nf->f", effect, effect)
-        left = whole - np.einsum("uf,uf->f", shared, inverse(certain) @ shared)
-        seen = zip(faults, left.tolist(), (left > limits.HIDDEN_EFFECT * whole), strict=True)
-        return {name: threshold_of(known**-0.5) for name, known, shown in seen if shown}
+        whole = effect.T @ effect
+        left: Array = whole - shared.T @ inverse(certain) @ shared
+        shown = np.diag(left) > limits.HIDDEN_EFFECT * np.diag(whole)
+        return np.where(np.outer(shown, shown), left, 0.0)
 
 
 def sighted(ruleset: Ruleset) -> StoresSighted:
