@@ -53,7 +53,7 @@ ASKED_BY_SHELL = "_ARGCOMPLETE"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 see help)."""
     prepare_process()
     parser = _parser()
     if ASKED_BY_SHELL in os.environ:
@@ -71,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
         description="Fault diagnosis for modular hydraulic plants, compiled from module files.",
         epilog="Begin with 'rulec demo', or with a plant of your own: 'rulec init plant NAME', "
         "then 'rulec check NAME'. PLANT is a folder with a plant.yaml, or the file itself. "
-        "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage.",
+        "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage, 3 where diagnose "
+        "could not see all, mismatch is unsure, or --fail-on asks for it.",
     )
     version_option(parser, "rulec")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -470,21 +470,6 @@ GAP_STEPS = 10_000
 """Steps in a gap of the recording at most; with inputs that stand still all has settled by then.
 Origin: assumed."""
 
-SIGNATURE_SAMPLES = 400
-"""Samples of the course in which effects of faults are compared. Origin: assumed."""
-
-SIGNATURE_STEP = 2.0
-"""Seconds between them. Origin: assumed."""
-
-SIGNATURE_SWING = 0.2
-"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
-
-SIGNATURE_PACE = 40.0
-"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
-
-SIGNATURE_PACES_APART = 17.0
-"""Seconds per radian by which each further one is slower. Origin: assumed."""
-
 SAME_EFFECT = 1e-6
 """Effects are alike if they differ by less than this share when scaled to each other. Origin:
 numerical."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rich.console import Console
+from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
 from rulec_runtime.diagnosis.steady.findings import Finding
@@ -74,6 +75,11 @@ class DiagnoseResult(Result):
     def findings(self) -> tuple[Finding, ...]:
         """Faults, in order of time."""
         return self.diagnosis.findings
+
+    @property
+    def blind(self) -> tuple[Blind, ...]:
+        """Faults that could not be seen because readings are not there."""
+        return self.diagnosis.blind
 
     def to_dict(self) -> dict[str, Any]:
         """The diagnosis as `rulec diagnose --json` writes it; flows in m3/s, times in s."""

@@ -11,7 +11,7 @@ from rulec.api.diagnose import diagnose
 
 
 def run(options: argparse.Namespace) -> int:
-    """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
+    """Diagnose a recording; the exit code is that of `rulec-runtime diagnose`."""
     check_outputs(options)
     with progress_of(options, "reading and judging the recording") as progress:
         found = diagnose(
@@ -21,5 +21,4 @@ def run(options: argparse.Namespace) -> int:
             limits=options.limits,
             truth=options.truth,
         )
-        told(options, found.judged, progress)
-    return 0
+        return told(options, found.judged, progress)

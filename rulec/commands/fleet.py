@@ -31,7 +31,7 @@ from rulec.fleet.judged import judged
 from rulec.fleet.page import fleet_page
 from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
-from rulec.fleet.ranking import Ranked, ranked, verdict
+from rulec.fleet.ranking import NOT_JUDGED, Ranked, ranked, verdict
 from rulec.fleet.store import Store, tables
 
 JUDGING, WRITING = "judging plant-days", "writing the tables"
@@ -95,8 +95,9 @@ def _show(out: Console, plants: Sequence[Ranked], page: Path) -> None:
     for title in ("plant", "status", "health", "worst day", "what"):
         table.add_column(title, justify="right" if title == "health" else "left")
     for one in plants[:SHOWN]:
-        health = "–" if one.health is None else f"{100 * one.health:.1f} %"
-        table.add_row(one.plant, one.status, health, one.worst, one.text)
+        grey = None if one.health is not None else "dim"
+        health = NOT_JUDGED if one.health is None else f"{100 * one.health:.1f} %"
+        table.add_row(one.plant, one.status, health, one.worst, one.text, style=grey)
     out.print(table)
     if len(plants) > SHOWN:
         out.print(styled("[dim]and {} more[/]", len(plants) - SHOWN))

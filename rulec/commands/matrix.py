@@ -22,6 +22,7 @@ from rulec_runtime.report.matrix import ANY_ERROR
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+from rulec.study.without import show_without, without_each
 
 if TYPE_CHECKING:  # what separates pairs is loaded where it is asked for
     from rulec.separation.pairs import Separated
@@ -37,10 +38,12 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options)
     ruleset = ruleset_of_plant(Path(options.plant))
     stores = _of_stores(ruleset, Path(options.plant))
+    without = kept_of_plant(Path(options.plant), "without", lambda: without_each(ruleset))
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
         if pairs is None:
             show(console(options), ruleset, stores)
+            show_without(console(options), ruleset, without)
         else:
             from rulec.separation.table import show_separated
 
@@ -54,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         from rulec.separation.table import separated_form
 
         more = {"separate": separated_form(ruleset, pairs)}
-    write_json(options, {**json_form(ruleset, stores), **more})
+    write_json(options, {**json_form(ruleset, stores), "without": without, **more})
     return 0
 
 

@@ -8,11 +8,12 @@ from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.text import percent, safe
 
 from rulec.fleet.plan import Fleet
-from rulec.fleet.ranking import Ranked, verdict
+from rulec.fleet.ranking import NOT_JUDGED, Ranked, verdict
 
-TITLES = ("plant", "status", "health", "days", "with findings", "not judged", "worst day", "what")
-NUMBERS = 6
-"""Columns from the third to the sixth hold numbers."""
+TITLES = ("plant", "status", "health", "days", "with findings", "not judged",
+          "partly blind", "worst day", "what")  # fmt: skip
+NUMBERS = 7
+"""Columns from the third to the seventh hold numbers."""
 
 
 def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> str:
@@ -22,8 +23,8 @@ def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> s
     table = (
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
         '</div><p class="soft">Status by NE 107: F failure, C function check, S out of '
-        "specification, M maintenance. Health is the share of a day that no finding covers, as the "
-        "mean of all days.</p>"
+        "specification, M maintenance. Health is the share of the time of all faults in which "
+        "they could be seen and nothing was found, as the mean of the days that were judged.</p>"
     )
     about = [
         ("Fleet", f"{fleet.name}: {fleet.title}"),
@@ -36,10 +37,13 @@ def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> s
 
 
 def _row(one: Ranked) -> str:
-    health = "–" if one.health is None else percent(one.health)
-    cells = (one.plant, one.status, health, *map(str, (one.days, one.bad, one.unread)))
-    shown = (*cells, one.worst, one.text)
-    return f"<tr>{''.join(f'<td{_number(i)}>{safe(s)}</td>' for i, s in enumerate(shown))}</tr>"
+    health = NOT_JUDGED if one.health is None else percent(one.health)
+    counts = map(str, (one.days, one.bad, one.unread, one.partly))
+    shown = (one.plant, one.status, health, *counts, one.worst, one.text)
+    # What nobody judged is neither sound nor ill.
+    grey = ' class="soft"' if one.health is None else ""
+    cells = "".join(f"<td{_number(i)}>{safe(s)}</td>" for i, s in enumerate(shown))
+    return f"<tr{grey}>{cells}</tr>"
 
 
 def _number(column: int) -> str:

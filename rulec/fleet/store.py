@@ -48,6 +48,7 @@ class Store:
         )  # fmt: skip
         self._health = [
             ("plant", text), ("day", text), ("status", text), ("health", number),
+            ("coverage", number),
             ("samples", whole), ("judged", whole), ("reason", text), ("ruleset", text),
             ("notes", pyarrow.list_(text)),
         ]  # fmt: skip

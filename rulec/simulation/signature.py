@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.freed import freed, nominal_starts
+from rulec_runtime.diagnosis.stores.sighted import swinging
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
-from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec import limits
@@ -29,21 +28,12 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     """Follow the balances from their nominal start; None where they cannot be followed."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    n = limits.SIGNATURE_SAMPLES
-    time: Array = np.arange(n, dtype=np.float64) * limits.SIGNATURE_STEP
-    levels = [ruleset.signal_by_id[name].reference for name in dynamics.inputs]
-    paces = [limits.SIGNATURE_PACE + limits.SIGNATURE_PACES_APART * i for i in range(len(levels))]
-    courses = [
-        v * (1.0 + limits.SIGNATURE_SWING * np.sin(time / p))
-        for v, p in zip(levels, paces, strict=True)
-    ]
-    inputs = np.column_stack(courses) if courses else np.zeros((n, 0))
-    blank = np.zeros((n, len(dynamics.outputs)))
+    window = swinging(ruleset, dynamics)
+    n = len(window.time)
     model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), freed(dynamics))
     starts = nominal_starts(dynamics)
     guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
     try:
-        window = Window(time=time, inputs=inputs, measured=blank, piece=0, first=0, because="")
         _, slopes, _ = model.simulate(window, guess, dynamics.faults)
     except RanAway:
         return None

@@ -11,6 +11,7 @@ from rulec.study.campaign import Settings
 from rulec.study.points import Points
 from rulec.study.summary import sentences
 from rulec.study.tally import Cell, Tally
+from rulec.study.without import without_each
 
 
 def study_form(
@@ -29,6 +30,7 @@ def study_form(
         "confusions": [asdict(confusion) for confusion in counts.confusions],
         "healthy": asdict(counts.healthy),
         "lead_in": asdict(counts.lead_in),
+        "without": without_each(ruleset),
         "text": list(sentences(counts)),
     }
 

@@ -12,6 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec.study.points import Points
 from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
 from rulec.study.tally import Cell, Tally
+from rulec.study.without import show_without, without_each
 
 
 def show(
@@ -35,6 +36,7 @@ def show(
             out.print(styled("\n[bold]{}[/] ({})", kind, members))
             out.print(_table(list(rows.values())))
     out.print(styled("[dim]{}[/]", LEGEND))
+    show_without(out, ruleset, without_each(ruleset))
 
 
 def _table(rows: list[list[Cell]]) -> Table:

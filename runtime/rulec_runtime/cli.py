@@ -18,12 +18,13 @@ from rulec_runtime.commands.frame import (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 see help)."""
     prepare_process()
     parser = Parser(
         prog="rulec-runtime",
         description="Diagnose a plant, also while it runs, with a ruleset from rulec compile.",
-        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 where --fail-on asks for it.",
+        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 where diagnose could not see "
+        "all, or --fail-on asks for it.",
     )
     version_option(parser, "rulec-runtime")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

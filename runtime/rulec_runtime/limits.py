@@ -368,9 +368,14 @@ FAILED_ABOVE = 0.0625
 BEYOND_RANGE = 0.02
 """Share of its range by which a reading may leave it and still be used. Origin: assumed."""
 
-LEAST_THERE = 0.5
-"""Share of rows in which a reading has to be there; of one with less, most was lost. Origin:
-assumed, the larger part."""
+NEAREST_ESTIMATES = 24
+"""Estimates from which on it is asked of those nearest to a module alone which of its faults can be
+seen. Origin: assumed; as many as the largest plant that is shipped has, and what is farther away
+says next to nothing."""
+
+SETS_TRIED = 128
+"""Sets of lost readings of one size that are tried for the smallest that brings a fault back.
+Origin: numerical; of more, a set is taken of which all are needed."""
 
 # Sensor health: a reading against the others -----------------------------------------------------
 
@@ -507,7 +512,8 @@ BEYOND_CALIBRATED = 0.1
 """Share of the calibrated range by which readings may leave it. Origin: assumed."""
 
 HALF_KNOWN = 0.5
-"""Share of the samples of a stretch in which a reading must be there. Origin: assumed."""
+"""Share of the samples of a stretch, less one, in which a reading must be there: one that comes
+with every second sample is. Origin: assumed."""
 
 LINKED = 1e-9
 """Share of an estimate in another's redundancy above which both belong to one block. Origin:
@@ -895,6 +901,27 @@ LARGEST_CHI_SQUARE = 1e15
 LEAST_CURVATURE = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
 numerical."""
+
+SIGNATURE_SAMPLES = 400
+"""Samples of the course in which effects of faults are compared. Origin: assumed."""
+
+SIGNATURE_STEP = 2.0
+"""Seconds between them. Origin: assumed."""
+
+SIGNATURE_SWING = 0.2
+"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
+
+SIGNATURE_PACE = 40.0
+"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
+
+SIGNATURE_PACES_APART = 17.0
+"""Seconds per radian by which each further one is slower. Origin: assumed."""
+
+# Exit codes --------------------------------------------------------------------------------------
+
+NOT_ALL_SEEN = 3
+"""Exit code of `diagnose` where nothing was judged, or faults that could be seen were not, because
+readings are not there. Origin: assumed, as `--fail-on` of `watch` has it; 1 and 2 are mistakes."""
 
 # Stories kept as text -----------------------------------------------------------------------------
 

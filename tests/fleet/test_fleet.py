@@ -199,13 +199,16 @@ def test_ranking_puts_the_worst_first() -> None:
     def row(plant: str, status: str, health: float | None) -> Row:
         day, judged = "2026-01-01", health is not None
         return {"plant": plant, "day": day, "status": status, "health": health, "judged": judged,
+                "coverage": {"e": 0.4}.get(plant, health and 1.0),
                 "found": int(status in "FM"), "text": status}  # fmt: skip
 
-    rows = [row("a", "ok", 1.0), row("b", "M", 0.5), row("c", "F", 0.9), row("d", "unread", None)]
+    rows = [row("a", "ok", 1.0), row("b", "M", 0.5), row("c", "F", 0.9), row("d", "unread", None),
+            row("e", "C", 0.4)]  # fmt: skip
     plants = ranked(rows)
-    assert ["c", "b", "d", "a"] == [one.plant for one in plants]
+    assert ["c", "b", "e", "d", "a"] == [one.plant for one in plants]
     assert verdict(plants) == (
-        "2 of 4 plants need attention: c first; 1 plant has days that could not be judged"
+        "2 of 5 plants need attention: c first; 1 plant has days that could not be judged; "
+        "1 is partly blind"
     )
 
 

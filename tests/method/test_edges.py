@@ -163,11 +163,14 @@ PARTS = {
 DEAD = {"pump at rest": ("A.n.dead",), "no pressure": ("A.dp.dead",)}
 """Readings of zero while others say that liquid flows: a pump at rest cannot lift it."""
 
-LOST = {
-    "no pump pressure": ("A.dp.lost",),
-    "no mixer reading": ("C.dp.lost",),
-    "no power": ("A.P_el.lost",),
+BACK = {
+    "no pump pressure": ("A.dp",),
+    "no pressure": ("A.dp",),
+    "no mixer reading": ("C.dp",),
+    "pump at rest": ("A.n",),
+    "no power": ("A.P_el",),
 }
+"""Readings that bring back what cannot be seen."""
 
 
 @NO_WARNING
@@ -175,7 +178,8 @@ LOST = {
 def test_blind_module_is_named(edge: str) -> None:
     """The operator is told which part of the plant could not be judged, and why."""
     found = judged(edge, "default")
-    assert (DEAD | LOST)[edge] == tuple(sensor.id for sensor in found.sensors)
+    assert DEAD.get(edge, ()) == tuple(sensor.id for sensor in found.sensors)
+    assert [(0.0, 29.0, BACK[edge])] == [(b.since, b.until, b.readings) for b in found.blind]
     assert ("F" if edge in DEAD else "C") == found.status
     assert [(0.0, 29.0, f"in part: {PARTS[edge]}")] == [astuple(p)[:3] for p in found.not_judged]
 

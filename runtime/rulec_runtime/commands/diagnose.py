@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from rulec_runtime import limits
 from rulec_runtime.commands.destinations import (
     check_outputs,
     console,
@@ -23,24 +24,23 @@ from rulec_runtime.report.truth import read_truth
 
 
 def run(options: argparse.Namespace) -> int:
-    """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
+    """Diagnose a recording; findings are a result, so the exit code is 0 with them as without. That
+    something could not be seen is none: `limits.NOT_ALL_SEEN`."""
     check_outputs(options)
     ruleset = read_ruleset(Path(options.plant))
     with progress_of(options, "reading and judging the recording") as progress:
         file = Path(options.recording)
         if holds_results(file, ruleset):
             found = judged_results(file, ruleset, options.mode, options.truth is not None)
-            told(options, found, progress)
-            return 0
+            return told(options, found, progress)
         recording = read_recording(file, ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
         name = file.resolve().name
-        told(options, judged(recording, ruleset, name, options.mode, truth), progress)
-    return 0
+        return told(options, judged(recording, ruleset, name, options.mode, truth), progress)
 
 
-def told(options: argparse.Namespace, found: Judged, progress: Progress) -> None:
-    """Tell what was found, and write what was asked for."""
+def told(options: argparse.Namespace, found: Judged, progress: Progress) -> int:
+    """Tell what was found, and write what was asked for; gives the exit code."""
     trace = page = ""
     if options.trace or options.report:
         progress("judging every sample")
@@ -61,3 +61,4 @@ def told(options: argparse.Namespace, found: Judged, progress: Progress) -> None
         note = "[dim]note: only a report (--report FILE.html) compares with the truth[/]"
         out.print(styled(note))
     write_json(options, found.form())
+    return 0 if found.diagnosis.is_whole else limits.NOT_ALL_SEEN

@@ -9,8 +9,9 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.blind import Blind, blind_of
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import Health, examine, lost_readings
+from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
@@ -40,22 +41,22 @@ class Diagnosis:
     calendar: Calendar | None = None
     latest: Latest | None = None
     regimes: tuple[RegimeFinding, ...] = ()
+    blind: tuple[Blind, ...] = ()
+
+    @property
+    def is_whole(self) -> bool:
+        """Was something judged, and every fault seen that could be?"""
+        return self.judged > 0 and not self.blind
 
 
-def diagnose(
-    recording: Recording, ruleset: Ruleset, mode: str = "default", *, whole: bool = True
-) -> Diagnosis:
+def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Diagnosis:
     """Judge a recording.
 
     Parameters
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
-    whole : whether it is all there is; of the latest rows of a source, the source tells what lacks.
     """
     health = examine(recording, ruleset)
-    if whole:
-        lost = tuple(lost_readings(recording, ruleset))
-        health = replace(health, findings=(*health.findings, *lost))
     sound = health.recording
     notes: tuple[str, ...] = ()
     if ruleset.dynamics is None:
@@ -73,11 +74,14 @@ def assembled(
     judged: int,
     found: Found,
     notes: tuple[str, ...] = (),
+    blind: tuple[Blind, ...] | None = None,
 ) -> Diagnosis:
-    """What sensors and physics say, put together and in order of time."""
+    """What sensors and physics say, put together and in order of time; `blind` where it is known
+    already."""
     recording = health.recording
     missing = (f"{name} is not in the recording" for name in recording.missing)
-    letters = {f.condition.status for f in health.findings} | {status_of(found, judged)}
+    blind = blind_of(recording, ruleset) if blind is None else blind
+    letters = {f.condition.status for f in health.findings} | {status_of(found, judged, blind)}
     return Diagnosis(
         ruleset=ruleset,
         mode=mode,
@@ -92,6 +96,7 @@ def assembled(
         calendar=recording.calendar,
         latest=found.latest,
         regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
+        blind=blind,
     )
 
 
@@ -157,11 +162,11 @@ def restless(samples: int) -> str:
     return f"no settled stretch was found: no {needed} samples in a row without a jump"
 
 
-def status_of(found: Found, judged: int) -> str:
+def status_of(found: Found, judged: int, blind: Sequence[Blind] = ()) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
     letters |= {r.regime.status for r in found.regimes}
-    return worst(letters if judged else letters | {"C"})
+    return worst(letters if judged and not blind else letters | {"C"})
 
 
 def worst(letters: set[str]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.blind import Blind, blind_between
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
@@ -23,6 +24,7 @@ from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.seen import see_observed
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import ModuleResults
+from rulec_runtime.recordings.piecewise import runs_where
 from rulec_runtime.recordings.stationary import Timeline
 
 UNFIT = "its module says that it is not fit"
@@ -54,19 +56,37 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         for part in parts_of(ruleset)
     ]
     judged, found = told_of(ruleset, timeline_of_results(results), seen)
+    blind = _blind(results, ruleset, points)
     return Diagnosis(
         ruleset=ruleset,
         mode="default",
         samples=int(results.samples.sum()),
         judged=judged,
-        status=status_of(found, judged),
+        status=status_of(found, judged, blind),
         findings=tuple(sorted(found.findings, key=lambda f: f.since)),
         unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
         not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
         notes=tuple(notes),
         calendar=results.calendar,
         latest=found.latest,
+        blind=blind,
     )
+
+
+def _blind(results: ModuleResults, ruleset: Ruleset, points: Points) -> tuple[Blind, ...]:
+    """What windows do not let see in which modules found readings unfit."""
+    lost = {name: runs for name, flags in points.bad.items() if (runs := _runs(flags))}
+    still = {
+        s.id: _runs(results.readings[s.id] < s.minimum)
+        for s in ruleset.signals
+        if s.minimum is not None and s.id in results.readings
+    }
+    times = results.since, results.until
+    return blind_between(ruleset, times, lost, still, points.why) if lost else ()
+
+
+def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    return runs_where(len(flags), lambda low, high: flags[low:high], 1)
 
 
 def points_of(results: ModuleResults, ruleset: Ruleset) -> Points:

@@ -15,6 +15,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
+from rulec_runtime.diagnosis.blind import coverage_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.fleet.task import Task
@@ -24,6 +25,7 @@ from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import Recording, recording_of
 from rulec_runtime.recordings.recording_file import read_file
+from rulec_runtime.report.blindness import blindness
 from rulec_runtime.report.json_form import diagnosis_form
 
 UNREAD = "unread"
@@ -65,6 +67,7 @@ def blank(task: Task) -> Row:
         "ruleset": task.ruleset,
         "status": UNREAD,
         "health": None,
+        "coverage": None,
         "samples": 0,
         "judged": 0,
         "reason": "",
@@ -105,13 +108,16 @@ def _told(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
     form = diagnosis_form(diagnosis)
     findings = [{name: found.get(name) for name in FINDING} for found in form["findings"]]
     findings += [_unknown(period) for period in form["unknown"]]
-    blind = form["not_judged"]
+    times = float(recording.time[0]), float(recording.time[-1])
+    coverage = coverage_of(diagnosis.ruleset, diagnosis.blind, *times)
+    health = round(_sound(*times, findings) * coverage, 6)
     return {
         "status": diagnosis.status,
-        "health": _health(recording, findings) if diagnosis.judged else None,
+        "health": health if diagnosis.judged else None,
+        "coverage": round(coverage, 6) if diagnosis.judged else None,
         "samples": diagnosis.samples,
         "judged": diagnosis.judged,
-        "reason": blind[0]["because"] if blind and not diagnosis.judged else "",
+        "reason": _reason(diagnosis),
         "findings": sorted(findings, key=lambda f: (f["since"], f["fault"])),
         "trace": _runs(recording, diagnosis) if task.trace else [],
         "notes": form["notes"],
@@ -135,14 +141,21 @@ def _unknown(period: dict[str, Any]) -> Row:
     }
 
 
-def _health(recording: Recording, findings: Iterable[Row]) -> float:
+def _reason(diagnosis: Diagnosis) -> str:
+    """Why nothing was judged, or what could not be seen; empty if everything could."""
+    if not diagnosis.judged:
+        return diagnosis.not_judged[0].text if diagnosis.not_judged else ""
+    calendar = diagnosis.calendar
+    return ". ".join(blindness(diagnosis.ruleset, one, calendar) for one in diagnosis.blind)
+
+
+def _sound(begin: float, end: float, findings: Iterable[Row]) -> float:
     """Share of the time of a recording that no finding covers."""
-    begin, end = float(recording.time[0]), float(recording.time[-1])
     covered, until = 0.0, begin
     for found in sorted(findings, key=lambda f: float(f["since"])):
         covered += max(float(found["until"]) - max(until, float(found["since"])), 0.0)
         until = max(until, float(found["until"]))
-    return round(1.0 - covered / (end - begin), 6) if end > begin else 1.0
+    return 1.0 - covered / (end - begin) if end > begin else 1.0
 
 
 def _runs(recording: Recording, diagnosis: Diagnosis) -> list[Row]:

@@ -111,7 +111,7 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
         memory.under_way.asked.drop()
         memory = replace(memory, under_way=None)
     if ruleset.dynamics is not None:
-        told = _told(ruleset, memory, diagnose(memory.recent, ruleset, whole=False), None)
+        told = _told(ruleset, memory, diagnose(memory.recent, ruleset), None)
         memory = replace(told.memory, known=None)
         if len(memory.recent) >= 2 * limits.KEPT_ROWS:
             recent = reference_and_latest(memory.recent, memory.episodes)

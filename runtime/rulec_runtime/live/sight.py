@@ -9,9 +9,11 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.live.episode import Episode, Kind
+from rulec_runtime.report.blindness import brought_back, told_else, unseen
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
@@ -67,9 +69,12 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
             text=one.regime.text,
             action=one.regime.action,
         )
+    for blind in diagnosis.blind:
+        if blind.until - blind.since >= sight.usual:
+            yield _of_blind(diagnosis.ruleset, blind)
     others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
         ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", diagnosis.not_judged),
+        ("blind", "C", tuple(p for p in told_else(diagnosis) if not p.partly)),
     )
     for kind, status, periods in others:
         for period in periods:
@@ -87,6 +92,22 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
                     active=active,
                     text=period.text,
                 )
+
+
+def _of_blind(ruleset: Ruleset, blind: Blind) -> Episode:
+    """Of the same readings it is one and the same, whichever faults they are needed for by now."""
+    return Episode(
+        id=_id("blind", blind.since),
+        kind="blind",
+        subject=" ".join(blind.readings),
+        module="",
+        status="C",
+        since=blind.since,
+        until=blind.until,
+        active=blind.active,
+        text=f"{unseen(ruleset, blind)}: {blind.because}",
+        action=brought_back(blind),
+    )
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:

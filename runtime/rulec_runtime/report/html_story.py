@@ -12,6 +12,14 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
+from rulec_runtime.report.blindness import (
+    PARTLY,
+    hidden,
+    since_when,
+    told_else,
+    unseen,
+    why_and_how,
+)
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
@@ -63,10 +71,12 @@ def told(diagnosis: Diagnosis) -> str:
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
-    if diagnosis.not_judged and not diagnosis.findings:
+    if diagnosis.blind:
+        parts.append(_blind(diagnosis))
+    left = told_else(diagnosis)
+    if left and not diagnosis.findings:
         parts.append(
-            f'<div class="finding is-C"><h3>{UNSEEN}</h3>'
-            f"{remarks(diagnosis.not_judged, diagnosis.calendar)}</div>"
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(left, diagnosis.calendar)}</div>'
         )
     if diagnosis.unknown:
         sheet = all(p.from_sheet for p in diagnosis.unknown)
@@ -105,6 +115,21 @@ def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
     return (
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
         f"{safe(found.regime.text)}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _blind(diagnosis: Diagnosis) -> str:
+    """What could not be seen: which faults, since when, why, and what brings them back."""
+    rows = [
+        (since_when(b, diagnosis.calendar), f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}")
+        for b in diagnosis.blind[:LISTED]
+    ]
+    if (more := len(diagnosis.blind) - LISTED) > 0:
+        rows.append(("", f"and {counted(more, 'other period')}"))
+    body = "".join(f"<dt>{safe(when)}</dt><dd>{safe(text)}</dd>" for when, text in rows)
+    return (
+        f'<section class="finding is-C"><h3>{badge("C", True)} {PARTLY}: '
+        f"{hidden(diagnosis)}</h3><dl>{body}</dl></section>"
     )
 
 

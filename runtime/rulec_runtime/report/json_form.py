@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
@@ -32,7 +33,19 @@ def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
         "regimes": [_regime(r, diagnosis.calendar) for r in diagnosis.regimes],
         "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
         "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
+        "blind": [_blind(b, diagnosis.calendar) for b in diagnosis.blind],
         "notes": list(diagnosis.notes),
+    }
+
+
+def _blind(blind: Blind, calendar: Calendar | None) -> dict[str, Any]:
+    return {
+        "faults": list(blind.faults),
+        "since": blind.since,
+        "until": blind.until,
+        **_dates(blind.since, blind.until, calendar),
+        "because": blind.because,
+        "readings": list(blind.readings),
     }
 
 

@@ -6,6 +6,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.blindness import told_else
 from rulec_runtime.report.document import Head, document, facts, numbered, section
 from rulec_runtime.report.figures import figures_of
 from rulec_runtime.report.html_story import UNSEEN, badge, evidence, remarks, told
@@ -99,8 +100,9 @@ def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
         ("Rules of the findings", _origins(diagnosis)),
     ]
     unjudged = ""
-    if diagnosis.not_judged and diagnosis.findings:
-        unjudged = f"<h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged, diagnosis.calendar)}"
+    left = told_else(diagnosis)
+    if left and diagnosis.findings:
+        unjudged = f"<h3>{UNSEEN}</h3>{remarks(left, diagnosis.calendar)}"
     return f'<div class="facts">{facts(rows)}{unjudged}</div>'
 
 

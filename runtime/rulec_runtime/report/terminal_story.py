@@ -17,6 +17,7 @@ from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
+from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
 from rulec_runtime.report.growth import grown, sparkline
 from rulec_runtime.report.wording import (
     LISTED,
@@ -70,8 +71,9 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
+    _blind(out, diagnosis)
     _periods(out, diagnosis, "Unknown", "yellow", diagnosis.unknown)
-    _periods(out, diagnosis, "Not judged", "dim", diagnosis.not_judged)
+    _periods(out, diagnosis, "Not judged", "dim", told_else(diagnosis))
     for note in diagnosis.notes[:SHOWN]:
         out.print(styled("[dim]note: {}[/]", note))
     if left := len(diagnosis.notes[SHOWN:]):
@@ -215,6 +217,20 @@ def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
         tree.add(f"no other known fault fits; probability {100 * finding.probability:.0f} %")
     if finding.remote:
         tree.add(f"less likely: {causes(finding.remote)}")
+
+
+def _blind(out: Console, diagnosis: Diagnosis) -> None:
+    """What could not be seen: which faults, since when, why, and what brings them back."""
+    if not diagnosis.blind:
+        return
+    symbol, colour = STATUS["C"][0], COLOURS["C"]
+    title = styled("\n[bold {}]{} C[/] [bold]{}[/]  {}", colour, symbol, PARTLY, hidden(diagnosis))
+    tree = Tree(title, guide_style="dim")
+    for blind in diagnosis.blind[:LISTED]:
+        tree.add(blindness(diagnosis.ruleset, blind, diagnosis.calendar))
+    if (more := len(diagnosis.blind) - LISTED) > 0:
+        tree.add(styled("[dim]and {} other periods (--json has all)[/]", more))
+    out.print(tree)
 
 
 def _periods(

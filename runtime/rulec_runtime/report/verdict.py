@@ -9,6 +9,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.report.blindness import hidden
 from rulec_runtime.report.text import counted, degree, fixed, percent
 from rulec_runtime.report.wording import STATUS, titled, worst_first
 
@@ -42,6 +43,8 @@ def verdict(diagnosis: Diagnosis) -> str:
         if all(p.from_sheet for p in diagnosis.unknown):
             return "Not as its sheet says, from the first sample on"
         return "Something is wrong, but nothing known explains it"
+    if diagnosis.blind:
+        return f"No fault found, but {hidden(diagnosis)}"
     return "No fault found"
 
 

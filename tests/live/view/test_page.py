@@ -54,7 +54,7 @@ def test_page_shows_the_finding_first() -> None:
         "Probability 73 % Could also be widening in A (27 %)",
         "310.4 l/h ±10.5 l/h 29.6 × beyond",
         "Not available: B.pump-plant, B.power-plant",
-        "Cannot be judged ▼ C in part: B.dp: stuck at one value",
+        "Cannot be judged ▼ C cannot see any fault of B, C.clogging and C.widening: B.dp: stuck",
         "2026-09-21 16:13:39 ended A.leakage 0.200",
     ):
         assert part in seen, part

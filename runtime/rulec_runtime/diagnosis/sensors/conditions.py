@@ -50,13 +50,6 @@ SWAPPED = Condition(
     "swap the two titles in the header, or in the column map; check the wiring if the logger "
     "wrote them so",
 )
-LOST = Condition(
-    "lost",
-    "C",
-    "Reading that is mostly not there",
-    "look at what the notes say of its column: how its cells are written, and which qualities are "
-    "good, a column map can say; where it is written when it changes, 'file: {hold: last}'",
-)
 CLOCK = Condition(
     "jump",
     "C",

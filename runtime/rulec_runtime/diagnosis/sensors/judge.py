@@ -14,18 +14,17 @@ from functools import partial
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import bench_of
-from rulec_runtime.diagnosis.sensors.conditions import CLOCK, LOST, STUCK, Condition, SensorFinding
+from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, Condition, SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.ranges import out_of_range
 from rulec_runtime.recordings.mending import Mending
 from rulec_runtime.recordings.mending import mended as read_by
-from rulec_runtime.recordings.piecewise import any_of, count_of, median_of, parts_of
+from rulec_runtime.recordings.piecewise import any_of, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import copied
 from rulec_runtime.recordings.standing_still import never_moves, standing_still
@@ -125,18 +124,6 @@ def _still(stuck: Iterable[Found], recording: Recording) -> set[str]:
     """Readings that stand still."""
     still = {finding.signal for finding, _ in stuck}
     return still | {name for name, values in recording.values.items() if never_moves(values)}
-
-
-def lost_readings(recording: Recording, ruleset: Ruleset) -> Iterator[SensorFinding]:
-    """Readings that most rows lack: what needs them is mostly not judged, and not in order."""
-    since, until = float(recording.time[0]), float(recording.time[-1])
-    for name in sorted(ruleset.read & recording.values.keys()):
-        there = count_of(parts_of(recording.values[name]))
-        if there < limits.LEAST_THERE * len(recording):
-            text = f"{name} has a reading in {there} of {len(recording)} rows"
-            yield SensorFinding(
-                condition=LOST, signal=name, since=since, until=until, text=text, behind=TO_THE_END
-            )
 
 
 def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:

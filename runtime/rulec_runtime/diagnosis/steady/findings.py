@@ -25,6 +25,7 @@ from rulec_runtime.diagnosis.steady.verdict import (
     Off,
     Verdict,
     disagreeing,
+    only_lost,
     partly_blind,
     verdict_at,
 )
@@ -121,7 +122,8 @@ class Period:
     """A period with a remark: why nothing was judged, or what does not fit.
 
     `off` are the residuals that disagree most, as `disagreeing` gives them. `from_sheet`: the plant
-    was never seen to be as its sheet says.
+    was never seen to be as its sheet says. `partly`: the rest was judged; `lost`: nothing but
+    readings that are not there is the reason.
     """
 
     since: float
@@ -129,6 +131,8 @@ class Period:
     text: str
     off: tuple[Off, ...] = ()
     from_sheet: bool = False
+    partly: bool = False
+    lost: bool = False
 
 
 @dataclass(frozen=True)
@@ -182,7 +186,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
             let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
             let_go(timeline.since)
         elif kind == "blind":
-            found.not_judged.append(Period(since, until, text))
+            lost = verdicts[members[0]].lost
+            found.not_judged.append(Period(since, until, text, lost=lost))
         elif kind == "ok":
             known = frozenset()
         else:
@@ -279,7 +284,7 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
         elif text:
-            found.append(Period(since, until, text))
+            found.append(Period(since, until, text, partly=True, lost=only_lost(seen, i)))
         last = text
     let_go(timeline.since)
     return found

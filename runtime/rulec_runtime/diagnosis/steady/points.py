@@ -165,7 +165,7 @@ def points_of_stretches(
     for name, mean, number in _means(recording, ruleset, stretches):
         with np.errstate(invalid="ignore", divide="ignore"):
             statistical = noise[name] / np.sqrt(number)
-        flags[name][:] = number < limits.HALF_KNOWN * stretches.lengths
+        flags[name][:] = number < limits.HALF_KNOWN * (stretches.lengths - 1)
         values[name][:] = np.where(flags[name], np.nan, mean)
         systematic[name][:] = systematic_u(ruleset.signal_by_id[name], values[name])
         u[name][:] = np.hypot(systematic[name], statistical)
@@ -182,7 +182,9 @@ def means_of_stretches(
     """Mean readings of each stretch alone, shape (n,), SI."""
     found = _room(recording, ruleset, len(stretches))[0]
     for name, mean, number in _means(recording, ruleset, stretches):
-        found[name][:] = np.where(number < limits.HALF_KNOWN * stretches.lengths, np.nan, mean)
+        found[name][:] = np.where(
+            number < limits.HALF_KNOWN * (stretches.lengths - 1), np.nan, mean
+        )
         let_go(found[name])
     return found
 

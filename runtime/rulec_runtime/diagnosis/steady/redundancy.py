@@ -99,6 +99,12 @@ def _free_flows(modules: tuple[str, ...], junctions: tuple[Junction, ...]) -> Ar
     return _null_space(balances)
 
 
+def vanishing(flows: Array) -> Array:
+    """Independent combinations of some flows, shape (flows, free), that vanish whatever is free:
+    orthonormal, shape (rank, flows)."""
+    return _null_space(flows.T).T
+
+
 def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Points with the same valid observers: flags, shape (observers,), and the points."""
     if valid.shape[1] and (valid == valid[:, :1]).all():

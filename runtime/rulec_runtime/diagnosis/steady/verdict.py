@@ -21,11 +21,12 @@ NAMED = 4
 @dataclass(frozen=True)
 class Verdict:
     """One stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
-    ``unknown``, ``outside`` the calibrated range, or ``blind``."""
+    ``unknown``, ``outside`` the calibrated range, or ``blind``; `lost` as in `Period`."""
 
     kind: str
     faults: tuple[int, ...]
     text: str
+    lost: bool = False
 
 
 def verdict_at(seen: Seen, point: int) -> Verdict:
@@ -34,7 +35,7 @@ def verdict_at(seen: Seen, point: int) -> Verdict:
     observed, isolation = seen.observed, seen.isolation
     if not isolation.judged[point]:
         because = why_blind(seen, point) or "too few estimates of the same flow"
-        return Verdict("blind", (), because)
+        return Verdict("blind", (), because, only_lost(seen, point))
     if not isolation.deviating[point]:
         return Verdict("ok", (), "")
     chances = isolation.probability[:, point]
@@ -57,6 +58,15 @@ def why_blind(seen: Seen, point: int) -> str:
     taken_out = (name for name, flags in points.stood_in.items() if flags[point])
     reasons += [f"{name}: {points.why[name]}" for name in taken_out]
     return "; ".join(dict.fromkeys(reasons))
+
+
+def only_lost(seen: Seen, point: int) -> bool:
+    """Whether all estimates that cannot be used at a point lack a reading."""
+    values = seen.observed.points.values
+    missing = {name for name, column in values.items() if not np.isfinite(column[point])}
+    missing |= seen.part.ruleset.observed - values.keys()
+    observers = zip(seen.part.ruleset.observers, seen.observed.valid[:, point], strict=True)
+    return all(usable or not missing.isdisjoint(o.signals) for o, usable in observers)
 
 
 def partly_blind(seen: Seen, point: int) -> str:

@@ -7,7 +7,7 @@ stands still, so that it is told, drawn and written the same way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -200,9 +200,9 @@ def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[st
             continue
         since, until = float(one.window.time[0]), float(one.window.time[-1])
         if found and last == i - 1 and found[-1].text == because:
-            found[-1] = Period(found[-1].since, until, because)
+            found[-1] = replace(found[-1], until=until)
         else:
-            found.append(Period(since, until, because))
+            found.append(Period(since, until, because, partly=one.plain is not None))
         last = i
     text = (
         f"fewer than {limits.FEWEST_IN_WINDOW} samples without a pause: "

@@ -13,6 +13,7 @@ from rulec_runtime.live.now import Now
 from rulec_runtime.live.told import QUIET
 from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import moment
+from rulec_runtime.report.blindness import told_else
 from rulec_runtime.report.text import bounds, counted, degree, percent
 from rulec_runtime.report.wording import (
     SHOWN,
@@ -198,7 +199,7 @@ def unjudged(now: Now) -> list[tuple[str, str]]:
     if now.diagnosis is None:
         return []
     known = {episode.text for episode in now.active if episode.kind == "blind"}
-    periods = [p for p in now.diagnosis.not_judged if p.text not in known]
+    periods = [p for p in told_else(now.diagnosis) if p.text not in known]
     return remarks_of(periods, now.calendar)
 
 

@@ -1,0 +1,79 @@
+"""What each sensor is needed for: faults that cannot be seen, or told apart, without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import networkx as nx
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.visible import Sighted, visible_of
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.blindness import named
+from rulec_runtime.report.text import listed
+
+from rulec.limits import SAME_DIRECTION
+
+Without = Mapping[str, Mapping[str, Any]]
+
+
+def without_each(ruleset: Ruleset) -> Without:
+    """Per signal that something reads, as JSON data: `unseen` are faults that cannot be seen
+    without it, `merged` groups of others that cannot be told apart then, and can with it, at one
+    operating point."""
+    visible = visible_of(ruleset)
+    every = [_alike(one, frozenset()) for one in visible.parts]
+    found = {}
+    for signal in (s.id for s in ruleset.signals if s.id in ruleset.read):
+        lost = frozenset((signal,))
+        unseen = visible.unseen(lost)
+        merged = [
+            group
+            for one, before in zip(visible.parts, every, strict=True)
+            if signal in one.signals
+            for group in _merged(_alike(one, lost), before)
+        ]
+        found[signal] = {
+            "unseen": [f.id for f in ruleset.faults if f.id in unseen],
+            "merged": merged,
+        }
+    return found
+
+
+def _merged(now: nx.Graph, before: nx.Graph) -> Iterator[list[str]]:
+    """Groups of faults that are alike now, some of which were not before."""
+    order = {name: i for i, name in enumerate(now)}
+    for group in nx.connected_components(now):
+        own = sorted(group, key=order.__getitem__)
+        if any(not before.has_edge(*pair) for pair in now.subgraph(own).edges):
+            yield own
+
+
+def _alike(one: Sighted, lost: frozenset[str]) -> nx.Graph:
+    """Faults of a part, an edge between those that move all that is left in the same proportion."""
+    faults = list(one.highest)
+    graph = nx.Graph()
+    graph.add_nodes_from(faults)
+    products = one.information(lost)
+    size = np.sqrt(np.diag(products))
+    scale = np.where(size > 0.0, size, np.inf)
+    with np.errstate(invalid="ignore"):
+        same = np.triu(products / np.outer(scale, scale) > SAME_DIRECTION, 1)
+    graph.add_edges_from((faults[i], faults[j]) for i, j in np.argwhere(same).tolist())
+    return graph
+
+
+def show_without(out: Console, ruleset: Ruleset, without: Without) -> None:
+    """A row per sensor."""
+    table = Table(pad_edge=False, box=None, padding=(0, 1))
+    for title in ("without", "cannot be seen", "cannot be told apart"):
+        table.add_column(title, no_wrap=title == "without")
+    for signal, lost in without.items():
+        unseen = listed(list(named(ruleset, lost["unseen"])))
+        merged = "; ".join(listed(group) for group in lost["merged"])
+        table.add_row(signal, unseen or "-", merged or "-")
+    out.print(styled("\n[bold]What each sensor is needed for[/], at the reference point"))
+    out.print(table)

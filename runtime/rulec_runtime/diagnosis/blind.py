@@ -1,0 +1,210 @@
+"""What cannot be seen because readings are not there: which faults, since when, what brings them
+back.
+
+A reading is gone where its column is missing or empty, or where what stands there was found to be
+none (dead, stuck, out of range). Gaps shorter than a finding takes are none. What stands still by
+its own readings, below their minimum, would show nothing anyway: that is no blindness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.points import outside_range
+from rulec_runtime.diagnosis.visible import visible_of
+from rulec_runtime.recordings.piecewise import runs_where
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.scratch import let_go
+from rulec_runtime.recordings.when import ENDED, TO_THE_END
+
+Runs = Sequence[tuple[int, int]]
+"""First rows and those behind the last."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blind:
+    """Faults that could be seen with all readings and cannot, over a period; times in s.
+
+    `readings` are the fewest that bring them back, `because` says what is the matter with these.
+    """
+
+    faults: tuple[str, ...]
+    since: float
+    until: float
+    because: str
+    readings: tuple[str, ...]
+    behind: str | None = ENDED
+
+    @property
+    def active(self) -> bool:
+        """Could they still not be seen at the end?"""
+        return self.behind is not ENDED
+
+
+def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
+    """What the readings of a recording, as far as they are sound, do not let see."""
+    lost = {name: runs for name, runs in _lost(recording, ruleset) if runs}
+    if not lost:
+        return ()
+    why = {name: (recording.unfit or {}).get(name, "no reading") for name in recording.values}
+    still = dict(_still(recording, ruleset))
+    return blind_between(ruleset, (recording.time, recording.time), lost, still, why)
+
+
+def blind_between(
+    ruleset: Ruleset,
+    times: tuple[Array, Array],
+    lost: Mapping[str, Runs],
+    still: Mapping[str, Runs],
+    why: Mapping[str, str],
+) -> tuple[Blind, ...]:
+    """The same where it is known in which rows signals are lost, and in which below their minimum.
+
+    `times` are the first and last ones of rows, s, shape (n,) each; `why` says what is the matter
+    with lost signals that were recorded.
+    """
+    (begin, end), count = times, len(times[0])
+    periods: dict[tuple[int, int, tuple[str, ...]], set[str]] = {}
+    for fault, first, last, readings in _spells(ruleset, count, lost, still):
+        periods.setdefault((first, last, readings), set()).add(fault)
+    return tuple(
+        Blind(
+            faults=tuple(f.id for f in ruleset.faults if f.id in faults),
+            since=float(begin[first]),
+            until=float(end[last - 1]),
+            because=_because(readings, why),
+            readings=readings,
+            behind=TO_THE_END if last == count else ENDED,
+        )
+        for (first, last, readings), faults in sorted(periods.items())
+    )
+
+
+def coverage_of(ruleset: Ruleset, blind: Iterable[Blind], begin: float, end: float) -> float:
+    """Share of the time of all faults in which they could be seen, as far as readings go."""
+    whole = len(ruleset.faults) * (end - begin)
+    hidden = sum(len(one.faults) * (one.until - one.since) for one in blind)
+    return 1.0 - min(hidden / whole, 1.0) if whole > 0.0 else float(not hidden)
+
+
+Spell = tuple[str, int, int, tuple[str, ...]]
+"""A fault that cannot be seen, its first row and that behind the last, what brings it back."""
+
+
+def _spells(
+    ruleset: Ruleset, count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
+) -> Iterator[Spell]:
+    """Runs of rows in which a fault is never seen, from the first to the last one in which lost
+    readings hide it."""
+    visible = visible_of(ruleset)
+    known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
+    begun: dict[str, Spell] = {}
+    for first, last, gone, low in _segments(count, lost, still):
+        rests = _at_rest(ruleset, low)
+        if (gone, rests) not in known:
+            unseen = visible.unseen(gone, rests)
+            known[gone, rests] = {f: visible.brings_back(f, gone, rests) for f in unseen}
+        hidden = known[gone, rests]
+        for fault, readings in hidden.items():
+            before = begun.get(fault)
+            if before is not None and before[3] != readings:
+                yield before
+                before = None
+            begun[fault] = (fault, first if before is None else before[1], last, readings)
+        for fault in begun.keys() - hidden.keys():
+            if visible.sees(fault, gone, rests):
+                yield begun.pop(fault)
+    yield from begun.values()
+
+
+def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
+    """Estimates that read a signal below its minimum; all of a module of which it is the input."""
+    modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
+    return frozenset(
+        o.id
+        for o in ruleset.observers
+        if low and (o.module in modules or not low.isdisjoint(o.signals))
+    )
+
+
+def _segments(
+    count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
+) -> Iterator[tuple[int, int, frozenset[str], frozenset[str]]]:
+    """Rows in which the same signals are lost and the same ones low: first, behind last, these."""
+    changes: dict[int, list[tuple[int, str]]] = {0: [], count: []}
+    for side, table in enumerate((lost, still)):
+        for name, runs in table.items():
+            for edge in (edge for run in runs for edge in run):
+                changes.setdefault(edge, []).append((side, name))
+    now: tuple[set[str], set[str]] = (set(), set())
+    for first, last in pairwise(sorted(changes)):
+        for side, name in changes[first]:
+            now[side].symmetric_difference_update({name})
+        yield first, last, frozenset(now[0]), frozenset(now[1])
+
+
+def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
+    """What is the matter with readings, those with the same reason together."""
+    reasons: dict[str, list[str]] = {}
+    for name in readings:
+        reasons.setdefault(why.get(name, "not in the recording"), []).append(name)
+    return "; ".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
+
+
+def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
+    """Signals that something reads, with the rows in which they have no reading. Where all columns
+    that are there come by a map, the plant does not have what this leaves out."""
+    mapped = {column.signal for column in ruleset.columns}
+    by_map = mapped >= recording.values.keys()
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if signal.id not in ruleset.read:
+            continue
+        if values is not None:
+            yield signal.id, _runs(values, partial(_is_gone, signal))
+        elif not (mapped and by_map) or signal.id in mapped:
+            yield signal.id, ((0, len(recording)),)
+
+
+def _is_gone(signal: SignalSpec, values: Array) -> np.ndarray:
+    gone: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
+    return gone
+
+
+def _still(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
+    """Signals with the rows in which they are below the minimum that estimates need."""
+    for signal in ruleset.signals:
+        least, values = signal.minimum, recording.values.get(signal.id)
+        if least is not None and values is not None:
+            yield signal.id, _runs(values, partial(np.greater, least))
+
+
+def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
+    """Rows of which most around are flagged, as far as they are as many as a finding takes."""
+    beside, n = limits.PERSISTENCE - 1, len(values)
+    if n < limits.PERSISTENCE:
+        return ()
+    width = 2 * beside + 1
+
+    def mostly(low: int, high: int) -> np.ndarray:
+        first, last = max(low - beside, 0), min(high + beside, n)
+        with np.errstate(invalid="ignore"):
+            here = flags(values[first:last])
+        let_go(values)
+        if not here.any():
+            return np.zeros(high - low, dtype=bool)
+        # Beyond its ends a recording goes on as seen in a mirror.
+        here = np.pad(here, (beside - (low - first), beside - (last - high)), mode="reflect")
+        count = np.concatenate([[0], np.cumsum(here)])
+        most: np.ndarray = 2 * (count[width:] - count[:-width]) > width
+        return most
+
+    return runs_where(n, mostly, limits.PERSISTENCE)

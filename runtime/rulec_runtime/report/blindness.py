@@ -1,0 +1,86 @@
+"""What cannot be seen, in words: the same in a recording, on a page, and beside the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings.when import moment, span
+from rulec_runtime.report.text import listed
+
+if TYPE_CHECKING:  # words alone need nothing that judges recordings
+    from rulec_runtime.diagnosis.blind import Blind
+    from rulec_runtime.diagnosis.diagnose import Diagnosis
+    from rulec_runtime.diagnosis.steady.findings import Period
+    from rulec_runtime.recordings.wall_clock import Calendar
+
+PARTLY = "Partly blind"
+
+
+def blindness(ruleset: Ruleset, blind: Blind, calendar: Calendar | None = None) -> str:
+    """Which faults, since when, why, and what brings them back."""
+    return f"{unseen(ruleset, blind)} {since_when(blind, calendar)}: {why_and_how(blind)}"
+
+
+def since_when(blind: Blind, calendar: Calendar | None) -> str:
+    """Since when faults cannot be seen, or when they could not."""
+    if blind.active:
+        return f"since {moment(calendar, blind.since)}"
+    return f"in {span(calendar, blind.since, blind.until)}"
+
+
+def why_and_how(blind: Blind) -> str:
+    """The reason, and what is needed."""
+    return f"{blind.because}; {brought_back(blind)}"
+
+
+def unseen(ruleset: Ruleset, blind: Blind) -> str:
+    """Faults that cannot be seen.
+
+    Errors of a sensor in all directions are one matter, and so are all faults of a module.
+    """
+    return f"cannot see {listed(list(named(ruleset, blind.faults)))}"
+
+
+def brought_back(blind: Blind) -> str:
+    """The readings that are needed."""
+    brings = "brings" if len(blind.readings) == 1 else "together bring"
+    them = "it" if len(blind.faults) == 1 else "them"
+    return f"{listed(blind.readings)} {brings} {them} back"
+
+
+def hidden(diagnosis: Diagnosis) -> str:
+    """How many faults could not be seen, of how many."""
+    count = len({fault for one in diagnosis.blind for fault in one.faults})
+    every = len(diagnosis.ruleset.faults)
+    return f"{count} of {plural(every, 'fault', 'faults')} could not be seen"
+
+
+def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:
+    """Periods that were not judged, without those that are told as blindness."""
+    return tuple(p for p in diagnosis.not_judged if not (diagnosis.blind and p.lost))
+
+
+def named(ruleset: Ruleset, faults: Iterable[str]) -> Iterator[str]:
+    """Faults in few words, in the order of their modules."""
+    every, hidden = _by_module(ruleset.faults), set(faults)
+    for module, own in every.items():
+        lost = [f for f in own if f.id in hidden]
+        if lost and len(lost) == len(own) > 1:
+            yield f"any fault of {module}"
+            continue
+        alike: dict[str, list[FaultSpec]] = {}
+        for f in own:
+            alike.setdefault(f.scales[0] if f.in_sensor and f.scales else f.id, []).append(f)
+        whole = [name for name, all_ in alike.items() if len(all_) > 1 and set(all_) <= set(lost)]
+        yield from (f.id for f in lost if not any(f in alike[name] for name in whole))
+        yield from (f"errors of {name}" for name in whole)
+
+
+def _by_module(faults: Iterable[FaultSpec]) -> dict[str, list[FaultSpec]]:
+    found: dict[str, list[FaultSpec]] = {}
+    for fault in faults:
+        found.setdefault(fault.module, []).append(fault)
+    return found
