@@ -569,6 +569,9 @@ USUAL_DEGREE = 0.3
 """Degree of usual size, of a share, or of the range of a sensor. Origin: assumed; as the usual
 sizes of leakage and clogging in kb/faults."""
 
+VISITED = 4
+"""Operating points kept of a plant-day. Origin: assumed; a month has more than a course needs."""
+
 BENDS_OF_A_COURSE = 5
 """Times at which the growth of a degree may change. Origin: numerical; more give the same."""
 
@@ -586,11 +589,11 @@ BENDING = (0.0, 0.1, 0.5, 2.0)
 """By how much growth may change on its way, over growth that leads to a usual degree. Origin:
 assumed; each way is as likely, and counts by its evidence."""
 
-WANDERS = (LASTING, 7.0 * 86400.0, 90.0 * 86400.0, math.inf)
-"""Times, s, over which equal parts of the variance of lasting errors lose their memory, where
-degrees are followed over hours or months: the day, the week, the season, and what never changes.
-Origin: assumed; the bound of a sensor's class holds its calibration and all drift, which flickers
-on every scale of time."""
+WANDERS = ((LASTING, 0.125), (7.0 * 86400.0, 0.125), (90.0 * 86400.0, 0.25), (math.inf, 0.5))
+"""Times, s, over which parts of the variance of lasting errors lose their memory, and these parts,
+where degrees are followed over hours or months: the day, the week, the season, and what never
+changes. Origin: assumed; the bound of a sensor's class holds its calibration, which stays, and as
+much again that drifts, on every scale of time."""
 
 COURSE_CONVERGED = 1e-4
 """Change of a degree, of its scale, at which its course has been found. Origin: numerical."""

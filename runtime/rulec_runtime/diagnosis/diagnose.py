@@ -19,6 +19,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
+from rulec_runtime.diagnosis.steady.visited import Visited, visited_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -42,6 +43,7 @@ class Diagnosis:
     latest: Latest | None = None
     regimes: tuple[RegimeFinding, ...] = ()
     blind: tuple[Blind, ...] = ()
+    visited: Visited | None = None
 
     @property
     def is_whole(self) -> bool:
@@ -97,6 +99,7 @@ def assembled(
         latest=found.latest,
         regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
         blind=blind,
+        visited=found.visited,
     )
 
 
@@ -139,7 +142,11 @@ def together(
     """The same, where it is known what each part says."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)
     found = joined(each, latest_of(ruleset, timeline, seen))
-    found = replace(found, regimes=regimes_of(ruleset, timeline, seen[0].points))
+    found = replace(
+        found,
+        regimes=regimes_of(ruleset, timeline, seen[0].points),
+        visited=visited_of(timeline, seen[0].points, judged),
+    )
     return int(timeline.samples[judged].sum()), found
 
 

@@ -29,6 +29,7 @@ from rulec_runtime.diagnosis.steady.verdict import (
     partly_blind,
     verdict_at,
 )
+from rulec_runtime.diagnosis.steady.visited import Visited
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.wall_clock import duration
@@ -138,13 +139,14 @@ class Period:
 @dataclass(frozen=True)
 class Found:
     """What a block of estimates says over a recording, and all residuals at its end; of the whole
-    plant also in which regimes its modules ran."""
+    plant also in which regimes its modules ran, and some points that it visited."""
 
     findings: list[Finding]
     unknown: list[Period]
     not_judged: list[Period]
     latest: Latest | None = None
     regimes: tuple[RegimeFinding, ...] = ()
+    visited: Visited | None = None
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:

@@ -16,6 +16,8 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
+Wanders = tuple[tuple[float, float], ...]
+
 
 def spread_evenly(
     observed: Observed, members: Sequence[int] | np.ndarray, most: int = limits.STACKED
@@ -42,11 +44,12 @@ def stacked_test(
     valid: np.ndarray,
     members: np.ndarray,
     present: Array,
-    wanders: tuple[float, ...] = (limits.LASTING,),
+    wanders: Wanders = ((limits.LASTING, 1.0),),
 ) -> HypothesisTest:
     """Test of stacks, n of them, of points: `members` and `present` of shape (points, n).
 
-    `wanders` are times over which equal parts of the variance of lasting errors are forgotten, s.
+    `wanders` are times over which parts of the variance of lasting errors are forgotten, s, and
+    these parts.
     """
     basis = residual_basis(ruleset, valid)
     return HypothesisTest(
@@ -67,7 +70,7 @@ class _Stacked:
     observed: Observed
     valid: np.ndarray
     basis: Array
-    wanders: tuple[float, ...]
+    wanders: Wanders
     known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
@@ -141,5 +144,5 @@ class _Stacked:
         """Correlation of lasting errors between points, shape (n, points, points)."""
         time = times_of(self.observed)[members]
         apart = time[:, None] - time
-        kept = sum(remembered(apart, each) for each in self.wanders) / len(self.wanders)
+        kept = sum(part * remembered(apart, each) for each, part in self.wanders)
         return np.asarray(kept).transpose(2, 0, 1)
