@@ -122,7 +122,7 @@ def assemble(
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,
-        undo=undo_graph(network, types, tuple(h.id for h in (*hypotheses, *unlisted))),
+        undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
     )
 
 

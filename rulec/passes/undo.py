@@ -20,7 +20,8 @@ Types = Mapping[str, TypeModel]
 
 
 def undo_graph(network: Network, types: Types, faults: tuple[str, ...]) -> Graph:
-    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``."""
+    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``, of unlisted
+    errors as well."""
     return _Undo(network, types, faults).graph
 
 
@@ -30,8 +31,10 @@ class _Undo:
     def __init__(self, network: Network, types: Types, faults: tuple[str, ...]) -> None:
         plant = network.plant
         self.network = network
-        self.graph = Graph([*plant.signals, *(f"x:{fault}" for fault in faults)])
         self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
+        others = (f"{m}.{f.id}" for m, model in self.models.items() for f in model.unlisted)
+        degrees = dict.fromkeys(f"x:{fault}" for fault in (*faults, *others))
+        self.graph = Graph([*plant.signals, *degrees])
         # Slopes of the readings by the degrees of their unlisted errors.
         self.errors: dict[str, dict[tuple[str, str], Node]] = {}
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}

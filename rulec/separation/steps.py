@@ -48,7 +48,9 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         baseline=finding.baseline > 0,
         bounds=allowed.readings,
     )
-    names = [name for name, _ in finding.alternatives]
+    every = [name for name, _ in finding.alternatives]
+    # A step that tells more apart may cost more; what no module lists is too seldom for that.
+    names = [name for name in every if not ruleset.fault_by_id[name].unlisted] or every
     rows = []
     for name in names:
         other = ruleset.fault_by_id[name]
