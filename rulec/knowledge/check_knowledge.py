@@ -87,7 +87,9 @@ def _sensor(reader: Reader, faults: Mapping[str, FaultType]) -> SensorClass:
 
 
 def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorError]:
-    """The errors of a class: faults that act on a signal."""
+    """The errors of a class: faults that act on a signal; none where only sensors were read."""
+    if not faults:
+        return
     signal = [name for name, fault in faults.items() if fault.acts_on == "signal"]
     named: set[str] = set()
     for i, part in enumerate(reader.document.data.get("errors", ())):

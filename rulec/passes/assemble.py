@@ -127,7 +127,7 @@ def assemble(
         residual_gradients=residual_gradients,
         residual_variances=variances,
         margins={name: m for part in parts.values() for name, m in part.margins()},
-        undo=undo_graph(network, types, tuple(h.id for h in (*hypotheses, *unlisted))),
+        undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
         liquid=liquid_affects(network, types),
     )
 

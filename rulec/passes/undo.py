@@ -20,7 +20,8 @@ Types = Mapping[str, TypeModel]
 
 
 def undo_graph(network: Network, types: Types, faults: tuple[str, ...]) -> Graph:
-    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``.
+    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``, of unlisted
+    errors as well.
 
     Where a change of the liquid moves an observer, ``ql:`` and ``dql:`` are the same with that
     undone as well; without a degree of it ``ql:`` is ``q:``.
@@ -46,11 +47,12 @@ class _Undo:
         plant = network.plant
         self.network = network
         self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
+        others = (f"{m}.{f.id}" for m, model in self.models.items() for f in model.unlisted)
+        self.liquid = liquid_affects(network, types)
+        every = (*faults, *others, *self.liquid)
+        self.graph = Graph([*plant.signals, *dict.fromkeys(f"x:{fault}" for fault in every)])
         # Slopes of the readings by the degrees of their unlisted errors.
         self.errors: dict[str, dict[tuple[str, str], Node]] = {}
-        self.liquid = liquid_affects(network, types)
-        inputs = [*plant.signals, *(f"x:{fault}" for fault in (*faults, *self.liquid))]
-        self.graph = Graph(inputs)
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
         # Slopes of readings, which all modules upstream share.
         self._inner: dict[tuple[str, str], dict[str, Node]] = {}

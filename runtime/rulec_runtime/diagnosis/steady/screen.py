@@ -81,13 +81,11 @@ def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
     for own in (np.flatnonzero(listed), np.flatnonzero(~listed)):
         order = np.argsort(-scores[own], axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
         np.put_along_axis(found, own[order], True, axis=0)
-    leading_ones: np.ndarray = found & beside_listed(scores, listed, limits.ALIKE)
-    return leading_ones
+    return np.asarray(found & beside_listed(scores, listed, limits.ALIKE))
 
 
 def beside_listed(scores: Array, listed: np.ndarray, share: float) -> np.ndarray:
     """All listed faults, by flags of the shape (faults,), and others that score at least a share
     of what the best of these does, shape (faults, n): no others are ever named."""
     best = np.max(scores[listed], axis=0, initial=0.0)
-    found: np.ndarray = listed[:, None] | ((scores > 0.0) & (scores >= share * best))
-    return found
+    return np.asarray(listed[:, None] | ((scores > 0.0) & (scores >= share * best)))
