@@ -428,7 +428,8 @@ def _same(value: sympy.Expr) -> sympy.Expr:
 
 def liquid_ids(fault: FaultType) -> list[str]:
     """Ids of all directions of a fault of the liquid."""
-    return [liquid_id(fault, variant.name) for variant in fault.variants]
+    assert fault.liquid is not None, "checked when the fault was read"
+    return [liquid_id(fault.liquid, variant.name) for variant in fault.variants]
 
 
 def _moved(
@@ -443,7 +444,8 @@ def _moved(
         assert fault.liquid is not None, "checked when the fault was read"
         ratio = sympy.S.One
         for variant in fault.variants:
-            ratio *= law_of(variant, sympy.S.One, degree_symbol(liquid_id(fault, variant.name)))
+            x = degree_symbol(liquid_id(fault.liquid, variant.name))
+            ratio *= law_of(variant, sympy.S.One, x)
         opened = partial(_opened, kind, symbols=symbols, observers=observers)
         for part in moved_by(fault.liquid, kind, symbols, values, opened):
             before = found.get(part.place, _same)
