@@ -496,7 +496,8 @@ def _same(value: sympy.Expr) -> sympy.Expr:
 
 def liquid_ids(fault: FaultType) -> list[str]:
     """Ids of all directions of a fault of the liquid."""
-    return [liquid_id(fault, variant.name) for variant in fault.variants]
+    assert fault.liquid is not None, "checked when the fault was read"
+    return [liquid_id(fault.liquid, variant.name) for variant in fault.variants]
 
 
 def _moved(
@@ -511,7 +512,8 @@ def _moved(
         assert fault.liquid is not None, "checked when the fault was read"
         ratio = sympy.S.One
         for variant in fault.variants:
-            ratio *= law_of(variant, sympy.S.One, degree_symbol(liquid_id(fault, variant.name)))
+            x = degree_symbol(liquid_id(fault.liquid, variant.name))
+            ratio *= law_of(variant, sympy.S.One, x)
         opening = partial(opened, kind, symbols=symbols, observers=observers)
         for part in moved_by(fault.liquid, kind, symbols, values, opening):
             before = found.get(part.place, _same)

@@ -32,9 +32,10 @@ def liquid_specs(
     known = liquids_of(plant.knowledge) if assembly.liquid else ()
     slopes = _slopes(assembly, signatures) if assembly.liquid else {}
     for fault in known:
+        assert fault.liquid is not None, "checked when the fault was read"
         for variant in fault.variants:
-            id_ = liquid_id(fault, variant.name)
-            if id_ in assembly.liquid and fault.liquid is not None:
+            id_ = liquid_id(fault.liquid, variant.name)
+            if id_ in assembly.liquid:
                 yield LiquidSpec(
                     fault=_fault(plant, assembly, fault, variant, id_),
                     cells=tuple(_cells(id_, residuals, signatures, slopes)),

@@ -11,7 +11,6 @@ import sympy
 
 from rulec.knowledge.effect import PLAIN
 from rulec.knowledge.fluid import factor_name
-from rulec.knowledge.knowledge import FaultType
 from rulec.knowledge.liquid import BY, RATIO, Liquid, Move
 from rulec.knowledge.module_type import Definition, ModuleType, Observer
 from rulec.language.dimension import dimension
@@ -31,9 +30,9 @@ TRIED = sympy.Float(1e-4)
 factor or a summand, so that the size does not matter."""
 
 
-def liquid_id(fault: FaultType, variant: str) -> str:
-    """Id of a fault of the liquid, such as ``liquid.viscosity.high``."""
-    return ".".join(part for part in ("liquid", fault.name, variant) if part)
+def liquid_id(liquid: Liquid, variant: str) -> str:
+    """Id of a fault of the liquid, such as ``liquid.density.high``."""
+    return ".".join(part for part in ("liquid", liquid.property, variant) if part)
 
 
 @dataclass(frozen=True)

@@ -652,6 +652,11 @@ GAIN_AT_FIRST = 0.1
 first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
 assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
 
+LIQUID_AT_FIRST = 0.5
+"""Share of what is left to explain of chi-square by which a change of the liquid lowers it at least
+to first order in its degree, if it is to be tried. Origin: assumed; its laws are powers, so that
+the first order points where it leads, and the tolerance of its laws does the rest."""
+
 NAMED_ALONE = 0.5
 """Probability from which on a stretch names a fault on its own. Origin: standard (more probable
 than all others together)."""

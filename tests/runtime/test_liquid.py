@@ -145,7 +145,7 @@ def test_without_a_change_estimates_are_as_without_the_liquid() -> None:
 
 def test_its_laws_are_those_of_the_effects() -> None:
     """The exponents stand in the files of slip and line by viscosity, as usual sizes."""
-    fault = yaml.safe_load((ROOT / "kb/faults/viscosity.yaml").read_text(encoding="utf-8"))
+    fault = yaml.safe_load((ROOT / "kb/faults/changed-viscosity.yaml").read_text(encoding="utf-8"))
     for name, move in zip(("slip-viscosity", "line-viscosity"), fault["moves"], strict=True):
         effect = yaml.safe_load((ROOT / f"kb/effects/{name}.yaml").read_text(encoding="utf-8"))
         exponent = effect["parameters"]["m"]["usual"]["median"]

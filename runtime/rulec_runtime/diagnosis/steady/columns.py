@@ -33,7 +33,9 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        far = np.flatnonzero(~self._believed(best.degree))
+        # A change of the liquid that runs off leads nowhere: no small one leaves as little.
+        of_modules = np.array([bool(faults[0].module) for faults in self.hypotheses])[self.which]
+        far = np.flatnonzero(~self._believed(best.degree) & of_modules)
         if len(far) and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))

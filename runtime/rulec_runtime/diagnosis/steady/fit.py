@@ -95,7 +95,8 @@ def _portions(
 ) -> Iterator[tuple[np.ndarray, int]]:
     """Columns in portions whose matrices do not take much memory, and how many flows a column of
     one touches at most; `touched` of each hypothesis, `which` of them in each column."""
-    most = max(int(touched.max(initial=0)), 1)
+    # Of those that are tried alone: a change of the liquid touches hundreds of flows.
+    most = max(int(touched[which].max(initial=0)), 1)
     if not (len(which) and test.metric.is_large):
         size = max(limits.TABLE // max(test.freedom**2, 1), 1)
         yield from ((np.arange(len(which))[low : low + size], most) for low in _steps(which, size))

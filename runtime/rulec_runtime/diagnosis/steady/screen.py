@@ -25,6 +25,18 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     for part in test.portions():
         for i, left in _least_left(test.at(part), found[:, part]):
             found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
+    return _towards(test, limit, found)
+
+
+def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarray:
+    """Of what moves the flows of all modules, which nothing above rules out, only what lies in the
+    direction of the residuals."""
+    wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
+    if wide:
+        pull, information = test.towards(wide)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+        found[wide] &= gain >= limits.LIQUID_AT_FIRST * (test.metric.value - limit)
     return found
 
 
