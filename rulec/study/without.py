@@ -22,9 +22,10 @@ Without = Mapping[str, Mapping[str, Any]]
 
 def without_each(ruleset: Ruleset) -> Without:
     """Per signal that something reads, as JSON data: `unseen` are faults that cannot be seen
-    without it, `merged` groups of others that cannot be told apart then, and can with it, at one
-    operating point."""
+    without it, `merged` groups of others that modules list, which cannot be told apart then, and
+    can with it, at one operating point."""
     visible = visible_of(ruleset)
+    listed_ones = {f.id for f in ruleset.faults}
     every = [_alike(one, frozenset()) for one in visible.parts]
     found = {}
     for signal in (s.id for s in ruleset.signals if s.id in ruleset.read):
@@ -34,7 +35,7 @@ def without_each(ruleset: Ruleset) -> Without:
             group
             for one, before in zip(visible.parts, every, strict=True)
             if signal in one.signals
-            for group in _merged(_alike(one, lost), before)
+            for group in _merged(_alike(one, lost).subgraph(listed_ones), before)
         ]
         found[signal] = {
             "unseen": [f.id for f in ruleset.faults if f.id in unseen],
