@@ -257,6 +257,7 @@ class Stack:
     def sound(self) -> tuple[Array, Array]:
         """Residuals made white, shape (m,), and what makes them so, shape (m, m)."""
         white = _whitener(self.test.spread.whole(self.test.members, None)[0])
+        assert white is not None, "checked when the stack was made"
         return white @ self.test.residuals[0], white
 
     def gain_at_first(self, fault: int) -> float:
@@ -286,14 +287,18 @@ class Stack:
         table = shapes.table(self.time)
         degree = np.zeros(len(self.time))
         for _ in range(limits.FIT_STEPS):
-            residuals, slopes, white = self._undone(fault, degree)
+            if (undone := self._undone(fault, degree)) is None:
+                return None
+            residuals, slopes, white = undone
             growing, steps = _weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
             weighed = _better(shapes, growing, steps)
             mean, u = weighed.moments(table)
             before, degree = degree, np.clip(mean, spec.lowest, spec.credible)
             if np.max(np.abs(degree - before)) < limits.COURSE_CONVERGED * spec.scale:
                 break
-        left, count = self._left(fault, degree, shapes)
+        if (rest := self._left(fault, degree, shapes)) is None:
+            return None
+        left, count = rest
         wide = max(left / count, 1.0) ** 0.5
         (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
@@ -332,9 +337,12 @@ class Stack:
             most=len(names),
         )
 
-    def _undone(self, fault: int, degree: Array, *, lenient: bool = False) -> tuple[Array, ...]:
+    def _undone(
+        self, fault: int, degree: Array, *, lenient: bool = False
+    ) -> tuple[Array, Array, Array] | None:
         """Residuals with the fault undone, their slopes by the degree at each point, and what makes
-        them white; `lenient`: with the tolerance of the fault's law."""
+        them white; `lenient`: with the tolerance of the fault's law. None where a law has no value
+        at such a degree."""
         columns, basis = self._columns(fault, degree), self.test.basis
         moved, slopes = columns.undone(degree[None, :, None])
         places = columns.places[:, 0]
@@ -348,11 +356,16 @@ class Stack:
             for row, place in enumerate(places):
                 off = tolerance * (moved[row, :, 0][:, None] * basis[:, place]).ravel()
                 covariance = covariance + np.outer(off, off)
-        return residuals, table, _whitener(covariance)
+        white = _whitener(covariance)
+        if white is None or not (np.isfinite(residuals).all() and np.isfinite(table).all()):
+            return None
+        return residuals, table, white
 
-    def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, int]:
+    def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, int] | None:
         """Chi-square left with the tolerance of the fault's law, and the number of residuals."""
-        residuals, slopes, white = self._undone(fault, degree, lenient=True)
+        if (undone := self._undone(fault, degree, lenient=True)) is None:
+            return None
+        residuals, slopes, white = undone
         weighed = _better(
             shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
         )
@@ -400,15 +413,23 @@ def stack_of(
         if not told:
             return None
         test = test.seen_by(some)
+    # Readings beyond all limits have errors that drown in rounding.
+    if _whitener(test.spread.whole(test.members, None)[0]) is None:
+        return None
+    if not np.isfinite(test.residuals).all():
+        return None
     return Stack(test=test, time=time, end=max(end, float(time[-1])))
 
 
-def _whitener(covariance: Array) -> Array:
-    """What makes residuals of a covariance, shape (m, m), white."""
+def _whitener(covariance: Array) -> Array | None:
+    """What makes residuals of a covariance, shape (m, m), white; None where nothing does."""
     ridge = limits.RIDGE * float(np.trace(covariance))
-    root = np.linalg.cholesky(covariance + ridge * np.eye(len(covariance)))
-    white: Array = np.linalg.inv(root)
-    return white
+    try:
+        root = np.linalg.cholesky(covariance + ridge * np.eye(len(covariance)))
+        white: Array = np.linalg.inv(root)
+    except np.linalg.LinAlgError:
+        return None
+    return white if np.isfinite(white).all() else None
 
 
 def _log_sum(values: Array) -> float:
