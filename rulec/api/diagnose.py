@@ -108,10 +108,10 @@ class DiagnoseResult(Result):
     def _samples(self) -> Columns:
         trace = self.judged.trace
         columns: dict[str, Any] = {"time [s]": trace.time, "verdict": list(trace.verdict)}
-        for j, fault in enumerate(self.diagnosis.ruleset.faults):
-            columns[fault.id] = trace.degree[j]
-            columns[f"{fault.id} lower"] = trace.lower[j]
-            columns[f"{fault.id} upper"] = trace.upper[j]
+        for j, name in enumerate(trace.faults):
+            columns[name] = trace.degree[j]
+            columns[f"{name} lower"] = trace.lower[j]
+            columns[f"{name} upper"] = trace.upper[j]
         return columns
 
 

@@ -8,13 +8,15 @@ from pathlib import Path
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
-from rulec.knowledge.read import read_files, read_plant
+from rulec.knowledge.doubts import doubts_of_plant, doubts_of_redundancy, doubts_of_types
+from rulec.knowledge.read import read_all, read_files, read_plant
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
-from rulec.passes.link import link
+from rulec.passes.derive_residuals import derive_residuals
+from rulec.passes.link import Network, link
 from rulec.passes.put_balances import dynamics_of
+from rulec.passes.reach import seen_through_states
 
 _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 
@@ -56,4 +58,16 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
     network = link(plant)
     if network.stores:
         dynamics_of(network, {name: [] for name in plant.modules})
-    return doubts_of_plant(document, plant)
+    doubts = [*doubts_of_plant(document, plant)]
+    if unchecked := _unchecked(network):
+        types = check_knowledge(read_all(Path(document.path))).modules.values()
+        doubts += doubts_of_redundancy(document, plant, unchecked, types)
+    return doubts
+
+
+def _unchecked(network: Network) -> list[str]:
+    """Modules with faults and an estimate that stands in no residual and moves no stored thing."""
+    used = {o.split(".")[0] for r in derive_residuals(network) for _, o in r.terms}
+    used |= seen_through_states(network) if network.stores else set()
+    modules = network.plant.modules.values()
+    return [m.name for m in modules if m.type.observers and m.type.faults and m.name not in used]

@@ -33,6 +33,7 @@ from rulec.fleet.places import tasks_of
 from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, ranked, verdict
 from rulec.fleet.store import Store, tables
+from rulec.fleet.trends import Trend, trends_of
 
 JUDGING, WRITING = "judging plant-days", "writing the tables"
 
@@ -68,10 +69,11 @@ def run(options: argparse.Namespace) -> int:
         days = list(dict.fromkeys(task.day for task in tasks))
         rows = tables(store, tasks, lambda number: progress(WRITING, number, len(days)))
     plants = ranked(rows)
+    trends = [*trends_of(store.rows(tasks), fleet.rulesets)]
     page = fleet.results / "ranking.html"
-    write_text(page, fleet_page(fleet, plants, days))
-    _show(console(options), plants, page)
-    write_json(options, _form(fleet, plants, rows))
+    write_text(page, fleet_page(fleet, plants, days, trends))
+    _show(console(options), plants, trends, page)
+    write_json(options, _form(fleet, plants, rows, trends))
     return 0
 
 
@@ -89,7 +91,7 @@ def _counted(tasks: Sequence[Task]) -> str:
     )
 
 
-def _show(out: Console, plants: Sequence[Ranked], page: Path) -> None:
+def _show(out: Console, plants: Sequence[Ranked], trends: Sequence[Trend], page: Path) -> None:
     out.print(styled("\n[bold]{}[/]\n", verdict(plants)))
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     for title in ("plant", "status", "health", "worst day", "what"):
@@ -101,15 +103,23 @@ def _show(out: Console, plants: Sequence[Ranked], page: Path) -> None:
     out.print(table)
     if len(plants) > SHOWN:
         out.print(styled("[dim]and {} more[/]", len(plants) - SHOWN))
+    for trend in trends[:SHOWN]:
+        out.print(styled("[bold]{}[/] over days, {}", trend.plant, trend.text))
     out.print(styled("[dim]ranking: {}[/]", page), soft_wrap=True)
 
 
-def _form(fleet: Fleet, plants: Sequence[Ranked], rows: Sequence[Row]) -> dict[str, Any]:
+def _form(
+    fleet: Fleet, plants: Sequence[Ranked], rows: Sequence[Row], trends: Sequence[Trend]
+) -> dict[str, Any]:
     return {
         "fleet": fleet.name,
         "verdict": verdict(plants),
         "results": str(fleet.results),
         "plants": [asdict(one) for one in plants],
+        "trends": [
+            {**{k: v for k, v in vars(one).items() if k != "growth"}, **one.growth}
+            for one in trends
+        ],
         "not_judged": [
             {"plant": row["plant"], "day": row["day"], "because": row["reason"]}
             for row in rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.made import made_now
+from rulec_runtime.report.matrix import ANY_ERROR
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
@@ -113,6 +114,19 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
             if g.sensors
         ],
         "unobserved": list(ruleset.unobserved),
+        **({"unlisted": _unlisted(ruleset)} if ruleset.unlisted else {}),
+    }
+
+
+def _unlisted(ruleset: Ruleset) -> dict[str, Any]:
+    """Rows of errors that a reading may have whatever its module lists, as those of faults."""
+    faults = ruleset.unlisted
+    return {
+        "faults": [f.id for f in faults],
+        "units": [f.unit or "1" for f in faults],
+        "signs": _dense(ruleset, lambda c: c.sign, faults=faults),
+        "gains": _dense(ruleset, lambda c: c.gain, faults=faults),
+        "detectable": _dense(ruleset, lambda c: c.detectable, None, faults),
     }
 
 
@@ -163,10 +177,12 @@ def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
         out.print(f"  {', '.join(group)}: act alike on all readings")
 
 
-def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
+def _dense(
+    ruleset: Ruleset, value: Any, absent: Any = 0, faults: Sequence[FaultSpec] | None = None
+) -> list[list[Any]]:
     column = {r.id: i for i, r in enumerate(ruleset.residuals)}
     rows = []
-    for fault in ruleset.faults:
+    for fault in ruleset.faults if faults is None else faults:
         row = [absent] * len(column)
         for cell in ruleset.cells_of_fault[fault.id]:
             row[column[cell.residual]] = value(cell)
@@ -183,7 +199,7 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
     if ruleset.dynamics is not None and not ruleset.residuals:
         return
     residuals = [r.id for r in ruleset.residuals]
-    longest = max(len(f.id) for f in ruleset.faults) if ruleset.faults else 0
+    longest = max(map(len, (*(f.id for f in ruleset.faults), *ruleset.moved_by_reading)), default=0)
     fitting = max(3, (out.width - longest - 2) // NARROW)
     for start in range(0, len(residuals), fitting):
         out.print(_table(ruleset, residuals[start : start + fitting]))
@@ -191,6 +207,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
         "+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
         "that leaves the residual's threshold at the reference point"
     )
+    if ruleset.unlisted:
+        legend += f"; ± {ANY_ERROR}"
     out.print(styled("[dim]{}[/]", legend))
     if told := left_out(ruleset):
         out.print(styled("[dim]{}[/]", told))
@@ -210,6 +228,9 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
         cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id] if c.residual in residuals}
         marks = {name: _mark(fault, cell) for name, cell in cells.items()}
         table.add_row(fault.id, *(marks.get(r, none) for r in residuals))
+    off = styled("[yellow]±[/]")
+    for signal, moved in ruleset.moved_by_reading.items():
+        table.add_row(signal, *(off if r in moved else none for r in residuals))
     return table
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.json_file import DIGEST
@@ -10,12 +11,14 @@ from rulec_runtime.output.json_file import DIGEST
 from rulec.export.identifiers import Identifiers
 from rulec.export.observe import observe_routine
 from rulec.export.program import ModuleCode
+from rulec.export.specialised import listed_undo
 from rulec.export.undo import undo_routine
 
 
 def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:
     """Code of each module that estimates its flow, in the plant's order."""
     digest = json.loads(ruleset.to_json())[DIGEST]
+    ruleset = replace(ruleset, undo=listed_undo(ruleset))
     names = Identifiers(frozenset())  # more stands behind them
     found = []
     for module in ruleset.modules:

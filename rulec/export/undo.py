@@ -23,12 +23,16 @@ from rulec.export.readings import Reading, checked, reading_of
 from rulec.export.specialised import graph_of, put_into
 from rulec.export.writer import Writer
 
+_KINDS = ("q", "dq")
+"""Outputs that controllers have: those of faults of modules."""
+
 
 def undo_routine(ruleset: Ruleset, module: str) -> Routine:
     """Estimates as functions of the degrees of all faults that reach them."""
     observers = [o for o in ruleset.observers if o.module == module]
     own = {o.id for o in observers}
-    wanted = [n for n in ruleset.undo.outputs if n.split(":")[1] in own]
+    outputs_of = (n.split(":") for n in ruleset.undo.outputs)
+    wanted = [":".join(parts) for parts in outputs_of if parts[0] in _KINDS and parts[1] in own]
     part = ruleset.undo.select(tuple(wanted)).narrowed()
     names = Identifiers()
     outputs = Outputs(names)

@@ -9,6 +9,7 @@ from rulec_runtime.report.text import percent, safe
 
 from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, verdict
+from rulec.fleet.trends import Trend
 
 TITLES = ("plant", "status", "health", "days", "with findings", "not judged",
           "partly blind", "worst day", "what")  # fmt: skip
@@ -16,7 +17,9 @@ NUMBERS = 7
 """Columns from the third to the seventh hold numbers."""
 
 
-def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> str:
+def fleet_page(
+    fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str], trends: Sequence[Trend] = ()
+) -> str:
     """The ranking as HTML; the same results give the same text."""
     head = "".join(f"<th{_number(i)}>{title}</th>" for i, title in enumerate(TITLES))
     body = "".join(_row(one) for one in plants)
@@ -33,7 +36,11 @@ def fleet_page(fleet: Fleet, plants: Sequence[Ranked], days: Sequence[str]) -> s
         ("Rulesets", ", ".join(sorted(fleet.rulesets))),
     ]
     found = Head(kind="Fleet", verdict=verdict(plants), facts=about)
-    return document(found, section("Plants, the worst first", table))
+    parts = [section("Plants, the worst first", table)]
+    if trends:
+        rows = "".join(f"<dt>{safe(one.plant)}</dt><dd>{safe(one.text)}</dd>" for one in trends)
+        parts.append(section("What grows over the days", f"<dl>{rows}</dl>"))
+    return document(found, "".join(parts))
 
 
 def _row(one: Ranked) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from rulec_runtime.fleet.plant_day import Row
+from rulec_runtime.fleet.plant_day import POINTS, Row
 from rulec_runtime.fleet.task import Task
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_data
@@ -46,6 +46,10 @@ class Store:
             [("since", number), ("until", number), ("samples", whole), ("verdict", text),
              ("largest_degree", number)]
         )  # fmt: skip
+        self._point = pyarrow.struct(
+            [("signal", text), ("since", number), ("until", number), ("samples", whole),
+             ("value", number), ("u", number)]
+        )  # fmt: skip
         self._health = [
             ("plant", text), ("day", text), ("status", text), ("health", number),
             ("coverage", number),
@@ -66,6 +70,7 @@ class Store:
             *self._health,
             (FINDINGS, pyarrow.list_(self._finding)),
             (TRACE, pyarrow.list_(self._run)),
+            (POINTS, pyarrow.list_(self._point)),
         ]
         self._write(file, [row], pyarrow.schema(fields))
         for other in file.parent.glob("*.parquet"):
@@ -124,6 +129,6 @@ def _short(row: Row) -> Row:
     """Health of a plant-day, with its worst finding in words."""
     faults = [f for f in row[FINDINGS] if f["text"]]
     worst = min(faults, key=lambda f: ("FCSM".find(f["status"]), f["since"]), default=None)
-    short = {k: v for k, v in row.items() if k not in (FINDINGS, TRACE, "notes")}
+    short = {k: v for k, v in row.items() if k not in (FINDINGS, TRACE, POINTS, "notes")}
     count = len(row[FINDINGS])
     return short | {"found": count, "text": worst["text"] if worst else row["reason"]}

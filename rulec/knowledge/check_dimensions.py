@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.knowledge.module_type import ENDS, ModuleType
+from rulec.knowledge.regime import Comparison
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
-from rulec.language.document import Document
-from rulec.language.expression import constant
+from rulec.language.dimension import dimension
+from rulec.language.document import Document, Path_
+from rulec.language.expression import Rejected, constant
 from rulec.language.functions import FUNCTIONS
 from rulec.language.reader import Reader
 from rulec.language.symbolic import to_sympy
@@ -83,6 +85,19 @@ class EquationReader(Reader):
             if not own.fits(wanted):
                 message = told.format(own=own, wanted=wanted)
                 self.report(path, code, message, "check each factor")
+        for regime in module.regimes.values():
+            for i, condition in enumerate(regime.when):
+                self._check_comparison(("regimes", regime.name, "when", i), condition, known)
+
+    def _check_comparison(
+        self, path: Path_, condition: Comparison, known: Mapping[str, Dimension]
+    ) -> None:
+        """Both sides are of one kind."""
+        try:
+            dimension(condition.margin, known, {})
+        except Rejected:
+            message = f"'{condition.text}' compares what is of different kinds"
+            self.report(path, "KB127", message, "check each factor")
 
     def _check_comparisons(self) -> None:
         """Refuse min and max of something that is no real number: sympy would not compare it."""

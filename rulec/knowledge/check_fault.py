@@ -10,6 +10,7 @@ import sympy
 from rulec.knowledge.check_length import check_law
 from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
+from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
 from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.document import Path_
@@ -55,6 +56,7 @@ def check_fault(reader: Reader) -> FaultType:
         action=data["action"],
         origin=reader.origin("fault", source=data["source"]),
         frequency=_frequency(reader, (), data),
+        liquid=read_liquid(reader),
     )
 
 

@@ -3,17 +3,19 @@ fluids, in SI."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from rulec.knowledge.check_dimensions import EquationReader, provided_names
 from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
-from rulec.knowledge.knowledge import Knowledge, SensorClass
+from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
+from rulec.knowledge.module_type import Frequency
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.unit_lists import table_of
-from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
 from rulec.language.document import Document
 from rulec.language.reader import Reader
 from rulec.language.units import NONE
@@ -27,8 +29,8 @@ def check_knowledge(sources: Sources) -> Knowledge:
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
-    sensors = {d.data["sensor"]: _sensor(Reader(d, units, found)) for d in table["sensor"]}
     faults = {d.data["fault"]: check_fault(Reader(d, units, found)) for d in table["fault"]}
+    sensors = {d.data["sensor"]: _sensor(Reader(d, units, found), faults) for d in table["sensor"]}
     effects = {d.data["effect"]: EffectReader(d, units, found).read() for d in table["effect"]}
     fluids = {d.data["fluid"]: FluidReader(d, units, found).read() for d in table["fluid"]}
     modules = {
@@ -61,7 +63,7 @@ def _refuse_twins(
     return tuple(first.values())
 
 
-def _sensor(reader: Reader) -> SensorClass:
+def _sensor(reader: Reader, faults: Mapping[str, FaultType]) -> SensorClass:
     data = reader.document.data
     part = data["systematic"]
     unit = reader.unit("systematic", "unit")
@@ -80,4 +82,35 @@ def _sensor(reader: Reader) -> SensorClass:
         cost=float(data.get("cost", 1.0)),
         measures=data.get("measures", ""),
         origin=reader.origin("systematic", source=data["source"]),
+        errors=tuple(_errors(reader, faults)),
     )
+
+
+def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorError]:
+    """The errors of a class: faults that act on a signal; none where only sensors were read."""
+    if not faults:
+        return
+    signal = [name for name, fault in faults.items() if fault.acts_on == "signal"]
+    named: set[str] = set()
+    for i, part in enumerate(reader.document.data.get("errors", ())):
+        path, name = ("errors", i, "fault"), part["fault"]
+        if name not in faults:
+            reader.report(path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal))
+        elif name not in signal:
+            message = (
+                f"'{name}' acts on a {faults[name].acts_on}; an error of a sensor acts on a signal"
+            )
+            reader.report(path, "KB048", message, did_you_mean(name, signal))
+        elif name in named:
+            reader.report(path, "KB049", f"'{name}' stands twice", "keep one")
+        else:
+            named.add(name)
+            yield SensorError(name, reader.document.place(*path), _often(reader, i, part))
+
+
+def _often(reader: Reader, number: int, part: Mapping[str, Any]) -> Frequency | None:
+    """How often an error comes, where the class says so."""
+    if "frequency" not in part:
+        return None
+    origin = reader.origin("errors", number, "frequency", source=part["source"])
+    return Frequency(part["frequency"], origin)

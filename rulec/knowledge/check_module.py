@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.knowledge.check_length import check_lengths
+from rulec.knowledge.check_regimes import RegimeReader
 from rulec.knowledge.check_states import StateReader
 from rulec.knowledge.check_value import check_value
 from rulec.knowledge.degree_unit import adds, has_no_zero, scales_from_zero
@@ -78,7 +79,9 @@ class ModuleReader(Reader):
         for path, expression in kind.equations_at():
             what = "signal, parameter nor definition of this module"
             self.check_names(path, expression, known, what)
-        kind = replace(kind, definitions=self._ordered(definitions))
+        compared = {*signals, *parameters, *definitions}
+        of_regimes = RegimeReader(self.document, self.units, self.found, signals, compared)
+        kind = replace(kind, definitions=self._ordered(definitions), regimes=of_regimes.regimes())
         if len(self.found) == before and not self.reserved:
             self._check_lengths(kind)
         if len(self.found) == before and not self.reserved:
@@ -285,6 +288,7 @@ class ModuleReader(Reader):
             "signal": kind.signals,
             "definition": kind.definitions,
             "flow": [*kind.components(), *ends],
+            "liquid": (),
         }
         for i, entry in enumerate(self.document.data.get("faults", ())):
             path: Path_ = ("faults", i)

@@ -1,5 +1,5 @@
 """What a file may say, but hardly means, or leaves open: values of a far wrong size, modules that
-touch nothing, laws without an accuracy.
+touch nothing or that nothing checks, laws without an accuracy.
 
 Doubts are no mistakes: a plant with some compiles. `rulec check` tells them.
 """
@@ -13,6 +13,7 @@ from itertools import combinations, product
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Plant
+from rulec.knowledge.redundancy import instruments, unread
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Rejected, constant
@@ -36,6 +37,11 @@ def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iter
             message = f"law '{path[-1]}' states no accuracy; {assumed} is assumed"
             hint = f'add accuracy: "{assumed}, SOURCE", or what is known of it'
             yield Diagnostic(document.key(*path), "KB143", message, hint, doubt=True)
+        for name in unread(kind):
+            message = f"no estimate reads '{name}': nothing ever shows its faults"
+            hint = "read it in an equation, or leave its faults out"
+            group = "signals" if name in kind.signals else "definitions"
+            yield Diagnostic(document.key(group, name), "KB145", message, hint, doubt=True)
 
 
 def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
@@ -59,6 +65,21 @@ def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
             message = f"'{name}' is connected to no other module, though others are"
             hint = "add it to the connections, if it belongs there"
             yield Diagnostic(document.key("modules", name), "KB141", message, hint, doubt=True)
+
+
+def doubts_of_redundancy(
+    document: Document, plant: Plant, unchecked: Iterable[str], types: Iterable[ModuleType]
+) -> Iterator[Diagnostic]:
+    """Modules whose one estimate nothing in the plant checks; `types` say what could."""
+    known = tuple(types)
+    for name in unchecked:
+        kind = plant.modules[name].type
+        message = f"'{name}' estimates its flow in one way, and no neighbour in another"
+        needed = " or ".join(instruments(kind, known))
+        hint = f"none of its faults shows; type '{kind.name}' would need a reading of {needed}"
+        if not needed:
+            hint = "none of its faults shows; connect it to what it feeds, or add a flow meter"
+        yield Diagnostic(document.key("modules", name), "KB144", message, hint, doubt=True)
 
 
 def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagnostic]:

@@ -6,11 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.effect import Effect
+from rulec.knowledge.liquid import Liquid
 from rulec.knowledge.module_type import FaultUse, Fluid, Frequency, ModuleType
 from rulec.knowledge.shape import Usual
+from rulec.language.diagnostics import Place
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit, UnitTable
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """How a class of sensors comes to read wrong: a fault that acts on a signal.
+
+    Without a `frequency` it comes as often as the fault does.
+    """
+
+    fault: str
+    place: Place
+    frequency: Frequency | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +34,8 @@ class SensorClass:
     `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
     `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
     `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
-    quantity for which advice may propose it where no signal is declared.
+    quantity for which advice may propose it where no signal is declared. Any reading of the class
+    may have one of its `errors`, whatever its module lists.
     """
 
     name: str
@@ -31,6 +46,7 @@ class SensorClass:
     cost: float
     measures: str
     origin: Origin
+    errors: tuple[SensorError, ...] = ()
 
     def uncertainty(self, full_scale: float | None, reading: float) -> float:
         """Standard uncertainty of a reading, SI."""
@@ -66,7 +82,8 @@ class Variant:
 class FaultType:
     """What a fault does; sign, gain, rule and matrix row are derived from it.
 
-    Without a `frequency` nobody said how often it comes.
+    Without a `frequency` nobody said how often it comes. `liquid` says what it changes where it
+    acts on the liquid, and so on all modules at once.
     """
 
     name: str
@@ -79,6 +96,7 @@ class FaultType:
     action: str
     origin: Origin
     frequency: Frequency | None = None
+    liquid: Liquid | None = None
 
     def title_at(self, target: str, variant: Variant) -> str:
         """Title of one variant of it, which acts on `target`."""

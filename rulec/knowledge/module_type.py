@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+from rulec.knowledge.regime import Regime
 from rulec.language.diagnostics import Place
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
@@ -226,6 +227,7 @@ class ModuleType:
     fluid: Fluid | None = None
     states: Mapping[str, State] = field(default_factory=dict)
     readings: Mapping[str, Reading] = field(default_factory=dict)
+    regimes: Mapping[str, Regime] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -332,7 +334,15 @@ class ModuleType:
         }
         kept = {*self.signals, *definitions, *self.components()}
         faults = tuple(use for use in self.faults if use.target in kept - self.readings.keys())
-        return replace(self, definitions=definitions, states={}, readings={}, faults=faults)
+        known = {*self.signals, *self.parameters, *definitions}
+        return replace(
+            self,
+            definitions=definitions,
+            states={},
+            readings={},
+            faults=faults,
+            regimes={n: r for n, r in self.regimes.items() if r.stands_on(known)},
+        )
 
     def components(self) -> dict[str, list[str]]:
         """Observers of each component, the primary one first."""

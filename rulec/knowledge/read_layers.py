@@ -9,19 +9,24 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rulec_runtime.output.open_file import is_near
+from rulec_runtime.output.open_file import begin_of, is_near
 
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, nearest, no_file_of_ours
 from rulec.language.document import Document
 from rulec.language.schema import check_schema, kind_of
+from rulec.limits import MAX_FILE_BYTES
 
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 
 _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
 """A file that need not be read where no effects are wanted: parsing all takes longer than a small
 plant takes to compile."""
+
+_NAMED = re.compile(rb"^([a-z]+):[ \t]*([A-Za-z0-9_-]+)[ \t]*$", re.MULTILINE)
+_PROVIDES = re.compile(rb"^provides:", re.MULTILINE)
+"""What a plant does not have, and what provides nothing, is known by its name alone."""
 
 _WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
 _PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
@@ -125,6 +130,10 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
     if held.layer.is_own and not is_near(file, beside):
         held.mistakes.append(leads_out(Place(file.as_posix())))
         return
+    if wanted is not None and not held.layer.is_own and (named := _unused(file, wanted)):
+        unread = Document(str(file), file.name, named, {}, {})
+        held.by_kind.setdefault("other", []).append(unread)
+        return
     document = open_document(file, None, held.mistakes, read)
     if document is None:
         return
@@ -139,6 +148,19 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
         held.by_kind.setdefault("other", []).append(document)
     elif conforms(document, mistakes):
         held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
+
+
+def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
+    """Kind and name of what a plant does not have, without parsing its file; empty where that is
+    not sure."""
+    try:
+        text = begin_of(file, MAX_FILE_BYTES)
+    except OSError:
+        return {}
+    pairs = [(kind.decode(), name.decode()) for kind, name in _NAMED.findall(text)]
+    named = {kind: name for kind, name in pairs if kind in wanted}
+    sure = len(named) == 1 and all(name not in wanted[kind] for kind, name in named.items())
+    return named if sure and not _PROVIDES.search(text) else {}
 
 
 def open_document(

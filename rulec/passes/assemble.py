@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
@@ -21,7 +22,7 @@ from rulec.knowledge.plant import Module
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
 from rulec.passes.link import Network
-from rulec.passes.undo import undo_graph
+from rulec.passes.undo import liquid_affects, undo_graph
 
 Gradient = Mapping[str, Node]
 
@@ -59,7 +60,12 @@ class Hypothesis:
 
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
+    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
+
+    `unlisted` are errors of readings that no module lists; no pass works out rules for them.
+    `margins` are those of the conditions of regimes, such as ``A.reverse-flow:0``, each with its
+    standard uncertainty. `liquid` lists the observers that each change of the liquid makes wrong.
+    """
 
     graph: Graph
     observers: Mapping[str, Node]
@@ -67,10 +73,13 @@ class Assembly:
     guards: Mapping[str, tuple[tuple[str, Node], ...]]
     targets: Mapping[str, TargetNodes]
     hypotheses: tuple[Hypothesis, ...]
+    unlisted: tuple[Hypothesis, ...]
     residual_nodes: Mapping[str, Node]
     residual_gradients: Mapping[str, Gradient]
     residual_variances: Mapping[str, Node]
+    margins: Mapping[str, tuple[Node, Node]]
     undo: Graph
+    liquid: Mapping[str, tuple[str, ...]]
 
 
 def assemble(
@@ -95,7 +104,11 @@ def assemble(
     for part in parts.values():
         part.lower_observers(observers, gradients, guards)
     readers = _readers(parts.values())
-    hypotheses = tuple(h for part in parts.values() for h in _hypotheses(part, readers))
+    hypotheses, unlisted = (
+        tuple(h for part in parts.values() for h in _hypotheses(part, faults(part.model), readers))
+        for faults in (attrgetter("faults"), attrgetter("unlisted"))
+    )
+    unlisted = tuple(h for h in unlisted if h.affects)
     targets: dict[str, TargetNodes] = {}
     for part in parts.values():
         part.lower_targets(targets)
@@ -109,10 +122,13 @@ def assemble(
         guards=guards,
         targets=targets,
         hypotheses=hypotheses,
+        unlisted=unlisted,
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,
+        margins={name: m for part in parts.values() for name, m in part.margins()},
         undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
+        liquid=liquid_affects(network, types),
     )
 
 
@@ -221,6 +237,13 @@ class _Instance:
                 whole_gradient=self.gradient(target.whole_gradient),
                 reaction=self.graph.zero,
             )
+
+    def margins(self) -> Iterable[tuple[str, tuple[Node, Node]]]:
+        """What must be positive in each regime, and its standard uncertainty."""
+        for name, (value, derivatives) in self.model.margins.items():
+            squares = [self.graph.square(node) for node in self.gradient(derivatives).values()]
+            u = self.graph.apply("sqrt", self.graph.sum(squares))
+            yield self.id(name), (self.lower(value), u)
 
     def signals_of(self, target: str) -> tuple[str, ...]:
         """Signals in what faults of a target scale; none where they act on the flow."""
@@ -334,8 +357,10 @@ def _readers(parts: Iterable[_Instance]) -> Readers:
     return found
 
 
-def _hypotheses(part: _Instance, readers: Readers) -> Iterable[Hypothesis]:
-    for fault in part.model.faults:
+def _hypotheses(
+    part: _Instance, faults: Iterable[TypeFault], readers: Readers
+) -> Iterable[Hypothesis]:
+    for fault in faults:
         affects = [part.id(o) for o in fault.affects]
         if fault.fault.acts_on == "signal":
             affects += [reader.id for reader in readers.get(part.id(fault.target), ())]

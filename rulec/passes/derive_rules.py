@@ -14,7 +14,7 @@ For leakage and power readings the linear rule is exact already.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import sympy
@@ -22,10 +22,9 @@ import sympy
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower
 from rulec.language.written import signed_sum
-from rulec.limits import MOST_RULES
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
-from rulec.passes.derive_signatures import Signature, Signatures
+from rulec.passes.derive_signatures import Signature, Signatures, most_telling
 from rulec.passes.differentiate import EXCESS, FLOW, G
 from rulec.passes.moments import Moments, Signed
 
@@ -58,25 +57,8 @@ def derive_rules(
     )
 
 
-def most_telling(cells: Sequence[Signature]) -> Iterator[Signature]:
-    """Cells that get a rule, in their order: of each fault those that show it at the least degree.
-
-    A reading that a whole chain depends on moves residuals all along it, most of them by far less
-    than their noise; rules for all would grow with the square of the plant.
-    """
-    of_fault: dict[str, list[int]] = {}
-    for i, cell in enumerate(cells):
-        of_fault.setdefault(cell.fault, []).append(i)
-    chosen = {
-        i
-        for found in of_fault.values()
-        for i in sorted(found, key=lambda i: cells[i].detectable)[:MOST_RULES]
-    }
-    return (cell for i, cell in enumerate(cells) if i in chosen)
-
-
 def _basic_outputs(assembly: Assembly) -> None:
-    """``q:``, ``s:`` (scaled gradient), ``guard:``, ``R:`` and ``u:`` outputs."""
+    """``q:``, ``s:`` (scaled gradient), ``guard:``, ``R:`` and ``u:`` outputs, and margins."""
     graph, outputs = assembly.graph, assembly.graph.outputs
     for observer, node in assembly.observers.items():
         outputs[f"q:{observer}"] = node
@@ -87,6 +69,8 @@ def _basic_outputs(assembly: Assembly) -> None:
     for residual, node in assembly.residual_nodes.items():
         outputs[f"R:{residual}"] = node
         outputs[f"u:{residual}"] = graph.apply("sqrt", assembly.residual_variances[residual])
+    for name, (margin, u) in assembly.margins.items():
+        outputs[f"margin:{name}"], outputs[f"u_margin:{name}"] = margin, u
 
 
 def _rule(

@@ -6,14 +6,14 @@ residual by what the fault scales, gives size and sign of every cell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.algebra.graph import Node
 from rulec.algebra.recipe import lower
-from rulec.limits import NEGLIGIBLE_EFFECT
+from rulec.limits import MOST_RULES, NEGLIGIBLE_EFFECT
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import G
@@ -43,12 +43,16 @@ class Signature:
 
 @dataclass(frozen=True)
 class Signatures:
-    """The reference point, flows and uncertainties there, and the matrix."""
+    """The reference point, flows and uncertainties there, and the matrix.
+
+    `unlisted` are its cells of errors that no module lists: those that show each of them first.
+    """
 
     reference: Mapping[str, float]
     flows: Mapping[str, float]
     uncertainties: Mapping[str, float]
     cells: tuple[Signature, ...]
+    unlisted: tuple[Signature, ...] = ()
 
 
 def derive_signatures(
@@ -65,7 +69,7 @@ def derive_signatures(
     holding = _residuals_by_observer(residuals)
     candidates = [
         (h, residual, *found)
-        for h in assembly.hypotheses
+        for h in (*assembly.hypotheses, *assembly.unlisted)
         for residual, found in _reached(residuals, assembly, h, holding).items()
     ]
     graph = assembly.graph
@@ -104,7 +108,32 @@ def derive_signatures(
                     faulty=faulty,
                 )
             )
-    return Signatures(reference, flows, uncertainties, tuple(cells))
+    listed = {h.id for h in assembly.hypotheses}
+    unlisted = most_telling([c for c in cells if c.fault not in listed])
+    return Signatures(
+        reference,
+        flows,
+        uncertainties,
+        tuple(c for c in cells if c.fault in listed),
+        tuple(unlisted),
+    )
+
+
+def most_telling(cells: Sequence[Signature]) -> Iterator[Signature]:
+    """Cells that get a rule, in their order: of each fault those that show it at the least degree.
+
+    A reading that a whole chain depends on moves residuals all along it, most of them by far less
+    than their noise; rules for all would grow with the square of the plant.
+    """
+    of_fault: dict[str, list[int]] = {}
+    for i, cell in enumerate(cells):
+        of_fault.setdefault(cell.fault, []).append(i)
+    chosen = {
+        i
+        for found in of_fault.values()
+        for i in sorted(found, key=lambda i: cells[i].detectable)[:MOST_RULES]
+    }
+    return (cell for i, cell in enumerate(cells) if i in chosen)
 
 
 def _reached(

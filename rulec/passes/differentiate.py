@@ -7,12 +7,13 @@ second derivatives, and the observers with all faults undone.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import sympy
 
-from rulec.knowledge.degree_unit import for_signal
+from rulec.knowledge.degree_unit import adds, for_signal, has_no_zero, scales_from_zero
 from rulec.knowledge.fluid import closed_forms
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
@@ -20,6 +21,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
+from rulec.passes.liquid import Moved, liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -93,7 +95,12 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class TypeModel:
-    """A module type differentiated; local variables are its symbols by name."""
+    """A module type differentiated; local variables are its symbols by name.
+
+    `unlisted` are errors of readings that the type does not list, and classes of sensors have.
+    `margins` are those of the conditions of its regimes, such as ``reverse-flow:0``, each with its
+    gradient.
+    """
 
     type: ModuleType
     symbols: Mapping[str, sympy.Symbol]
@@ -103,6 +110,8 @@ class TypeModel:
     targets: Mapping[str, Target]
     faults: tuple[TypeFault, ...]
     undone: Undone
+    margins: Mapping[str, tuple[sympy.Expr, Gradient]]
+    unlisted: tuple[TypeFault, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -110,7 +119,11 @@ class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
     `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
-    d(observer)/d(gathered name); absent where zero.
+    d(observer)/d(gathered name); absent where zero. `in_liquid` are the observers that a change of
+    the liquid moves, also with that undone, and `liquid_slopes` their derivatives by its degrees,
+    whose names are whole ids. `readings` are the signals with unlisted errors undone, of which all
+    of these are functions; `reading_slopes` d(reading)/d(degree), `by_reading`
+    d(observer)/d(reading), `signal_by_reading` d(signal)/d(its own reading).
     """
 
     observers: Mapping[str, sympy.Expr]
@@ -118,6 +131,12 @@ class Undone:
     slopes: Mapping[tuple[str, str], sympy.Expr]
     signal_slopes: Mapping[tuple[str, str], sympy.Expr]
     gather_slopes: Mapping[tuple[str, str], sympy.Expr]
+    readings: Mapping[str, sympy.Expr]
+    reading_slopes: Mapping[tuple[str, str], sympy.Expr]
+    by_reading: Mapping[tuple[str, str], sympy.Expr]
+    signal_by_reading: Mapping[str, sympy.Expr]
+    in_liquid: Mapping[str, sympy.Expr]
+    liquid_slopes: Mapping[tuple[str, str], sympy.Expr]
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
@@ -131,16 +150,23 @@ def differentiate(plant: Plant) -> dict[str, TypeModel]:
     -2*C2*dp
     """
     used = {module.type.key: module.type for module in plant.modules.values()}
-    return {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
+    # Balances know listed faults alone: each more is one more simulation of every window.
+    settled = not any(kind.states for kind in used.values())
+    return {
+        name: type_model(kind.settled(), plant.knowledge, any_error=settled)
+        for name, kind in used.items()
+    }
 
 
-def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
-    """All symbolic work on one module type."""
+def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = False) -> TypeModel:
+    """All symbolic work on one module type; with `any_error` its readings may have errors that it
+    does not list."""
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols, {})
     faults = tuple(_faults(kind, knowledge, symbols, observers))
-    targets = {f.target: None for f in faults if f.fault.acts_on != "flow"}
+    unlisted = tuple(_unlisted(kind, knowledge, symbols, observers)) if any_error else ()
+    targets = {f.target: None for f in (*faults, *unlisted) if f.fault.acts_on != "flow"}
     return TypeModel(
         type=kind,
         symbols=symbols,
@@ -151,8 +177,27 @@ def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
         },
         targets={name: _target(kind, name, symbols, observers) for name in targets},
         faults=faults,
-        undone=_undone(kind, faults, symbols),
+        undone=_undone(kind, faults, unlisted, symbols, liquids_of(knowledge)),
+        margins=dict(_margins(kind, symbols)),
+        unlisted=unlisted,
     )
+
+
+def liquids_of(knowledge: Knowledge) -> tuple[FaultType, ...]:
+    """Faults of the liquid."""
+    return tuple(fault for fault in knowledge.faults.values() if fault.liquid is not None)
+
+
+def _margins(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
+) -> Iterator[tuple[str, tuple[sympy.Expr, Gradient]]]:
+    """What must be positive in each regime."""
+    table = written_out(kind, symbols, {}) if kind.regimes else {}
+    for regime in kind.regimes.values():
+        for i, condition in enumerate(regime.when):
+            if not condition.signal:
+                value = _translated(kind, condition.margin, table, symbols)
+                yield f"{regime.name}:{i}", (value, _gradient(value, symbols))
 
 
 def _symbol(name: str) -> sympy.Symbol:
@@ -165,13 +210,13 @@ def _observers(
     replaced: Mapping[str, sympy.Expr],
 ) -> dict[str, sympy.Expr]:
     """Observers over the local symbols; `replaced` keeps some definitions as given."""
-    table = _table(kind, symbols, replaced)
+    table = written_out(kind, symbols, replaced)
     return {
         o.name: _translated(kind, o.expression, table, symbols) for o in kind.observers.values()
     }
 
 
-def _table(
+def written_out(
     kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
 ) -> dict[str, sympy.Expr]:
     """Names to expressions, definitions written out (they stand in order of use)."""
@@ -205,20 +250,20 @@ def _guards(
     kind: ModuleType, expression: Expression, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[Condition]:
     """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
-    table = _table(kind, symbols, {})
+    table = written_out(kind, symbols, {})
     for part in kind.with_definitions(expression):
         for inner in part.guarded():
             text = ast.unparse(inner)
             yield Condition(text, _translated(kind, Expression(text, inner), table, symbols))
 
 
-def _opened(
+def opened(
     kind: ModuleType,
     target: str,
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> tuple[sympy.Symbol, Mapping[str, sympy.Expr]]:
-    """The symbol of a target, and the observers over it."""
+    """The symbol of a signal or definition, and the observers over it."""
     if target in kind.signals:
         return symbols[target], observers
     own = _symbol(f"target.{target}")
@@ -232,15 +277,15 @@ def _target(
     observers: Mapping[str, sympy.Expr],
 ) -> Target:
     """Differentiate all observers by a target that faults scale."""
-    own, opened = _opened(kind, name, symbols, observers)
-    value = _table(kind, symbols, {})[name]
+    own, over = opened(kind, name, symbols, observers)
+    value = written_out(kind, symbols, {})[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     back = {own: value}
     measured = {s for n, s in symbols.items() if n not in kind.parameters}
     whole = sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured))
     slopes, curvatures, inverse = {}, {}, {}
     flow = _symbol(FLOW)
-    for observer, expression in opened.items():
+    for observer, expression in over.items():
         if own not in expression.free_symbols:
             continue
         slope = sympy.diff(expression, own)
@@ -272,14 +317,57 @@ def _faults(
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.fault_in(use)
         affects = _affected(kind, fault, use.target, symbols, observers)
-        yield TypeFault(
-            id=name,
-            fault=fault,
-            variant=variant,
-            target=use.target,
-            affects=affects,
-            rule=_rule(fault, variant),
-        )
+        yield _type_fault(name, fault, variant, use.target, affects)
+
+
+def _type_fault(
+    name: str, fault: FaultType, variant: Variant, target: str, affects: tuple[str, ...]
+) -> TypeFault:
+    return TypeFault(
+        id=name,
+        fault=fault,
+        variant=variant,
+        target=target,
+        affects=affects,
+        rule=_rule(fault, variant),
+    )
+
+
+def _unlisted(
+    kind: ModuleType,
+    knowledge: Knowledge,
+    symbols: Mapping[str, sympy.Symbol],
+    observers: Mapping[str, sympy.Expr],
+) -> Iterator[TypeFault]:
+    """Errors of the readings, by the classes of their sensors, that the module does not list.
+
+    They are named as if it listed them; a fault that it lists keeps the shorter name.
+    """
+    uses = [*unlisted_uses(kind, knowledge)]
+    targets = [use.target for use in (*kind.faults, *uses)]
+    for use in uses:
+        fault, target = knowledge.fault_in(use), use.target
+        affects = _affected(kind, fault, target, symbols, observers)
+        if affects or target in kind.provides.values():
+            stem = target if targets.count(target) == 1 else f"{target}.{fault.name}"
+            for variant in fault.variants:
+                own = for_signal(variant, kind.signals[target], knowledge.units)
+                name = f"{stem}.{variant.name}" if variant.name else stem
+                yield _type_fault(name, fault, own, target, affects)
+
+
+def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
+    """Faults of signals that a module type does not list, and their sensors have.
+
+    None is a share of a reading whose zero means nothing, or a size within a range nobody stated.
+    """
+    for signal in kind.signals.values():
+        for error in knowledge.sensors[signal.sensor].errors:
+            use = FaultUse(error.fault, signal.name, error.place, error.frequency)
+            fault = knowledge.faults[error.fault]
+            shared = scales_from_zero(fault) and has_no_zero(signal, knowledge.units)
+            if not (use in kind.faults or shared or (adds(fault) and not signal.full_scale)):
+                yield use
 
 
 def fault_names(
@@ -309,8 +397,8 @@ def _affected(
     """Own observers that read what the fault acts on."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
-    own, opened = _opened(kind, target, symbols, observers)
-    return tuple(o for o, e in opened.items() if own in e.free_symbols)
+    own, over = opened(kind, target, symbols, observers)
+    return tuple(o for o, e in over.items() if own in e.free_symbols)
 
 
 def law_of(variant: Variant, g: sympy.Expr, x: sympy.Expr) -> sympy.Expr:
@@ -338,7 +426,11 @@ def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
 
 
 def _undone(
-    kind: ModuleType, faults: tuple[TypeFault, ...], symbols: Mapping[str, sympy.Symbol]
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    unlisted: tuple[TypeFault, ...],
+    symbols: Mapping[str, sympy.Symbol],
+    liquids: Sequence[FaultType],
 ) -> Undone:
     """At degree 0 these are the observers; at the true degree they agree again."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
@@ -346,26 +438,97 @@ def _undone(
         if fault.fault.acts_on == "signal":
             signals[fault.target] = _undo(fault, signals[fault.target])
     base = {**symbols, **signals}
-    replaced: dict[str, sympy.Expr] = {}
-    for fault in faults:
-        if fault.fault.acts_on == "definition":
-            current = _table(kind, base, replaced)[fault.target]
-            replaced[fault.target] = _undo(fault, current)
-    undone = _observers(kind, base, replaced)
-    for fault in faults:
-        if fault.fault.acts_on == "flow":
-            x = degree_symbol(fault.id)
-            for observer in fault.affects:
-                undone[observer] = law_of(fault.variant, undone[observer], x)
+    undone = _undone_over(kind, faults, base, symbols, {})
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
+    moved = _moved(kind, symbols, liquids)
+    of_liquid = {i: degree_symbol(i) for f in liquids for i in liquid_ids(f)}
+    in_liquid = _undone_over(kind, faults, base, symbols, moved) if moved else {}
+    in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
+    readings: dict[str, sympy.Expr] = {}
+    for fault in unlisted:
+        readings[fault.target] = _undo(fault, readings.get(fault.target, symbols[fault.target]))
+    of_readings = {name: symbols[name] for name in readings}
     return Undone(
         undone,
         signals,
         _slopes(undone, degrees),
         _slopes(signals, degrees),
         _slopes(undone, gathered),
+        readings,
+        _slopes(readings, {f.id: degree_symbol(f.id) for f in unlisted}),
+        _slopes(undone, of_readings),
+        {name: sympy.diff(signals[name], symbol) for name, symbol in of_readings.items()},
+        in_liquid,
+        _slopes(in_liquid, of_liquid),
     )
+
+
+def _undone_over(
+    kind: ModuleType,
+    faults: tuple[TypeFault, ...],
+    base: Mapping[str, sympy.Expr],
+    symbols: Mapping[str, sympy.Symbol],
+    moved: Mapping[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]],
+) -> dict[str, sympy.Expr]:
+    """Observers with faults undone over `base`, and laws of places `moved` by the liquid."""
+    known = {n: moved.get(("parameter", n), _same)(e) for n, e in base.items()}
+    replaced: dict[str, sympy.Expr] = {}
+    for name in kind.definitions:
+        if ("definition", name) in moved:
+            replaced[name] = moved["definition", name](written_out(kind, known, replaced)[name])
+        for fault in faults:
+            if fault.fault.acts_on == "definition" and fault.target == name:
+                replaced[name] = _undo(fault, written_out(kind, known, replaced)[name])
+    undone = _observers(kind, known, replaced)
+    undone = {o: moved.get(("observer", o), _same)(e) for o, e in undone.items()}
+    for fault in faults:
+        if fault.fault.acts_on == "flow":
+            x = degree_symbol(fault.id)
+            for observer in fault.affects:
+                undone[observer] = law_of(fault.variant, undone[observer], x)
+    return undone
+
+
+def _same(value: sympy.Expr) -> sympy.Expr:
+    return value
+
+
+def liquid_ids(fault: FaultType) -> list[str]:
+    """Ids of all directions of a fault of the liquid."""
+    assert fault.liquid is not None, "checked when the fault was read"
+    return [liquid_id(fault.liquid, variant.name) for variant in fault.variants]
+
+
+def _moved(
+    kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
+) -> dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]]:
+    """What each place should give where the liquid has changed, by its plain value."""
+    table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
+    values = {("definition", n): table[n] for n in kind.definitions}
+    values |= {("observer", n): e for n, e in observers.items()}
+    found: dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]] = {}
+    for fault in liquids:
+        assert fault.liquid is not None, "checked when the fault was read"
+        ratio = sympy.S.One
+        for variant in fault.variants:
+            x = degree_symbol(liquid_id(fault.liquid, variant.name))
+            ratio *= law_of(variant, sympy.S.One, x)
+        opening = partial(opened, kind, symbols=symbols, observers=observers)
+        for part in moved_by(fault.liquid, kind, symbols, values, opening):
+            before = found.get(part.place, _same)
+            found[part.place] = partial(_then, before, part, symbols, ratio)
+    return found
+
+
+def _then(
+    before: Callable[[sympy.Expr], sympy.Expr],
+    part: Moved,
+    symbols: Mapping[str, sympy.Symbol],
+    ratio: sympy.Expr,
+    plain: sympy.Expr,
+) -> sympy.Expr:
+    return part.law(before(plain), symbols, ratio)
 
 
 def degree_symbol(fault: str) -> sympy.Symbol:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 
 import rulec_runtime.contract.ruleset as contract
 
@@ -11,18 +13,16 @@ from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.written import filled, rounded
-from rulec.limits import ABSURD_FAULT
+from rulec.limits import ABSURD_FAULT, DIGITS
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
-from rulec.passes.derive_signatures import Signatures
+from rulec.passes.derive_signatures import Signature, Signatures
+from rulec.passes.emit_liquid import liquid_specs
 from rulec.passes.link import Network, junctions
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
-
-DIGITS = 9
-"""Significant digits of figures at the reference point."""
 
 
 def emit(
@@ -43,6 +43,8 @@ def emit(
     (9, 18, 76)
     """
     plant = network.plant
+    seen = {cell.fault for cell in signatures.unlisted}
+    unlisted = [h for h in assembly.unlisted if h.id in seen]
     return contract.Ruleset(
         format_version=contract.FORMAT_VERSION,
         plant=plant.name,
@@ -76,19 +78,7 @@ def emit(
             *(_settled(h) for h in assembly.hypotheses),
             *(_of_store(f) for f in balanced.faults if not f.settled),
         ),
-        cells=tuple(
-            contract.Cell(
-                rule.signature.fault,
-                rule.signature.residual,
-                rule.signature.sign,
-                rounded(rule.signature.gain, DIGITS),
-                rounded(rule.signature.sensitivity, DIGITS),
-                rounded(rule.signature.detectable, DIGITS),
-                rule.forms,
-                rule.equation,
-            )
-            for rule in rules
-        ),
+        cells=tuple(_cell(rule.signature, rule.forms, rule.equation) for rule in rules),
         ambiguous=tuple(_ambiguous(group) for group in isolability.groups),
         unobserved=_unobserved(isolability.unobserved, balanced),
         parameters=_parameters(plant),
@@ -102,7 +92,49 @@ def emit(
             for b in junctions(plant)
             if b not in network.balances
         ),
+        unlisted=tuple(replace(_settled(h), unlisted=True) for h in unlisted),
+        unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
+        regimes=tuple(_regimes(plant, assembly)),
+        liquid=tuple(liquid_specs(plant, assembly, residuals, signatures)),
     )
+
+
+def _cell(cell: Signature, forms: tuple[str, ...], equation: str) -> contract.Cell:
+    return contract.Cell(
+        cell.fault,
+        cell.residual,
+        cell.sign,
+        rounded(cell.gain, DIGITS),
+        rounded(cell.sensitivity, DIGITS),
+        rounded(cell.detectable, DIGITS),
+        forms,
+        equation,
+    )
+
+
+def _regimes(plant: Plant, assembly: Assembly) -> Iterator[contract.RegimeSpec]:
+    """Regimes of all modules; those that stand on what is stored have no margin."""
+    for module in plant.modules.values():
+        for regime in module.type.settled().regimes.values():
+            name = f"{module.name}.{regime.name}"
+            yield contract.RegimeSpec(
+                id=name,
+                module=module.name,
+                title=regime.title,
+                text=filled(regime.text, {"module": module.name}),
+                action=regime.action,
+                status=regime.status,
+                when=tuple(
+                    contract.RegimeCondition(
+                        c.text,
+                        f"{module.name}.{c.signal}" if c.signal else "",
+                        c.above,
+                        "" if c.signal else f"{name}:{i}",
+                    )
+                    for i, c in enumerate(regime.when)
+                ),
+                origin=_origin(regime.origin),
+            )
 
 
 def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:

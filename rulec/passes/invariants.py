@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 
-from rulec.passes.derive_rules import most_telling
+from rulec.passes.derive_signatures import most_telling
 from rulec.passes.types import Compilation
 
 

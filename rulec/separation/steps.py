@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Step
 from rulec_runtime.report.wording import worst_first
 
 from rulec.separation.allowed import Allowed
 from rulec.separation.distance import Case, FaultMeasure
-from rulec.separation.propose import propose
+from rulec.separation.propose import Proposal, propose
 from rulec.separation.words import step_in_words
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 
@@ -48,16 +50,22 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         baseline=finding.baseline > 0,
         bounds=allowed.readings,
     )
-    names = [name for name, _ in finding.alternatives]
-    rows = []
-    for name in names:
-        other = ruleset.fault_by_id[name]
-        degree = measure.degree_of(other, finding.fault, finding.degree)
-        row = [Case(finding.fault, finding.degree, other)]
-        # What cannot look like the finding here has no degree from which to look back.
-        rows.append(row + ([Case(other, degree, finding.fault)] if degree > 0.0 else []))
+    rows = {
+        name: _cases(measure, finding, ruleset.fault_by_id[name])
+        for name, _ in finding.alternatives
+    }
     present = {s.id: s.shown(measure.present[s.id]) for s in signals}
-    proposal = propose(allowed, present, replace(measure, rows=rows))
+
+    def proposed(names: Sequence[str]) -> Proposal:
+        return propose(allowed, present, replace(measure, rows=[rows[name] for name in names]))
+
+    names, listed = [*rows], [name for name in rows if not ruleset.fault_by_id[name].unlisted]
+    proposal = proposed(names)
+    if 0 < len(listed) < len(names):
+        # What no module lists is too seldom to spoil product for.
+        cheaper = proposed(listed)
+        if len(cheaper.costs) < len(proposal.costs):
+            names, proposal = listed, cheaper
     changes = tuple(
         (name, measure.present[name], allowed.inputs[name].si(shown))
         for name, shown in proposal.changes.items()
@@ -70,3 +78,11 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         costs=proposal.costs,
         text=step_in_words(ruleset, allowed, present, finding.fault.id, names, proposal),
     )
+
+
+def _cases(measure: FaultMeasure, finding: Finding, other: FaultSpec) -> list[Case]:
+    """The finding seen as another cause, and that one as the finding."""
+    degree = measure.degree_of(other, finding.fault, finding.degree)
+    row = [Case(finding.fault, finding.degree, other)]
+    # What cannot look like the finding here has no degree from which to look back.
+    return row + ([Case(other, degree, finding.fault)] if degree > 0.0 else [])

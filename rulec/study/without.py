@@ -21,9 +21,10 @@ Without = Mapping[str, Mapping[str, Any]]
 
 def without_each(ruleset: Ruleset) -> Without:
     """Per signal that something reads, as JSON data: `unseen` are faults that cannot be seen
-    without it, `merged` groups of others that cannot be told apart then, and can with it, at one
-    operating point."""
+    without it, `merged` groups of others that modules list, which cannot be told apart then, and
+    can with it, at one operating point."""
     visible = visible_of(ruleset)
+    listed_ones = {f.id for f in ruleset.faults}
     every = [_alike(one, frozenset()) for one in visible.parts]
     found = {}
     for signal in (s.id for s in ruleset.signals if s.id in ruleset.read):
@@ -33,7 +34,7 @@ def without_each(ruleset: Ruleset) -> Without:
             group
             for one, before in zip(visible.parts, every, strict=True)
             if signal in one.signals
-            for group in _merged(list(one.highest), _alike(one, lost), before)
+            for group in _merged(_alike(one, lost), before, one, listed_ones)
         ]
         found[signal] = {
             "unseen": [f.id for f in ruleset.faults if f.id in unseen],
@@ -42,8 +43,14 @@ def without_each(ruleset: Ruleset) -> Without:
     return found
 
 
-def _merged(faults: list[str], now: np.ndarray, before: np.ndarray) -> Iterator[list[str]]:
-    """Groups of faults that are alike now, some of which were not before; each flags pairs."""
+def _merged(
+    now: np.ndarray, before: np.ndarray, one: Sighted, listed_ones: set[str]
+) -> Iterator[list[str]]:
+    """Groups of listed faults of a part that are alike now, some of which were not before; each
+    flags pairs of all its faults."""
+    faults = list(one.highest)
+    chosen = np.array([name in listed_ones for name in faults], dtype=bool)
+    now = now & np.outer(chosen, chosen)
     left = {int(i) for i in np.flatnonzero(now.any(axis=0))}
     while left:
         group, grown = np.zeros(0, dtype=int), np.array([min(left)])

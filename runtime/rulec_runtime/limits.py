@@ -230,6 +230,17 @@ PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient. Origin:
 assumed."""
 
+FEWEST_EVENTS = 3
+"""Times that something comes and goes before it is told. Origin: assumed, twice may be chance."""
+
+LONGEST_EVENT = 10
+"""Samples between two settled stretches at most that count as an event: what lasts longer settles.
+Origin: assumed."""
+
+LEAST_EVENT = 2.0
+"""Samples that a single reading must be off each time, on average: else it glitches. Origin:
+assumed."""
+
 SETTLING = 5
 """Samples behind a jump at most that are left out because a reading still settles. Origin:
 assumed."""
@@ -400,6 +411,25 @@ FREED_FROM = 0.05
 FREED_TO = 3.0
 """High end of the values tried, in references, where a sensor has no range. Origin: assumed."""
 
+STAND_IN_VALUES = 15
+"""Values tried for a reading that was taken out, between the ends of its range. Origin: numerical,
+each stands for all as near to it as to the next one."""
+
+STAND_INS = 60
+"""Stretches in which a value stands in for a reading that was taken out, spread evenly over all of
+them. Origin: assumed, what a finding needs; each costs as much as a hundred others."""
+
+STAND_INS_REFINED = 2
+"""Of the values tried those whose neighbours are tried next. Origin: numerical."""
+
+STAND_IN_ROUNDS = 3
+"""Times that neighbours are tried, each time three times closer: in the end a thousandth of the
+range. Origin: numerical, the equations are straight enough from there."""
+
+STAND_IN_SPREAD = 0.3
+"""Standard uncertainty of a value that stands in for a reading, as a share of the range: that of
+any value in it being as likely (the range over the root of 12). Origin: distribution, uniform."""
+
 SHOULD_MOVE = 6.0
 """Standard uncertainties by which the value that suits the others must move. Origin: assumed."""
 
@@ -526,6 +556,67 @@ LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
 cycle of ambient temperature, which moves most of them."""
 
+# Courses of a degree ------------------------------------------------------------------------------
+
+POINTS_OF_A_COURSE = 48
+"""Stretches that one course has to explain, of more some, evenly. Origin: assumed."""
+
+POINTS_THAT_GROW = 6
+"""Stretches below which no growth is looked for. Origin: assumed; a line has two parameters, and as
+many again tell whether it is one."""
+
+USUAL_DEGREE = 0.3
+"""Degree of usual size, of a share, or of the range of a sensor. Origin: assumed; as the usual
+sizes of leakage and clogging in kb/faults."""
+
+VISITED = 4
+"""Operating points kept of a plant-day. Origin: assumed; a month has more than a course needs."""
+
+BENDS_OF_A_COURSE = 5
+"""Times at which the growth of a degree may change. Origin: numerical; more give the same."""
+
+ONSETS_AT_FIRST = 8
+"""Every which stretch is tried as the first one with a fault, before its course is worked out.
+Origin: numerical; growth that began between two of them is seen as well."""
+
+POINTS_OF_A_STEP = 3
+"""Stretches per step at least. Origin: assumed; with fewer, steps would go through all of them."""
+
+STEPS_OF_A_COURSE = 8
+"""Steps at most that growth is compared with. Origin: numerical; the rest is told by runs."""
+
+BENDING = (0.0, 0.1, 0.5, 2.0)
+"""By how much growth may change on its way, over growth that leads to a usual degree. Origin:
+assumed; each way is as likely, and counts by its evidence."""
+
+WANDERS = ((LASTING, 0.125), (7.0 * 86400.0, 0.125), (90.0 * 86400.0, 0.25), (math.inf, 0.5))
+"""Times, s, over which parts of the variance of lasting errors lose their memory, and these parts,
+where degrees are followed over hours or months: the day, the week, the season, and what never
+changes. Origin: assumed; the bound of a sensor's class holds its calibration, which stays, and as
+much again that drifts, on every scale of time."""
+
+COURSE_CONVERGED = 1e-4
+"""Change of a degree, of its scale, at which its course has been found. Origin: numerical."""
+
+SOONEST, LATEST, TIMES_AHEAD = 1e-3, 30.0, 400
+"""Times between which a degree is looked at ahead, over that for which it has grown, and how many
+of them. Origin: numerical; nobody plans further ahead."""
+
+STEPS_THAT_GROW = 2
+"""Steps up from which on a fault is told to grow. Origin: assumed."""
+
+COURSES_TRIED = 4
+"""Faults whose courses are worked out, besides those that are named: those that explain most to
+first order. Origin: assumed."""
+
+PARTS_OF_A_COURSE = 3
+"""Degrees of freedom of a course: where it begins, how large it is and how fast it grows. Origin:
+distribution."""
+
+GROWS = math.log(20.0)
+"""Evidence of growth over steps from which on a fault is told to grow. Origin: assumed, strong
+evidence (Kass and Raftery 1995)."""
+
 # Test of a hypothesis ----------------------------------------------------------------------------
 
 UNTOUCHED = 1e-6
@@ -560,6 +651,11 @@ GAIN_AT_FIRST = 0.1
 """Share of what the best of these lowers chi-square by which another one lowers it at least to
 first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
 assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
+
+LIQUID_AT_FIRST = 0.5
+"""Share of what is left to explain of chi-square by which a change of the liquid lowers it at least
+to first order in its degree, if it is to be tried. Origin: assumed; its laws are powers, so that
+the first order points where it leads, and the tolerance of its laws does the rest."""
 
 NAMED_ALONE = 0.5
 """Probability from which on a stretch names a fault on its own. Origin: standard (more probable
@@ -685,6 +781,29 @@ MENTION = 0.02
 FREQUENCY_ODDS = {"common": 10.0, "usual": 1.0, "rare": 0.1}
 """Prior odds of a fault by the word for how often it comes, over one that comes as usual. Origin:
 assumed; steps of ten, as the words stand for orders of magnitude and for no counts."""
+
+UNLISTED_ODDS = 0.1
+"""Prior odds of an error of a reading that no module lists, over a listed fault of the same word.
+Origin: assumed; who describes a module lists what comes in it."""
+
+ALIKE = 0.8
+"""Share of the likelihood of a cause from which on a reading's error that no module lists stands
+beside it, however seldom it comes: no reading speaks against either. Origin: assumed."""
+
+SECOND_FAULT = math.log(100.0)
+"""Advantage, as a log-likelihood, that two faults at once need over a change of the liquid alone.
+Origin: assumed; two steps of `FREQUENCY_ODDS`, as a second fault is a coincidence."""
+
+BY_TEMPERATURE = math.log(10.0)
+"""Advantage, as a log-likelihood, of a change of the liquid where recorded temperatures moved as it
+needs; as large a disadvantage where they did not. Origin: assumed, a step of `FREQUENCY_ODDS`."""
+
+SAME_TEMPERATURE = 0.5
+"""Kelvin within which a temperature is told to have stayed where it was. Origin: assumed."""
+
+AS_GOOD = 0.5
+"""Share of the likelihood of the best listed fault that an error which no module lists has in
+some stretch, to be tried on the run: less than `ALIKE`, as noise moves both. Origin: assumed."""
 
 HEADLINE_RIVAL = 0.2
 """Alternatives more probable than this stand in the headline. Origin: assumed."""

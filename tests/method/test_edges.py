@@ -120,7 +120,7 @@ def test_nothing_breaks(edge: str, mode: str) -> None:
     form = json.dumps(diagnosis_form(judged(edge, mode)), allow_nan=False)
     assert form
     rules = ruleset(EDGES[edge][0])
-    table = trace_csv(trace(edge_recording(edge), rules, mode), rules)
+    table = trace_csv(trace(edge_recording(edge), rules, mode))
     assert not {"nan", "inf", "-inf"} & set(table.replace("\n", ",").split(","))
 
 

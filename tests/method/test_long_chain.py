@@ -12,7 +12,7 @@ from rulec.algebra.span import Span
 from rulec.commands import matrix_page
 from rulec.commands.matrix_page import left_out
 from rulec.limits import MOST_RULES, MOST_SUMMED
-from rulec.passes import derive_residuals, derive_rules
+from rulec.passes import derive_residuals, derive_signatures
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.bench.rigs import chain
@@ -74,7 +74,7 @@ def test_a_fault_keeps_the_rules_that_show_it_first(
     most = max(len(cells) for cells in whole.cells_of_fault.values())
     assert 5 < most <= MOST_RULES
     assert not left_out(compiled("abc"))
-    monkeypatch.setattr(derive_rules, "MOST_RULES", 5)
+    monkeypatch.setattr(derive_signatures, "MOST_RULES", 5)
     monkeypatch.setattr(matrix_page, "MOST_RULES", 5)
     few = compile_plant(plant)
     assert "the 5 residuals that tell it first" in left_out(few)

@@ -129,15 +129,15 @@ def test_what_is_not_tried_would_be_refused(
         return [*headers._candidates(recording, of_all, plain, set())]
 
     changed = Changed(of_all)
-    tried = {one.text for one in candidates() if headers._may_agree(of_all, one, changed)}
+    tried = {one.texts for one in candidates() if headers._may_agree(of_all, one, changed)}
 
     def allowing(near: Near, signal: str, values: Array, *rest: Any) -> Verdicts:
         none = np.zeros(values.shape, dtype=bool)
         return Verdicts(~none, none, ~none)
 
     monkeypatch.setattr(Near, "judge", allowing)
-    left = [one for one in candidates() if one.text not in tried]
+    left = [one for one in candidates() if one.texts not in tried]
     assert len(left) > 10
     for one, found in of_all.agreements(left, lambda m: headers._read(of_all, m)):
         sense = headers._makes_sense(of_all, one, found)
-        assert not (sense and headers._beats_faults(of_all, one, found)), one.text
+        assert not (sense and headers._beats_faults(of_all, one, found)), one.texts

@@ -116,11 +116,12 @@ def test_the_time_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_matrix_has_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All residuals and faults, and each group of faults that are alike."""
+    """All residuals and faults, a row per reading, and each group of faults that are alike."""
     file = tmp_path / "matrix.html"
     assert 0 == main(["matrix", str(ROOT / "plants" / "abc"), "--report", str(file)])
     assert "matrix.html" in capsys.readouterr().out.replace("\n", "")
     page, abc = ET.fromstring(file.read_text(encoding="utf-8")), compiled("abc")
     rows = page.findall(".//table[@class='matrix']/tbody/tr")
-    assert [f.id for f in abc.faults] == [row.findtext("th") for row in rows]
+    names = [*(f.id for f in abc.faults), *abc.moved_by_reading]
+    assert names == [row.findtext("th") for row in rows]
     assert len(abc.ambiguous) == len(page.findall(".//dt/b[@class='alike']"))

@@ -25,7 +25,7 @@ from tests.runtime.sheets import write
 def test_shares_sum_to_one(leaking: Judged, abc: Ruleset) -> None:
     """Every case lies in exactly one cell."""
     assert leaking.truth is not None
-    table = shares(cases_of(leaking.truth, leaking.trace, abc))
+    table = shares(cases_of(leaking.truth, leaking.trace))
     assert table.sum() == pytest.approx(1.0, abs=1e-12)
     assert {0.0} == set(np.delete(table, 4, axis=0).ravel())
 
@@ -52,11 +52,11 @@ def test_another_fault_counts_as_nothing_found(leaking: Judged, abc: Ruleset) ->
     """Truth about B while A is diagnosed: degree 0, not named; A alone is a false alarm."""
     assert leaking.truth is not None
     swapped = dataclasses.replace(leaking.truth, faults=("B.leakage",))
-    cases = cases_of(swapped, leaking.trace, abc)
+    cases = cases_of(swapped, leaking.trace)
     assert {0.0} == set(cases.degree[cases.fault >= 0])
     assert not cases.named[cases.fault >= 0].any()
     none = dataclasses.replace(leaking.truth, degree=np.zeros_like(leaking.truth.degree))
-    cases = cases_of(none, leaking.trace, abc)
+    cases = cases_of(none, leaking.trace)
     assert 27 == int((~cases.named).sum())
     assert 0.6 == round(float(cases.discrepancy.max()), 1)
 
@@ -67,7 +67,7 @@ def judged_as(judged: Judged, word: str, faults: dict[str, float], ruleset: Rule
     n = len(judged.trace.time)
     degree = np.array([np.full(n, x) for x in faults.values()])
     truth = dataclasses.replace(judged.truth, faults=tuple(faults), degree=degree)
-    return cases_of(truth, dataclasses.replace(judged.trace, verdict=(word,) * n), ruleset)
+    return cases_of(truth, dataclasses.replace(judged.trace, verdict=(word,) * n))
 
 
 @pytest.mark.parametrize(

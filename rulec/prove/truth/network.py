@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .plant import Plant
+from .pumps import Passable
 from .units import Array
 
 ITERATIONS = 50
@@ -54,15 +55,18 @@ class OperatingPoint:
     mixer_pressure: Array
 
 
-def solve(plant: Plant, condition: Condition) -> OperatingPoint:
+def solve(plant: Plant, condition: Condition, *, backflow: bool = False) -> OperatingPoint:
     """Solve the coupled network for all samples.
+
+    `backflow`: whether the laws of the pumps hold for liquid that runs back, too.
 
     Raises
     ------
     RuntimeError
         No convergence to TOLERANCE.
     ValueError
-        A pump cannot overcome its back-pressure: its laws do not describe backflow.
+        A pump cannot overcome its back-pressure: its laws do not describe backflow, unless it is
+        `Passable`, or backflow is asked for.
 
     Source: own derivation; continuity at every mixer, pressure balance along every path.
     """
@@ -75,7 +79,7 @@ def solve(plant: Plant, condition: Condition) -> OperatingPoint:
         error = np.abs(step).max(axis=1) / np.abs(pump_flow).max(axis=1)
         if np.all(error <= TOLERANCE):
             break
-    _check(plant, pump_flow, error)
+    _check(plant, pump_flow, error, backflow)
     return _operating_point(plant, condition, pump_flow)
 
 
@@ -120,7 +124,7 @@ def _pressure_slope(plant: Plant, condition: Condition, point: OperatingPoint) -
     return slope * (1.0 - condition.leak)[:, None, :]
 
 
-def _check(plant: Plant, pump_flow: Array, error: Array) -> None:
+def _check(plant: Plant, pump_flow: Array, error: Array, backflow: bool) -> None:
     """Refuse what is no operating point, naming sample and module."""
     bad = np.flatnonzero(~(error <= TOLERANCE))  # ~(<=) also catches NaN
     if bad.size:
@@ -128,7 +132,9 @@ def _check(plant: Plant, pump_flow: Array, error: Array) -> None:
             f"operating point not found for {bad.size} of {error.size} samples, first "
             f"{bad[0]}: relative step {error[bad[0]]:.1e} after {ITERATIONS} iterations"
         )
-    for name, flow in zip(plant.modules, pump_flow.T, strict=True):
+    for (name, module), flow in zip(plant.modules.items(), pump_flow.T, strict=True):
+        if backflow or isinstance(module.pump, Passable):
+            continue
         if np.any(flow <= 0.0):
             raise ValueError(
                 f"pump of module '{name}' cannot overcome its back-pressure in sample "

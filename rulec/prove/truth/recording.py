@@ -42,7 +42,8 @@ def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:
     """
     operation = run.operation
     check_faults(run.plant, run.faults, operation.time.size)
-    point = solve(run.plant, condition_of(run.plant, operation, run.faults))
+    condition = condition_of(run.plant, operation, run.faults)
+    point = solve(run.plant, condition, backflow=run.backflow)
     readings = {"time [s]": operation.time}
     for place, sensor, value in _signals(run, point):
         shown = read(sensor, place, value, sensing, seed)

@@ -22,11 +22,15 @@ Speeds = Mapping[str, float]  # of each module, rev/s
 
 @dataclass(frozen=True)
 class Run:
-    """A plant, how it is run, and what is wrong with it."""
+    """A plant, how it is run, and what is wrong with it.
+
+    `backflow`: whether its pumps' laws hold for liquid that runs back, too.
+    """
 
     plant: Plant
     operation: Operation
     faults: Faults = field(default_factory=dict)
+    backflow: bool = False
 
 
 def healthy_run(plant: Plant, samples: int = 60) -> Run:

@@ -238,9 +238,9 @@ def journal_options(journal: argparse.ArgumentParser) -> None:
     journal.add_argument(
         "--kind",
         metavar="K",
-        type=_choice("fault", "sensor", "unknown", "blind", "source"),
+        type=_choice("fault", "sensor", "regime", "unknown", "blind", "source"),
         default=(),
-        help="fault, sensor, unknown, blind or source; several with commas",
+        help="fault, sensor, regime, unknown, blind or source; several with commas",
     )
     letters = "letters of NE 107, such as F,C,S,M"
     journal.add_argument("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)

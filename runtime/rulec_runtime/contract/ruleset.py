@@ -153,7 +153,8 @@ class FaultSpec:
     itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
     With a `unit` the degree is a size that is added to the reading; else it is a share.
     `frequency` says how often it comes beside other faults, as `frequency_origin` has it. Nobody
-    would believe a degree from `absurd` on, where that is below `highest`.
+    would believe a degree from `absurd` on, where that is below `highest`. An `unlisted` one
+    may be in any reading of its class: no module lists it, and no rule gives its degree.
     """
 
     id: str
@@ -175,6 +176,7 @@ class FaultSpec:
     frequency: str = field(default=USUAL, metadata=SELDOM)
     frequency_origin: str = field(default="", metadata=SELDOM)
     absurd: float | None = field(default=None, metadata=SELDOM)
+    unlisted: bool = field(default=False, metadata=SELDOM)
 
     @property
     def credible(self) -> float:
@@ -190,8 +192,9 @@ class FaultSpec:
 
     @property
     def odds(self) -> float:
-        """Prior odds of it, over a fault that comes as usual."""
-        return limits.FREQUENCY_ODDS[self.frequency]
+        """Prior odds of it, over a listed fault that comes as usual."""
+        listed = limits.UNLISTED_ODDS if self.unlisted else 1.0
+        return listed * limits.FREQUENCY_ODDS[self.frequency]
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ class Cell:
 
     `gain` is dR/dg (g: what the fault scales), `sensitivity` dR/dx in m3/s per unit of degree,
     `detectable` the degree at which the residual leaves its threshold. `forms` lists the rule
-    forms that the plan holds as ``x:<form>:<fault>:<residual>``.
+    forms that the plan holds as ``x:<form>:<fault>:<residual>``: none of an unlisted fault.
     """
 
     fault: str
@@ -307,6 +310,52 @@ class Dynamics:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LiquidSpec:
+    """A change of the liquid: a fault of no module, which makes estimates of several wrong at once.
+
+    `cells` are as those of other faults, without rules. Where `per_kelvin` (1/K, known to a
+    `factor`) is not 0, the property follows the temperature; `thermometers` are the signals that
+    measure one. `sign` is that of the change of the property.
+    """
+
+    fault: FaultSpec
+    cells: tuple[Cell, ...]
+    sign: int
+    per_kelvin: float
+    factor: float
+    thermometers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RegimeCondition:
+    """A condition of a regime, `text` as its author wrote it.
+
+    With a `signal` its reading is not below its minimum (`above`), or below it. Else the plan's
+    output ``margin:<margin>`` is positive beyond ``u_margin:<margin>``, its standard uncertainty.
+    """
+
+    text: str
+    signal: str
+    above: bool
+    margin: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegimeSpec:
+    """A way in which a module runs that its laws for delivering do not cover, such as dry; all
+    conditions must hold."""
+
+    id: str
+    module: str
+    title: str
+    text: str
+    action: str
+    status: str
+    when: tuple[RegimeCondition, ...]
+    origin: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class KnowledgeSpec:
     """A folder of knowledge that the ruleset is made from.
 
@@ -323,7 +372,11 @@ class Ruleset:
     """Everything the runtime needs to judge recordings of one plant.
 
     `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
-    that store: what meets there is connected, and no flows balance.
+    that store: what meets there is connected, and no flows balance. `unlisted` are errors that a
+    reading may have whatever its module lists, with cells of their own: causes beside `faults`.
+    `liquid` are changes of the liquid; `undo` gives the observers that they move as ``ql:``, and
+    slopes by their degrees as ``dql:``. The ruleset of a part has them among its `faults`, as
+    ``q:`` and ``dq:``.
     """
 
     format_version: int
@@ -351,10 +404,46 @@ class Ruleset:
     file: FileForm = field(default=AS_SEEN, metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
     unbalanced: tuple[Junction, ...] = field(default=(), metadata=SELDOM)
+    unlisted: tuple[FaultSpec, ...] = field(default=(), metadata=SELDOM)
+    unlisted_cells: tuple[Cell, ...] = field(default=(), metadata=SELDOM)
+    regimes: tuple[RegimeSpec, ...] = field(default=(), metadata=SELDOM)
+    liquid: tuple[LiquidSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
-        return {f.id: f for f in self.faults}
+        """Those that are listed, and the others."""
+        liquid = (change.fault for change in self.liquid)
+        return {f.id: f for f in (*self.faults, *self.unlisted, *liquid)}
+
+    @cached_property
+    def is_listed(self) -> np.ndarray:
+        """Which faults some module lists, flags of the shape (faults,)."""
+        return np.array([not f.unlisted for f in self.faults], dtype=bool)
+
+    @cached_property
+    def doubted(self) -> Array:
+        """Logarithm of the prior odds of the faults that no module lists, 0 of the others, shape
+        (faults,)."""
+        return np.where(self.is_listed, 0.0, np.log(self.odds))
+
+    @cached_property
+    def moved_by_reading(self) -> Mapping[str, frozenset[str]]:
+        """Residuals that some unlisted error of a reading moves, by the signal."""
+        cells: dict[str, set[str]] = {}
+        for cell in self.unlisted_cells:
+            (signal,) = self.fault_by_id[cell.fault].scales
+            cells.setdefault(signal, set()).add(cell.residual)
+        return {signal: frozenset(moved) for signal, moved in cells.items()}
+
+    def with_unlisted(self) -> Ruleset:
+        """The same ruleset with all that may be wrong among its faults, the listed ones first."""
+        return dataclasses.replace(
+            self,
+            faults=(*self.faults, *self.unlisted),
+            cells=(*self.cells, *self.unlisted_cells),
+            unlisted=(),
+            unlisted_cells=(),
+        )
 
     @cached_property
     def odds(self) -> Array:
@@ -392,8 +481,9 @@ class Ruleset:
 
     @cached_property
     def cells_of_fault(self) -> Mapping[str, tuple[Cell, ...]]:
-        found: dict[str, list[Cell]] = {f.id: [] for f in self.faults}
-        for cell in self.cells:
+        found: dict[str, list[Cell]] = {name: [] for name in self.fault_by_id}
+        others = (*self.unlisted_cells, *(c for change in self.liquid for c in change.cells))
+        for cell in dict.fromkeys((*self.cells, *others)):
             found[cell.fault].append(cell)
         return {name: tuple(cells) for name, cells in found.items()}
 

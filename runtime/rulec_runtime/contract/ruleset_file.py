@@ -74,7 +74,8 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
         "signal": [s.id for s in ruleset.signals],
         "observer": [o.id for o in ruleset.observers],
         "residual": [r.id for r in ruleset.residuals],
-        "fault": [f.id for f in ruleset.faults],
+        "fault": list(ruleset.fault_by_id),
+        "regime": [r.id for r in ruleset.regimes],
         "module": list(ruleset.modules),
         "output": list(ruleset.plan.outputs),
         "kind of uncertainty": list(UNCERTAINTIES),
@@ -124,14 +125,24 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield from (("module", m) for m in (*junction.outlets, *junction.inlets))
     for residual in ruleset.residuals:
         yield from (("observer", t.observer) for t in residual.terms)
-    for fault in ruleset.faults:
+    for fault in (*ruleset.faults, *ruleset.unlisted):
         yield "module", fault.module
         yield "frequency", fault.frequency
         yield from (("observer", o) for o in fault.affects)
         yield from (("signal", s) for s in fault.scales)
-    for cell in ruleset.cells:
+    for change in ruleset.liquid:
+        yield "frequency", change.fault.frequency
+        yield from (("observer", o) for o in change.fault.affects)
+        yield from (("signal", s) for s in (*change.fault.scales, *change.thermometers))
+    others = (*ruleset.unlisted_cells, *(c for change in ruleset.liquid for c in change.cells))
+    for cell in (*ruleset.cells, *others):
         yield "fault", cell.fault
         yield "residual", cell.residual
+    for regime in ruleset.regimes:
+        yield "module", regime.module
+        yield from (("signal", c.signal) for c in regime.when if c.signal)
+        margins = [c.margin for c in regime.when if not c.signal]
+        yield from (("output", f"{kind}:{m}") for m in margins for kind in ("margin", "u_margin"))
     yield from _references_of_steps(ruleset.simulation)
     if ruleset.dynamics is not None:
         yield from (("signal", s) for s in (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,14 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind, blind_of
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
-from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
+from rulec_runtime.diagnosis.steady.visited import Visited, visited_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -37,7 +41,9 @@ class Diagnosis:
     sensors: tuple[SensorFinding, ...] = ()
     calendar: Calendar | None = None
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
     blind: tuple[Blind, ...] = ()
+    visited: Visited | None = None
 
     @property
     def is_whole(self) -> bool:
@@ -91,7 +97,9 @@ def assembled(
         sensors=health.findings,
         calendar=recording.calendar,
         latest=found.latest,
+        regimes=tuple(sorted(found.regimes, key=lambda r: r.since)),
         blind=blind,
+        visited=found.visited,
     )
 
 
@@ -117,12 +125,14 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
         since, until = float(recording.time[0]), float(recording.time[-1])
         return 0, Found([], [], [Period(since, until, restless(len(recording)))])
     seen = see_stretches(recording, ruleset, stretches, noise, mode)
-    return told_of(ruleset, timeline_of(recording.time, stretches), seen)
+    judged, found = told_of(ruleset, timeline_of(recording.time, stretches), seen)
+    found.findings.extend(events_of(recording, ruleset, stretches, noise, seen, mode))
+    return judged, found
 
 
 def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant say of settled stretches."""
-    each = [against_sheet(timeline, p, findings_of(timeline, ruleset, p)) for p in seen]
+    each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in seen]
     return together(ruleset, timeline, seen, each)
 
 
@@ -132,6 +142,11 @@ def together(
     """The same, where it is known what each part says."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)
     found = joined(each, latest_of(ruleset, timeline, seen))
+    found = replace(
+        found,
+        regimes=regimes_of(ruleset, timeline, seen[0].points),
+        visited=visited_of(timeline, seen[0].points, judged),
+    )
     return int(timeline.samples[judged].sum()), found
 
 
@@ -157,6 +172,7 @@ def restless(samples: int) -> str:
 def status_of(found: Found, judged: int, blind: Sequence[Blind] = ()) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
+    letters |= {r.regime.status for r in found.regimes}
     return worst(letters if judged and not blind else letters | {"C"})
 
 

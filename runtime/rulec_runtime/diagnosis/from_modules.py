@@ -46,7 +46,9 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
     missing = sorted(ruleset.observed - points.values.keys())
     if missing:
         notes.append(FIRST_ORDER)
-        ruleset = replace(ruleset, undo=first_order(ruleset, results))
+        undo = first_order(ruleset, results)
+        # Modules tell slopes by listed faults alone.
+        ruleset = replace(ruleset, undo=undo, unlisted=(), unlisted_cells=())
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
     seen = [
@@ -149,14 +151,15 @@ def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
 
     Its inputs are the modules' estimates and slopes, and the degrees.
     """
-    slopes = [n for n in ruleset.undo.outputs if n.startswith("dq:")]
+    listed = {fault.id for fault in ruleset.faults}
+    slopes = [n for n in ruleset.undo.outputs if n.startswith("dq:") and _fault(n) in listed]
     if lost := [n for n in slopes if n not in results.columns]:
         raise RecordingRefused(
             f"the results hold neither all mean readings nor the column '{lost[0]}': faults cannot "
             "be undone"
         )
     flows = [f"q:{o.id}" for o in ruleset.observers]
-    degrees = [n for n in ruleset.undo.inputs if n.startswith("x:")]
+    degrees = [n for n in ruleset.undo.inputs if n.removeprefix("x:") in listed]
     inputs = [*flows, *slopes, *degrees]
     place = {name: i for i, name in enumerate(inputs)}
     operations: list[Operation] = []
@@ -164,13 +167,18 @@ def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
     for flow in flows:
         total = place[flow]
         for slope in slopes:
-            _, observer, fault = slope.split(":", 2)
+            observer, fault = slope.split(":")[1], _fault(slope)
             if f"q:{observer}" == flow and f"x:{fault}" in place:
                 operations.append(("mul", place[slope], place[f"x:{fault}"]))
                 operations.append(("add", total, len(inputs) + len(operations) - 1))
                 total = len(inputs) + len(operations) - 1
         outputs[flow] = total
     return Plan(tuple(inputs), (), tuple(operations), outputs)
+
+
+def _fault(slope: str) -> str:
+    """The fault by whose degree it is a slope."""
+    return slope.split(":", 2)[2]
 
 
 def _unfit(results: ModuleResults, ruleset: Ruleset) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -32,11 +32,15 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
     stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
-    degree = np.zeros((len(ruleset.faults), len(recording)))
+    known: list[Seen] = []
+    if len(stretches):
+        known = see_stretches(recording, ruleset, stretches, noise, mode, keep=True)
+    names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(known)]))
+    rows = {name: row for row, name in enumerate(names)}
+    degree = np.zeros((len(rows), len(recording)))
     half = np.zeros_like(degree)
-    if not len(stretches):
-        return Trace(recording.time, tuple(words), degree, degree, degree)
-    known = see_stretches(recording, ruleset, stretches, noise, mode, keep=True)
+    if not known:
+        return Trace(recording.time, tuple(words), degree, degree, degree, names)
     chosen = np.concatenate(
         [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     )
@@ -45,12 +49,23 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(seen, i)
         for one in seen:
-            fits, at = one.isolation.probability > 0, np.ix_(one.part.faults, here)
-            degree[at] += np.where(fits, one.isolation.degree, 0.0)
-            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u, 0.0)
+            own = [i for i, f in enumerate(one.part.ruleset.faults) if f.id in rows]
+            there = np.array([rows[one.part.ruleset.faults[i].id] for i in own], dtype=int)
+            at = np.ix_(there, here)
+            fits = one.isolation.probability[own] > 0
+            degree[at] += np.where(fits, one.isolation.degree[own], 0.0)
+            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u[own], 0.0)
     return Trace(
-        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
+        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half, names
     )
+
+
+def _unlisted(known: Sequence[Seen]) -> Iterator[str]:
+    """Faults that no module lists and some stretch names."""
+    for seen in known:
+        faults = seen.part.ruleset.faults
+        for point in np.flatnonzero(seen.isolation.deviating).tolist():
+            yield from (faults[i].id for i in verdict_at(seen, point).faults if faults[i].unlisted)
 
 
 def _word(seen: Sequence[Seen], point: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from functools import lru_cache
 from itertools import groupby
@@ -34,6 +34,10 @@ UNREAD = "unread"
 FINDING = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability",
            "since", "until", "active", "text", "action")  # fmt: skip
 """What is kept of a finding, as `rulec diagnose --json` has it."""
+
+POINTS = "points"
+"""Of a row, operating points that were kept: a row for each and each signal, with times in s since
+1970, readings in SI."""
 
 Row = dict[str, Any]
 
@@ -73,6 +77,7 @@ def blank(task: Task) -> Row:
         "reason": "",
         "findings": [],
         "trace": [],
+        POINTS: [],
         "notes": [],
     }
 
@@ -120,8 +125,29 @@ def _told(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
         "reason": _reason(diagnosis),
         "findings": sorted(findings, key=lambda f: (f["since"], f["fault"])),
         "trace": _runs(recording, diagnosis) if task.trace else [],
+        POINTS: [*_points(diagnosis)],
         "notes": form["notes"],
     }
+
+
+def _points(diagnosis: Diagnosis) -> Iterator[Row]:
+    """What is kept of the readings, where it is known on which day they were."""
+    visited, calendar = diagnosis.visited, diagnosis.calendar
+    if visited is None or calendar is None:
+        return
+    for i, samples in enumerate(visited.samples.tolist()):
+        times = (float(t[i]) + calendar.start for t in (visited.since, visited.until))
+        since, until = times
+        for name, values in visited.values.items():
+            if np.isfinite(values[i]):
+                yield {
+                    "signal": name,
+                    "since": since,
+                    "until": until,
+                    "samples": samples,
+                    "value": float(values[i]),
+                    "u": float(visited.u[name][i]),
+                }
 
 
 def _unknown(period: dict[str, Any]) -> Row:

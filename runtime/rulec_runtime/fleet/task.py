@@ -6,7 +6,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
-FORM = 2
+FORM = 3
 """Of what is told of a plant-day; another one makes all of them be judged again."""
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from rulec_runtime.contract.degree import degree_in_figures
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.growth import next_level
 from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
@@ -55,13 +56,15 @@ def changes(
             now = replace(now, active=False)
         elif now.active and not old.active and sight.rows_between(old.until, now.until) < wait:
             now = old
-        kept.append(now)
+        now = replace(now, told=old.told)
         what = _what(old, now, bool(mine), sight)
         if not wait and _was_earlier(old, now, sight):
             what = "changed"
         if what is not None:
+            now = replace(now, told=(now.until, now.degree))
             told.append((what, _words(ruleset, what, old, now), now))
-    for new in seen:
+        kept.append(now)
+    for new in (replace(one, told=(one.until, one.degree)) for one in seen):
         kept.append(new)
         told.append(("began", _words(ruleset, "began", new, new), new))
         if not new.active:
@@ -152,10 +155,22 @@ def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:
         return "ended" if found or old.until < sight.since or old.kind != "fault" else "withdrawn"
     if not old.active:
         return "began" if found and now.active else None
-    half = max(old.upper - old.degree, old.degree - old.lower)
-    grown = abs(now.degree - old.degree) > limits.GROWN * half > 0.0
     renamed = now.subject != old.subject
-    return "changed" if renamed or grown or _rivals(now) != _rivals(old) else None
+    return "changed" if renamed or _has_grown(now) or _rivals(now) != _rivals(old) else None
+
+
+def _has_grown(episode: Episode) -> bool:
+    """Is its degree another than when it was told last, and than was to be expected, or at the next
+    round number?"""
+    if episode.told is None or episode.kind != "fault":
+        return False
+    time, degree = episode.told
+    half = limits.GROWN * max(episode.upper - episode.degree, episode.degree - episode.lower)
+    expected = degree + episode.rate * (episode.until - time)
+    if not abs(episode.degree - degree) > half > 0.0:
+        return False
+    passed = next_level(max(degree, half)) != next_level(max(episode.degree, half))
+    return passed or abs(episode.degree - expected) > half
 
 
 def _rivals(episode: Episode) -> set[str]:
@@ -166,7 +181,7 @@ def _rivals(episode: Episode) -> set[str]:
 def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
     """What is new, for people."""
     if now.kind != "fault":
-        name = now.subject if now.kind == "sensor" else ""
+        name = now.subject if now.kind in ("sensor", "regime") else ""
         if what in ("ended", "withdrawn"):
             again = {"sensor": "healthy again", "blind": "judged again"}.get(now.kind, "over")
             return f"{name} {again}: {now.text}".strip()
@@ -184,4 +199,4 @@ def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
     also = f"; also possible: {rivals}" if rivals else ""
     if what == "changed" and now.subject != old.subject:
         return f"{size}, told as {old.subject} before{also}"
-    return f"{size}{also}"
+    return f"{size}{also}" + (f"; {now.grows}" if now.grows else "")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
-Kind = Literal["fault", "sensor", "unknown", "blind", "source"]
-"""A known fault; a reading that is none; what no known fault explains; what cannot be judged; the
-connection to the plant."""
+Kind = Literal["fault", "sensor", "regime", "unknown", "blind", "source"]
+"""A known fault; a reading that is none; a way of running such as dry; what no known fault
+explains; what cannot be judged; the connection to the plant."""
 
 What = Literal["began", "changed", "ended", "withdrawn", "noted"]
 """`withdrawn`: later readings explain it otherwise; `noted`: told once, nothing that lasts."""
@@ -18,8 +19,10 @@ class Episode:
     """Something that was told and lasts; times in s, as of rows.
 
     `id` stays the same from its beginning to its end. `subject` is the fault, the reading with its
-    condition, or empty. Degrees are those of `rulec_runtime.diagnosis.steady.findings.Finding`, 1
-    where there is none. `status` is the letter of NE 107.
+    condition, the regime, or empty. Degrees are those of
+    `rulec_runtime.diagnosis.steady.findings.Finding`, 1 where there is none. `status` is the
+    letter of NE 107. `grows` says where it is going, for people, `growth` the same as JSON data,
+    `rate` is per second. `told` are time and degree of when an event told of it last.
     """
 
     id: str
@@ -38,6 +41,10 @@ class Episode:
     unit: str = ""
     probability: float = 1.0
     alternatives: tuple[tuple[str, float], ...] = ()
+    grows: str = ""
+    rate: float = 0.0
+    growth: Mapping[str, Any] = field(default_factory=dict)
+    told: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

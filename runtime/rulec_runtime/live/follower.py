@@ -30,6 +30,7 @@ from rulec_runtime.live.looked import Looked, UnderWay
 from rulec_runtime.live.memory import Memory, appended, nothing_yet
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.live.whole import looked
+from rulec_runtime.recordings.mending import mended
 
 __all__ = ["Memory", "Told", "concluded", "diagnosis_of", "follow", "looked_beside", "nothing_yet"]
 
@@ -129,7 +130,8 @@ def _remembered(memory: Memory, found: Looked, known: Known | None) -> Memory:
 
 def _glanced_or_looked(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
-    levels, moved, odd = known.levels.after_rows(memory.recent, new)
+    read = mended(memory.recent, known.health.mendings)
+    levels, moved, odd = known.levels.after_rows(read, new)
     if odd or _is_due(memory, known):
         return _looked(ruleset, memory)
     places = sorted(known.moved(moved) | known.due(memory.count))

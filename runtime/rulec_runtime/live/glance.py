@@ -14,13 +14,16 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, joined
+from rulec_runtime.diagnosis.steady.courses import found_again, found_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
-from rulec_runtime.diagnosis.steady.findings import Found, findings_of
+from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.seen import see_points
+from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
 from rulec_runtime.live.known import Known, PartKnown
 from rulec_runtime.live.look import unsettled
+from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 
@@ -51,7 +54,7 @@ def glance(
         ruleset,
         "default",
         judged=known.diagnosis.judged,
-        found=joined(each, latest),
+        found=replace(joined(each, latest), regimes=known.diagnosis.regimes),
         blind=_still_blind(known.diagnosis, float(recent.time[-1])),
     )
     return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
@@ -79,16 +82,26 @@ def _judged(
     if not len(whole):
         return one.seen_again(whole, Found([], [], []), count), whole, None
     seen = see_points(own, whole.points, whole.halves, "default")
-    found = joined((findings_of(whole.timeline, own, part) for part in seen), None)
+    enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
+    each = (
+        found_of(whole.timeline, own, part)
+        if enough
+        else found_again(whole.timeline, own, part, one.found)
+        for part in seen
+    )
+    found = joined(each, None)
     found.not_judged.extend(unsettled(tail, whole))
-    return one.seen_again(whole, found, count), whole, latest_of(own, whole.timeline, seen)
+    again = one.seen_again(whole, found, count)
+    again = replace(again, followed=len(whole)) if enough else again
+    return again, whole, latest_of(own, whole.timeline, seen)
 
 
 def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> Recording:
     """Rows from the last stretch on of the signals of a part, without what was found unfit."""
     first = max(len(recent) - (count - known.cut), 0)
     clean = known.health.recording
-    unfit = {f.signal for f in known.health.findings if f.active}
+    recent = mended(recent, known.health.mendings)
+    unfit = {f.signal for f in known.health.findings if f.active and not f.mended}
     before = known.count - known.cut
     values = {}
     for name in sorted(own.observed & recent.values.keys() & clean.values.keys()):

@@ -30,6 +30,7 @@ class PartKnown:
     found : what it says.
     settled : time of its last settled row, s.
     due : number of the row with which it is looked at again, whatever its readings do.
+    followed : operating points there were when courses of degrees were worked out.
     """
 
     part: Part
@@ -37,6 +38,7 @@ class PartKnown:
     found: Found
     settled: float
     due: float
+    followed: int
 
     def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
         """After a glance, with so many rows: the next one is due when what was judged has twice as
@@ -102,6 +104,7 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
             found=found,
             settled=settled,
             due=due_after(whole, count),
+            followed=len(whole),
         )
         for part, found in zip(parts_of(ruleset), judged.found, strict=True)
     )

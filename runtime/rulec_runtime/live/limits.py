@@ -25,6 +25,11 @@ LOOKED_AGAIN = 3
 """Times as many rows with which everything is judged again at first: noise is known better then.
 Origin: assumed."""
 
+FOLLOWED_AGAIN = 1.02
+"""Times as many operating points with which courses of degrees are worked out again. Origin:
+assumed; a course that has lasted for a day is followed every half an hour.
+"""
+
 DUE_AT_ONCE = 3
 """Parts that get a glance with one row while nothing of them has moved, where looks go on beside
 the rows. Origin: assumed; that takes less than half of a tenth of a second.

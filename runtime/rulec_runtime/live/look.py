@@ -12,7 +12,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
-from rulec_runtime.diagnosis.steady.findings import Found, Period, findings_of
+from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.steady.findings import Found, Period
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_points
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined
@@ -59,7 +60,7 @@ def look(
         found = Found([], [], [Period(since, until, restless(len(recording)))])
         return assembled(health, ruleset, "default", judged=0, found=found), None
     seen = see_points(ruleset, whole.points, whole.halves, "default")
-    each = tuple(findings_of(whole.timeline, ruleset, part) for part in seen)
+    each = tuple(found_of(whole.timeline, ruleset, part) for part in seen)
     samples, found = together(ruleset, whole.timeline, seen, each)
     found.not_judged.extend(unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)

@@ -14,6 +14,8 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.live.episode import Episode, Kind
 from rulec_runtime.report.blindness import brought_back, told_else, unseen
+from rulec_runtime.report.growth import grown
+from rulec_runtime.report.json_form import growth_form
 from rulec_runtime.report.wording import actions
 
 
@@ -53,6 +55,19 @@ def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
             text=sensor.text,
             action=sensor.condition.action,
             probability=sensor.probability,
+        )
+    for one in diagnosis.regimes:
+        yield Episode(
+            id=_id(one.regime.id, one.since),
+            kind="regime",
+            subject=one.regime.id,
+            module=one.regime.module,
+            status=one.regime.status,
+            since=one.since,
+            until=one.until,
+            active=one.active,
+            text=one.regime.text,
+            action=one.regime.action,
         )
     for blind in diagnosis.blind:
         if blind.until - blind.since >= sight.usual:
@@ -96,7 +111,7 @@ def _of_blind(ruleset: Ruleset, blind: Blind) -> Episode:
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
-    fault = finding.fault
+    fault, growth = finding.fault, finding.growth
     return Episode(
         id=_id(fault.id, finding.since),
         kind="fault",
@@ -114,6 +129,9 @@ def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:
         unit=fault.unit,
         probability=finding.probability,
         alternatives=finding.alternatives,
+        grows=grown(finding),
+        rate=0.0 if growth is None or growth.rate is None else growth.rate[0],
+        growth={} if growth is None else growth_form(fault, growth, None),
     )
 
 

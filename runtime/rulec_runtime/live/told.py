@@ -34,6 +34,9 @@ def form_of(event: Event, plant: str, calendar: Calendar | None) -> dict[str, An
     """The event as JSON data; times in s, with dates where the source has them."""
     dated = {} if calendar is None else {"date": calendar.iso(event.time)}
     episode = dataclasses.asdict(event.episode)
+    growth = episode.pop("growth")
+    for name in ("grows", "rate", "told"):
+        del episode[name]
     rivals = [{"fault": name, "probability": p} for name, p in event.episode.alternatives]
     return {
         "plant": plant,
@@ -42,5 +45,5 @@ def form_of(event: Event, plant: str, calendar: Calendar | None) -> dict[str, An
         **dated,
         "what": event.what,
         "text": event.text,
-        "episode": {**episode, "alternatives": rivals},
+        "episode": {**episode, **growth, "alternatives": rivals},
     }

@@ -14,6 +14,7 @@ from rulec_runtime.report.captions import excess, say_degrees, say_estimates, sa
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.compare import draw_cases, draw_shares
 from rulec_runtime.report.figure import Figure
+from rulec_runtime.report.growth import draw_growth, grown
 from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, persistent
 from rulec_runtime.report.text import counted, number
 from rulec_runtime.report.text import degree as degree_text
@@ -38,6 +39,9 @@ def figures_of(
         yield draw_estimates(curves)
     if curves.residuals:
         yield draw_residuals(curves)
+    for finding in worst_first(diagnosis.findings):
+        if grown(finding):
+            yield draw_growth(diagnosis, finding)
     yield draw_degrees(diagnosis, trace, truth)
     if cases is not None and len(cases):
         yield draw_cases(cases)
@@ -151,11 +155,8 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
 def _degree_panel(
     diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str, last: bool
 ) -> str:
-    row = [f.id for f in diagnosis.ruleset.faults].index(name)
     judged = _with_degree(trace)
-    degree, low, high = (
-        np.where(judged, table[row], np.nan) for table in (trace.degree, trace.lower, trace.upper)
-    )
+    degree, low, high = (np.where(judged, values, np.nan) for values in trace.of(name))
     true = np.full(len(degree), np.nan)
     unit = diagnosis.ruleset.fault_by_id[name].unit
     if truth is not None and name in truth.faults:

@@ -9,6 +9,7 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.blindness import (
@@ -19,12 +20,11 @@ from rulec_runtime.report.blindness import (
     unseen,
     why_and_how,
 )
+from rulec_runtime.report.growth import grown
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
 from rulec_runtime.report.wording import (
-    KEPT,
-    LEFT_OUT,
     LISTED,
     STATUS,
     FlowUnit,
@@ -33,10 +33,12 @@ from rulec_runtime.report.wording import (
     advice,
     agreement,
     causes,
+    conditions,
     context,
     estimates,
     evidence_first,
     headline,
+    kept_of,
     l_per_h,
     readings_of,
     remarks_of,
@@ -65,6 +67,7 @@ def badge(letter: str, small: bool = False) -> str:
 def told(diagnosis: Diagnosis) -> str:
     """Each fault with what to do about it."""
     parts = [_sensor(diagnosis, found) for found in diagnosis.sensors]
+    parts += [_regime(diagnosis, found) for found in diagnosis.regimes]
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
@@ -91,12 +94,27 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
     rows = [
         ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
         ("What to do", found.condition.action),
-        ("Note", LEFT_OUT if found.signal else KEPT),
+        ("Note", kept_of(found)),
     ]
     body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
     return (
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
         f"{safe(found.text)}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
+    """A way in which a module runs: what, since when, why that is believed, what to do."""
+    letter = found.regime.status
+    rows = [
+        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
+        ("Because", conditions(found)),
+        ("What to do", found.regime.action),
+    ]
+    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
+        f"{safe(found.regime.text)}</h3><dl>{body}</dl></section>"
     )
 
 
@@ -124,6 +142,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             f'<span class="degree">{safe(degree(finding.degree, fault.unit))}</span> '
             f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
         ),
+        *([("Growth", safe(words))] if (words := grown(finding)) else []),
         ("When", safe(_when(diagnosis, finding))),
         ("Probability", safe(_probability(diagnosis, finding))),
         ("What to do", safe(actions(ruleset, finding))),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
+from rulec_runtime.diagnosis.steady.findings import Events, Finding, Period, Step
+from rulec_runtime.diagnosis.steady.growth import Growth
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -28,6 +30,7 @@ def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
             *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
             *(_finding(diagnosis.ruleset, f, diagnosis.calendar) for f in diagnosis.findings),
         ],
+        "regimes": [_regime(r, diagnosis.calendar) for r in diagnosis.regimes],
         "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
         "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
         "blind": [_blind(b, diagnosis.calendar) for b in diagnosis.blind],
@@ -62,12 +65,30 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
         "remote": [],
         "together": [],
         "evidence": [],
+        **({"mended": found.mended} if found.mended else {}),
         "text": found.text,
         "action": found.condition.action,
     }
 
 
-def _times(found: Finding | SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+def _regime(found: RegimeFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """Conditions hold by so many standard uncertainties where they hold most."""
+    regime = found.regime
+    return {
+        "regime": regime.id,
+        "module": regime.module,
+        "status": regime.status,
+        **_times(found, calendar),
+        "evidence": [{"condition": text, "sigma": sure} for text, sure in found.margins],
+        "title": regime.title,
+        "text": regime.text,
+        "action": regime.action,
+    }
+
+
+def _times(
+    found: Finding | SensorFinding | RegimeFinding, calendar: Calendar | None
+) -> dict[str, Any]:
     """Times of a finding, s, with dates where the recording has them."""
     return {
         "since": found.since,
@@ -95,6 +116,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "lower": finding.lower,
         "upper": finding.upper,
         **({"unit": finding.fault.unit} if finding.fault.unit else {}),
+        **({} if finding.growth is None else growth_form(finding.fault, finding.growth, calendar)),
         "probability": finding.probability,
         **_times(finding, calendar),
         "alternatives": [
@@ -118,8 +140,41 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
             for e in finding.evidence
         ],
         **({"from_sheet": True} if finding.from_sheet else {}),
+        **({"events": _events(finding.events)} if finding.events is not None else {}),
         "text": finding.text,
         "action": actions(ruleset, finding),
+    }
+
+
+def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> dict[str, Any]:
+    """How large a fault is now, how fast it grows, and between which times, s, it is how large."""
+    seconds, name = growth.per
+    told: dict[str, Any] = {
+        "now": {"degree": growth.degree, "lower": growth.lower, "upper": growth.upper}
+    }
+    if growth.rate is not None:
+        value, lower, upper = (end * seconds for end in growth.rate)
+        rate = {"value": value, "lower": lower, "upper": upper}
+        told["rate"] = {**rate, "unit": f"{fault.unit or 1}/{name}", "grows": growth.grows}
+    if (ahead := growth.reaches) is not None:
+        told["reaches"] = {
+            "degree": ahead.degree,
+            "earliest": ahead.earliest,
+            "latest": ahead.latest,
+        }
+        if calendar is not None:
+            ends = {"earliest_time": ahead.earliest, "latest_time": ahead.latest}
+            told["reaches"] |= {key: calendar.iso(time) for key, time in ends.items()}
+    return told
+
+
+def _events(events: Events) -> dict[str, Any]:
+    """Times in s, set points in SI: the least and the largest value of each input."""
+    return {
+        "count": events.count,
+        "duration": events.duration,
+        "share": events.share,
+        "set_point": {name: [low, high] for name, (low, high) in events.settings.items()},
     }
 
 
@@ -148,15 +203,15 @@ def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, An
     }
 
 
-def trace_csv(trace: Trace, ruleset: Ruleset) -> str:
+def trace_csv(trace: Trace) -> str:
     """One row per sample: time, verdict, and per fault degree, lower and upper bound."""
     header = ["time [s]", "verdict"]
-    for fault in ruleset.faults:
-        header += [fault.id, f"{fault.id} lower", f"{fault.id} upper"]
+    for name in trace.faults:
+        header += [name, f"{name} lower", f"{name} upper"]
     lines = [row_of(header)]
     for i, (time, verdict) in enumerate(zip(trace.time, trace.verdict, strict=True)):
         row = [f"{time:.10g}", verdict]
-        for j in range(len(ruleset.faults)):
+        for j in range(len(trace.faults)):
             row += [f"{v[j, i]:.5g}" for v in (trace.degree, trace.lower, trace.upper)]
         lines.append(",".join(row))
     return "\n".join(lines) + "\n"

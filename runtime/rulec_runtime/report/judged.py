@@ -39,7 +39,7 @@ class Judged:
 
     def trace_csv(self) -> str:
         """One row per sample."""
-        return trace_csv(self.trace, self.diagnosis.ruleset)
+        return trace_csv(self.trace)
 
     def form(self) -> dict[str, Any]:
         """The diagnosis as JSON data; flows in m3/s, times in s."""

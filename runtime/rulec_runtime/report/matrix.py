@@ -28,6 +28,10 @@ KINDS = {
 """Kind of a group of faults that are alike, to its sign and what that means."""
 
 
+ANY_ERROR = "any error of this reading, whether its module lists it or not"
+"""What the row of a reading stands for."""
+
+
 @dataclass(frozen=True)
 class Named:
     """Faults that a diagnosis found, and those that they could be as well."""
@@ -58,11 +62,14 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
     alike = '<th scope="col">alike</th>' if groups else ""
     head = alike + "".join(f'<th scope="col">{_broken(r.id)}</th>' for r in residuals)
     body = "".join(_row(ruleset, fault, residuals, named, groups) for fault in faults)
+    for signal in _signals(ruleset, faults):
+        body += _off(ruleset, signal, residuals, named, bool(groups))
     note = f'<p class="key">{safe(part)}</p>' if part else ""
     key = (
         "+ rises, − falls, · no effect; below: smallest degree beyond the threshold at the "
         "reference point"
     )
+    key += f"; ± {ANY_ERROR}" if ruleset.unlisted else ""
     key += "; bold rows: diagnosed here" if named.found else ""
     key += "; dashed rows: could also be" if named.possible else ""
     key += "; alike: see below" if groups else ""
@@ -147,6 +154,27 @@ def _row(
     style, note = next(_standing(fault, named), ("", ""))
     small = f"<small>{note}</small>" if note else ""
     return f'<tr{style}><th scope="row">{safe(fault.id)}{small}</th>{body}</tr>'
+
+
+def _signals(ruleset: Ruleset, faults: Collection[FaultSpec]) -> list[str]:
+    """Readings whose unlisted errors get a row, one for each: those of the modules shown."""
+    modules = {fault.module for fault in faults}
+    return [s for s in ruleset.moved_by_reading if s.partition(".")[0] in modules]
+
+
+def _off(
+    ruleset: Ruleset, signal: str, residuals: Collection[ResidualSpec], named: Named, alike: bool
+) -> str:
+    """The row of a reading: its unlisted errors, folded into one."""
+    moved = ruleset.moved_by_reading[signal]
+    kin = '<td class="kin"></td>' if alike else ""
+    cells = "".join(
+        "<td><b>±</b></td>" if r.id in moved else '<td class="soft">·</td>' for r in residuals
+    )
+    own = [f for f in ruleset.unlisted if signal in f.scales]
+    style, note = next((told for f in own for told in _standing(f, named)), ("", ""))
+    small = f"<small>{note}</small>" if note else ""
+    return f'<tr{style}><th scope="row">{safe(signal)}{small}</th>{kin}{cells}</tr>'
 
 
 def _standing(fault: FaultSpec, named: Named) -> Iterator[tuple[str, str]]:

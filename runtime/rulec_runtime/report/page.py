@@ -38,7 +38,7 @@ def report(
     truth : what was truly wrong; without it there is nothing to compare with.
     made : when and by what; left out without.
     """
-    cases = cases_of(truth, trace, diagnosis.ruleset) if truth is not None else None
+    cases = cases_of(truth, trace) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     figures = figures_of(diagnosis, curves, trace, truth, cases)
     because = "".join(evidence(diagnosis)) or _nothing(diagnosis)

@@ -13,13 +13,13 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.blindness import PARTLY, blindness, hidden, told_else
+from rulec_runtime.report.growth import grown, sparkline
 from rulec_runtime.report.wording import (
-    KEPT,
-    LEFT_OUT,
     LISTED,
     SHOWN,
     STATUS,
@@ -28,12 +28,14 @@ from rulec_runtime.report.wording import (
     advice,
     agreement,
     causes,
+    conditions,
     context,
     estimates,
     evidence_first,
     flow_unit,
     ground,
     headline,
+    kept_of,
     readings_of,
     remarks_of,
     rows_of,
@@ -60,6 +62,12 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
     for sensor in diagnosis.sensors:
         _sensor(out, diagnosis, sensor)
+    for regime in diagnosis.regimes[:SHOWN]:
+        _regime(out, diagnosis, regime)
+    if left := len(diagnosis.regimes[SHOWN:]):
+        out.print(
+            styled("[dim]and {} (--json has all)[/]", plural(left, "other regime", "other regimes"))
+        )
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
@@ -97,7 +105,22 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     )
     tree = Tree(title, guide_style="dim")
     tree.add(f"do: {found.condition.action}")
-    tree.add(f"{when}; {LEFT_OUT if found.signal else KEPT}")
+    tree.add(f"{when}; {kept_of(found)}")
+    out.print(tree)
+
+
+def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
+    """A way in which a module runs: what, why that is believed, what to do."""
+    regime = found.regime
+    symbol, colour = STATUS[regime.status][0], COLOURS[regime.status]
+    head = "\n[bold {}]{} {}[/] [bold]{}[/]  {}"
+    tree = Tree(
+        styled(head, colour, symbol, regime.status, regime.id, regime.text), guide_style="dim"
+    )
+    tree.add(f"do: {regime.action}")
+    tree.add(f"because {conditions(found)}")
+    tree.add(course(diagnosis.calendar, found.since, found.until, found.behind))
+    tree.add(styled("[dim]{}[/]", regime.origin))
     out.print(tree)
 
 
@@ -129,6 +152,8 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     when = seen or course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
+    if finding.growth is not None and (words := grown(finding)):
+        tree.add(styled("[bold]{}[/] {}", sparkline(finding.growth), words))
     tree.add(f"do: {actions(ruleset, finding)}")
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")

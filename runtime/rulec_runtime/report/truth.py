@@ -165,7 +165,7 @@ def names_at(trace: Trace) -> list[list[str]]:
     return [word.split(" + ") for word in trace.verdict]
 
 
-def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
+def cases_of(truth: Truth, trace: Trace) -> Cases:
     """Hold the trace against the truth, sample by sample; the largest true fault counts.
 
     It counts as named only where nothing is named beside it that is not there.
@@ -177,9 +177,9 @@ def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
     fault = np.argmax(degrees, axis=0)
     true = degrees[fault, np.arange(len(index))]
     fault = np.where(true > 0, fault, -1)
-    row = {f.id: i for i, f in enumerate(ruleset.faults)}
+    row = {name: i for i, name in enumerate(trace.faults)}
     names = names_at(trace)
-    meant = np.array([row[name] for name in truth.faults])[fault]
+    meant = np.array([row.get(name, -1) for name in truth.faults])[fault]
     first = np.array([row.get(names[i][0], -1) for i in index], dtype=int)
     named = words[index] == "ok"
     for case in np.flatnonzero(fault >= 0):

@@ -22,6 +22,11 @@ def verdict(diagnosis: Diagnosis) -> str:
         more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
         also = f", and {counted(more, 'other finding')}" if more else ""
         return f"{first.condition.title}: {first.signal or 'time'}{also}"
+    if diagnosis.regimes:
+        regime = diagnosis.regimes[0].regime
+        ids = {r.regime.id for r in diagnosis.regimes} | {f.fault.id for f in diagnosis.findings}
+        also = f", and {counted(len(ids) - 1, 'other finding')}" if len(ids) > 1 else ""
+        return f"{regime.title} in {regime.module}{also}"
     if worst:
         either = [name for name, p in worst[0].alternatives if p > limits.HEADLINE_RIVAL]
         faults = diagnosis.ruleset.fault_by_id
@@ -76,6 +81,8 @@ def marks(diagnosis: Diagnosis) -> Mapping[str, str]:
         _note(found, f.fault.module, f.fault.status)
     for s in diagnosis.sensors:
         _note(found, s.signal.partition(".")[0], s.condition.status)
+    for r in diagnosis.regimes:
+        _note(found, r.regime.module, r.regime.status)
     return found
 
 

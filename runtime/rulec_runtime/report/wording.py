@@ -11,8 +11,10 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.recordings.when import course, span
 
 if TYPE_CHECKING:  # words alone need nothing that judges recordings
+    from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
     from rulec_runtime.diagnosis.steady.evidence import Evidence
     from rulec_runtime.diagnosis.steady.findings import Finding, Period
+    from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
     from rulec_runtime.recordings.wall_clock import Calendar
 
 STATUS = {
@@ -27,6 +29,13 @@ STATUS = {
 LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged without them"
 KEPT = "rows stay in the order in which they stand; times behind it are moved on"
 """What is done about a reading, and about a clock, that is none."""
+
+
+def kept_of(found: SensorFinding) -> str:
+    """What is done about a reading, or a clock, that is none."""
+    if found.mended:
+        return f"judged as if mended: {found.mended}"
+    return LEFT_OUT if found.signal else KEPT
 
 
 LARGE = 5e-3
@@ -170,6 +179,16 @@ def evidence_first(finding: Finding) -> list[Evidence]:
     return sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
 
 
+def conditions(found: RegimeFinding) -> str:
+    """Why a regime is believed: its conditions, and how far beyond doubt each is."""
+    sure = dict(found.margins)
+    parts = [
+        f"{c.text} (by {sure[c.text]:.3g} u)" if c.text in sure else c.text
+        for c in found.regime.when
+    ]
+    return ", ".join(parts)
+
+
 def headline(ruleset: Ruleset, finding: Finding) -> str:
     """What is wrong, and what else it may be if that is nearly as probable."""
     text = finding.text
@@ -200,12 +219,18 @@ def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
     rarer = [f for f in others if f.odds < fault.odds]
     if rarer:
         both = "both fit" if len(others) == 1 else "all of them fit"
-        words = ", ".join(f"{f.id} is {f.frequency}" for f in (fault, *rarer))
+        words = ", ".join(map(_how_often, (fault, *rarer)))
         yield f"{both}; {fault.id} is more usual, so it is named first ({words})"
     for other in others:
         if other.odds > fault.odds:
-            words = f"{other.id} is {other.frequency}, {fault.id} is {fault.frequency}"
+            words = f"{_how_often(other)}, {_how_often(fault)}"
             yield f"{other.id} is more usual, but the readings favour {fault.id} ({words})"
+
+
+def _how_often(fault: FaultSpec) -> str:
+    """How often a fault comes; of what no module lists, that."""
+    word = "listed by no module" if fault.unlisted else fault.frequency
+    return f"{fault.id} is {word}"
 
 
 def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
@@ -217,6 +242,8 @@ def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
 
 def titled(fault: FaultSpec) -> str:
     """A fault with its module, as a phrase."""
+    if not fault.module:
+        return fault.title[:1].lower() + fault.title[1:]
     if fault.title.startswith(f"{fault.module}."):
         return fault.title
     return f"{fault.title.lower()} in {fault.module}"

@@ -76,4 +76,6 @@ class Asked:
 def asking(ruleset: Ruleset, codes: Iterable[ModuleCode], execute: Execute) -> Asked:
     """What stands for `ruleset.undo`."""
     routines = tuple(r for code in codes for r in code.routines if r.name == "undo")
-    return Asked(ruleset, routines, execute, tuple(ruleset.undo.outputs))
+    # Routines know the faults of modules, and no change of the liquid.
+    known = tuple(n for n in ruleset.undo.outputs if n.startswith(("q:", "dq:")))
+    return Asked(ruleset, routines, execute, known)

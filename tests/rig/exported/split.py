@@ -16,6 +16,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.export.interpret import run
 from rulec.export.module_code import code_of
 from rulec.export.play import Execute, played, results_csv
+from rulec.export.specialised import listed_undo
 from tests.rig.exported.asked import asking
 from tests.rig.exported.compiled import COMPILER, compiled
 
@@ -33,6 +34,8 @@ class Split:
 
 def split(ruleset: Ruleset, recording: Path, work: Path) -> Split:
     """Judge a recording in all ways; modules are compiled C where there is a compiler."""
+    # Modules know listed faults alone.
+    ruleset = replace(ruleset, unlisted=(), unlisted_cells=(), undo=listed_undo(ruleset))
     read = read_recording(recording, ruleset)
     codes = code_of(ruleset)
     execute: Execute = run if COMPILER is None else compiled(codes, work).run

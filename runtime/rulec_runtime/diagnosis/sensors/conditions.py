@@ -62,7 +62,8 @@ CLOCK = Condition(
 class SensorFinding:
     """A reading that is none, over a period; times in s.
 
-    `signal` is empty where it is the clock. `text` names reading and reason.
+    `signal` is empty where it is the clock. `text` names reading and reason. Where the rest is
+    judged as if the column were mended, `mended` says how; elsewhere its readings are taken out.
     """
 
     condition: Condition
@@ -72,6 +73,7 @@ class SensorFinding:
     text: str
     behind: str | None = ENDED
     probability: float = 1.0
+    mended: str = ""
 
     @property
     def id(self) -> str:

@@ -23,10 +23,11 @@ from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
 from rulec_runtime.diagnosis.sensors.near import Near
-from rulec_runtime.diagnosis.sensors.units import like_a_reading, mixups, of_one_dimension
+from rulec_runtime.diagnosis.sensors.units import Mixup, like_a_reading, mixups, of_one_dimension
 from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.mending import Mending
 from rulec_runtime.recordings.piecewise import any_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
@@ -34,14 +35,20 @@ from rulec_runtime.recordings.stationary import noise_of
 
 @dataclass(frozen=True, kw_only=True)
 class Misread:
-    """Columns read differently: per signal factor and offset, or the signal to take instead."""
+    """Columns read differently, by `mendings`, which `mended` tells in words.
+
+    `values` are the means of stretches, shape (n,), SI, `recorded` those by the header, `noise`
+    that of samples. `texts` tell per signal what is wrong with it.
+    """
 
     condition: Condition
     signals: tuple[str, ...]
+    mendings: tuple[Mending, ...]
     values: Mapping[str, Array]
     recorded: Mapping[str, Array]
     noise: Mapping[str, float]
-    text: str
+    texts: tuple[str, ...]
+    mended: str
 
 
 def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | None:
@@ -53,7 +60,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
     if bench.samples < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
         return None
     plain = _with_all(raw, bench)
-    best, least = None, np.inf
+    best, least = None, (0, np.inf)
     changed = Changed(bench)
     every = (
         one for one in _candidates(raw, bench, plain, still) if _may_agree(bench, one, changed)
@@ -67,7 +74,8 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
             bench, misread, found
         ):
             continue
-        left = float(np.median(found.excess[running]))
+        # One cause for many columns comes before one column of them.
+        left = -len(misread.mendings), float(np.median(found.excess[running]))
         if left < least:
             best, least = misread, left
     return best
@@ -254,6 +262,7 @@ def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> 
     used = [s for s in ruleset.signals if s.id in names]
     for name in (s.id for s in used):
         yield from _near_ones(near, name, [*_other_units(raw, ruleset, plain, [name])])
+    yield from _all_in_other_units(raw, ruleset, plain, used)
     for one, other in _swapped(near, plain, used):
         a, b = plain.points.values[one], plain.points.values[other]
         text = f"{one} and {other} are swapped: each shows what the other one should"
@@ -263,7 +272,9 @@ def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> 
             values={one: b, other: a},
             recorded={one: a, other: b},
             noise={one: plain.noise[other], other: plain.noise[one]},
-            text=text,
+            mendings=(Mending(signals=(one, other)),),
+            texts=(text, text),
+            mended=f"{one} and {other} exchanged",
         )
 
 
@@ -325,25 +336,55 @@ def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[t
 def _other_units(
     raw: Recording, ruleset: Ruleset, plain: Bench, names: list[str]
 ) -> Iterator[Misread]:
+    """One column in other units, in which it is like a reading."""
     for name in names:
-        signal = ruleset.signal_by_id[name]
-        scale = raw.scales.get(name, (signal.factor, signal.offset))
-        for mixup in mixups(signal, scale, ruleset.units):
-            values = plain.points.values[name] * mixup.factor + mixup.offset
-            noise = plain.noise[name] * mixup.factor
-            if not like_a_reading(signal, values, noise):
-                continue
-            by = f"by a factor of {mixup.factor:.4g}" if not mixup.offset else "by their zero"
-            text = (
-                f"{name} is not in {mixup.written}: its numbers fit the other readings as "
-                f"{mixup.true} ({by})"
-            )
-            recorded = {name: plain.points.values[name]}
-            yield Misread(
-                condition=UNIT,
-                signals=(name,),
-                values={name: values},
-                recorded=recorded,
-                noise={name: noise},
-                text=text,
-            )
+        for mixup in _mixups(raw, ruleset, name):
+            if (one := _in_unit(ruleset, plain, {name: mixup})) is not None:
+                yield one
+
+
+def _all_in_other_units(
+    raw: Recording, ruleset: Ruleset, plain: Bench, used: Sequence[SignalSpec]
+) -> Iterator[Misread]:
+    """All columns of a dimension in one unit that their headers do not say."""
+    for group in of_one_dimension(used, ruleset.units):
+        by_unit: dict[str, dict[str, Mixup]] = {}
+        for signal in group:
+            for mixup in _mixups(raw, ruleset, signal.id):
+                by_unit.setdefault(mixup.true, {})[signal.id] = mixup
+        for mixups_of_unit in by_unit.values():
+            together = _in_unit(ruleset, plain, mixups_of_unit)
+            if len(mixups_of_unit) > 1 and together is not None:
+                yield together
+
+
+def _mixups(raw: Recording, ruleset: Ruleset, name: str) -> list[Mixup]:
+    signal = ruleset.signal_by_id[name]
+    scale = raw.scales.get(name, (signal.factor, signal.offset))
+    return mixups(signal, scale, ruleset.units)
+
+
+def _in_unit(ruleset: Ruleset, plain: Bench, found: Mapping[str, Mixup]) -> Misread | None:
+    """Columns in one other unit; None where one of them would not be like a reading in it."""
+    values, noise, texts, mendings = {}, {}, [], []
+    for name, mixup in found.items():
+        values[name] = plain.points.values[name] * mixup.factor + mixup.offset
+        noise[name] = plain.noise[name] * mixup.factor
+        if not like_a_reading(ruleset.signal_by_id[name], values[name], noise[name]):
+            return None
+        by = f"by a factor of {mixup.factor:.4g}" if not mixup.offset else "by their zero"
+        texts.append(
+            f"{name} is not in {mixup.written}: its numbers fit the other readings as "
+            f"{mixup.true} ({by})"
+        )
+        mendings.append(Mending(signals=(name,), factor=mixup.factor, offset=mixup.offset))
+    return Misread(
+        condition=UNIT,
+        signals=(*found,),
+        mendings=tuple(mendings),
+        values=values,
+        recorded={name: plain.points.values[name] for name in found},
+        noise=noise,
+        texts=tuple(texts),
+        mended=f"{', '.join(found)} in {next(iter(found.values())).true}",
+    )

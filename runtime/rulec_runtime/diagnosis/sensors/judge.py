@@ -1,8 +1,9 @@
 """Sensor health before physics: which readings of a recording are none, and why.
 
 What a reading says by itself comes first (its range, its noise, the clock), then what it says
-against what the others predict. What is found is taken out, so that the rest is judged without
-it: the readings become NaN, and what needs them is not judged.
+against what the others predict. A column that is another than its header says is read as what it
+is. Whatever else is found is taken out, so that the rest is judged without it: the readings become
+NaN.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from rulec_runtime.diagnosis.sensors.bench import bench_of
 from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, Condition, SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
-from rulec_runtime.diagnosis.sensors.headers import misread_columns
+from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
 from rulec_runtime.diagnosis.sensors.ranges import out_of_range
+from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.mending import mended as read_by
 from rulec_runtime.recordings.piecewise import any_of, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import copied
@@ -36,28 +39,32 @@ WHY = {
     "dead": "dead at zero",
     "stuck": "stuck at one value",
     "range": "outside the sensor's range",
-    "unit": "in another unit than its header says",
-    "swapped": "swapped with another column",
 }
 """By name of a condition: why a reading is not used, in a few words."""
 
 
 @dataclass(frozen=True)
 class Health:
-    """Readings that are none, and the recording without them."""
+    """Readings that are none, and the recording without them, its columns read by `mendings`."""
 
     findings: tuple[SensorFinding, ...]
     recording: Recording
+    mendings: tuple[Mending, ...] = ()
 
 
 def examine(
-    recording: Recording, ruleset: Ruleset, *, by_model: bool = True, headers: bool = True
+    recording: Recording,
+    ruleset: Ruleset,
+    *,
+    by_model: bool = True,
+    headers: bool = True,
+    mended: Set[str] = frozenset(),
 ) -> Health:
     """Judge the sensors of a recording.
 
     `by_model` compares readings with what the ruleset predicts as well; a plant that is yet to be
     calibrated, or of which the model itself is in doubt, predicts nothing. Without `headers` a
-    column is what its header says.
+    column is what its header says, and so are those that have been `mended`.
     """
     if recording.unfit is not None:
         return Health((), recording)
@@ -65,24 +72,58 @@ def examine(
     clean = without(recording, found)
     stuck = [*stuck_readings(clean, ruleset)]
     found, clean = found + stuck, without(clean, stuck)
-    if by_model:
-        still = {f.signal for f, _ in found if f.condition is STUCK}
-        still |= {name for name, values in clean.values.items() if never_moves(values)}
-        misread = misread_of(recording, clean, ruleset, still) if headers else []
-        if not misread and (dead := dead_of(clean, ruleset)):
+    if by_model and headers:
+        misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
+        dead = [] if misread else dead_of(clean, ruleset)
+        if dead:
             found, clean = found + dead, without(clean, dead)
-            misread = misread_of(recording, clean, ruleset, still) if headers else []
+            misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
         if misread:
-            # A wrong unit may put a reading out of its range: that is its reason.
-            wrong = {f.signal for f, _ in misread}
-            found = [one for one in found if one[0].signal not in wrong] + misread
-            clean = without(recording, found)
+            # Read as what it is, a column may be in its range, and others be seen to be wrong.
+            return _as_mended(recording, ruleset, misread, mended)
+    elif by_model:
+        dead = dead_of(clean, ruleset)
+        found, clean = found + dead, without(clean, dead)
+    if by_model:
         frozen = frozen_of(clean, ruleset)
         found, clean = found + frozen, without(clean, frozen)
     findings = [_with_end(recording, one) for one, _ in found]
     findings += _clock(recording)
-    findings.sort(key=lambda f: ("FC".index(f.condition.status), f.since, f.id))
-    return Health(tuple(findings), clean)
+    return Health(_in_order(findings), clean)
+
+
+def _as_mended(
+    recording: Recording, ruleset: Ruleset, misread: Misread, before: Set[str]
+) -> Health:
+    """The sensors of a recording whose columns are read otherwise."""
+    rest = examine(
+        read_by(recording, misread.mendings), ruleset, mended={*before, *misread.signals}
+    )
+    since, until = float(recording.time[0]), float(recording.time[-1])
+    found = (
+        SensorFinding(
+            condition=misread.condition,
+            signal=signal,
+            since=since,
+            until=until,
+            text=text,
+            behind=TO_THE_END,
+            mended=misread.mended,
+        )
+        for signal, text in zip(misread.signals, misread.texts, strict=True)
+    )
+    findings = _in_order([*found, *rest.findings])
+    return Health(findings, rest.recording, (*misread.mendings, *rest.mendings))
+
+
+def _in_order(findings: Iterable[SensorFinding]) -> tuple[SensorFinding, ...]:
+    return tuple(sorted(findings, key=lambda f: ("FC".index(f.condition.status), f.since, f.id)))
+
+
+def _still(stuck: Iterable[Found], recording: Recording) -> set[str]:
+    """Readings that stand still."""
+    still = {finding.signal for finding, _ in stuck}
+    return still | {name for name, values in recording.values.items() if never_moves(values)}
 
 
 def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
@@ -194,26 +235,9 @@ def _silent(recording: Recording, ruleset: Ruleset) -> list[Found]:
 
 def misread_of(
     recording: Recording, clean: Recording, ruleset: Ruleset, still: Set[str]
-) -> list[Found]:
+) -> Misread | None:
     """Columns under a header that does not say what they are; none that stand still."""
     if ruleset.dynamics is not None:
-        return []
+        return None
     bench = bench_of(clean, ruleset)
-    misread = None if bench is None else misread_columns(recording, bench, still)
-    if misread is None:
-        return []
-    since, until = float(recording.time[0]), float(recording.time[-1])
-    every = slice(0, len(recording))
-    return [
-        (
-            SensorFinding(
-                condition=misread.condition,
-                signal=signal,
-                since=since,
-                until=until,
-                text=misread.text,
-            ),
-            every,
-        )
-        for signal in misread.signals
-    ]
+    return None if bench is None else misread_columns(recording, bench, still)

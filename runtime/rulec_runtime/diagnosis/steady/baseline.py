@@ -75,9 +75,9 @@ def nothing_learned(observed: Observed) -> Baseline:
     return Baseline(np.zeros(count), np.eye(count), packed("q"), 0, 0.0)
 
 
-def remembered(seconds: Array | float) -> Array:
-    """Correlation of a lasting error with itself after some time."""
-    correlation: Array = np.exp(-np.abs(seconds) / limits.LASTING)
+def remembered(seconds: Array | float, lasting: float = limits.LASTING) -> Array:
+    """Correlation of a lasting error with itself after some time, if it forgets in so long, s."""
+    correlation: Array = np.exp(-np.abs(seconds) / lasting)
     return correlation
 
 

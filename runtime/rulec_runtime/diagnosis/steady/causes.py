@@ -96,7 +96,8 @@ def _cause(
         found |= _shared(found, group, odds)
         alone |= _shared(alone, group, np.ones(len(group)))
     named = Other(fault, found.pop(fault), alone[fault])
-    rivals, remote = rivals_of(named, [Other(f, p, alone[f]) for f, p in found.items()])
+    others = [Other(f, p, alone[f], ruleset.faults[f].unlisted) for f, p in found.items()]
+    rivals, remote = rivals_of(named, others)
     return Cause(
         fault,
         best.degrees[best.faults.index(fault)],

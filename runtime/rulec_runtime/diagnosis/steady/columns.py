@@ -33,12 +33,14 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        far = np.flatnonzero(~self._believed(best.degree))
+        # A change of the liquid that runs off leads nowhere: no small one leaves as little.
+        of_modules = np.array([bool(faults[0].module) for faults in self.hypotheses])[self.which]
+        far = np.flatnonzero(~self._believed(best.degree) & of_modules)
         if len(far) and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))
         # What a fault takes from a flow or adds to it, it takes from its errors as well.
-        pure = self.test.rescaled(self._scales(best.degree), self.places)
+        pure = self.test.rescaled(self.scales(best.degree), self.places)
         best = best.judged_by(pure)
         again = self._fit(pure, best)
         best = best.where(self._believed(again.degree), again)
@@ -56,6 +58,11 @@ class Columns:
         believed = usable if len(u) > 1 else self._believed(best.degree)
         distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
+
+    def undone(self, degree: Array) -> tuple[Array, Array]:
+        """How far the touched flows move, shape (touched, points, n), with degrees of the faults at
+        each point, (faults, points, n), and the slopes by these: (touched, faults, points, n)."""
+        return self._undoing.moved_and_slopes(degree)
 
     def at(self, chosen: np.ndarray) -> Columns:
         """Some of the columns."""
@@ -169,7 +176,7 @@ class Columns:
         found.enter(left, best)
         return found
 
-    def _scales(self, degree: Array) -> Scales:
+    def scales(self, degree: Array) -> Scales:
         """Factors by which undoing the faults scales the errors of each usable flow.
 
         Noise is that of the readings as they are: undoing scales it. A systematic error is that of

@@ -25,7 +25,7 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
-from rulec_runtime.diagnosis.steady.screen import may_fit
+from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
 from rulec_runtime.diagnosis.steady.starts import pair_starts
 from rulec_runtime.recordings.scratch import give_back, let_go
@@ -177,7 +177,7 @@ def _fits_alike(
     once = np.repeat([0.0, 1.0], [len(first.learned), len(first.points)])
     later = np.repeat(once[:, None], count, axis=1)
     test = stacked_test(ruleset, observed, first.valid, members, later)
-    candidates = [set(_candidates(isolation, s.members)) for s in stacks]
+    candidates = [set(_candidates(ruleset, isolation, s.members)) for s in stacks]
     singles = [(i,) for i in range(len(ruleset.faults))]
     seen = np.ones((len(singles), 1), dtype=bool)
     if len(test.basis) >= limits.MANY_RESIDUALS:
@@ -188,7 +188,7 @@ def _fits_alike(
     if len(first.learned):
         times += [THROUGHOUT, ENDED]
         earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
-        tried.append(_explaining(earlier))
+        tried.append(_explaining(earlier, ruleset.is_listed))
         test = test.at_other_times(np.hstack([later, earlier.present]))
     limit = accepted(test.freedom, 1, isolation.chance)
     fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried) & seen))
@@ -256,20 +256,23 @@ def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarr
     return np.concatenate([own, others], axis=1)
 
 
-def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Single faults, or pairs where only pairs fit."""
-    chance = isolation.probability[:, members].max(axis=1)
+def _candidates(
+    ruleset: Ruleset, isolation: Isolation, members: Sequence[int]
+) -> Iterator[tuple[int, ...]]:
+    """Single faults, or pairs where only pairs fit; of those that no module lists such as some
+    stretch has no better explanation for."""
+    own = isolation.probability[:, members]
     pairs = isolation.pair[members[0], 0] >= 0
+    if not pairs:
+        own = np.where(beside_listed(own, ruleset.is_listed, limits.AS_GOOD), own, 0.0)
+    chance = own.max(axis=1)
     likely = np.flatnonzero(chance > (limits.PAIR_CANDIDATE if pairs else 0.0))
     yield from combinations((int(i) for i in likely), 2 if pairs else 1)
 
 
-def _explaining(test: HypothesisTest) -> np.ndarray:
+def _explaining(test: HypothesisTest, listed: np.ndarray) -> np.ndarray:
     """The faults that would explain most of each problem to first order, shape (faults, n)."""
     pull, information = test.towards()
     with np.errstate(divide="ignore", invalid="ignore"):
         explained = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
-    most = np.argsort(-explained, axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
-    found = np.zeros(explained.shape, dtype=bool)
-    np.put_along_axis(found, most, np.take_along_axis(explained, most, axis=0) > 0.0, axis=0)
-    return found
+    return leading(explained, listed) & (explained > 0.0)

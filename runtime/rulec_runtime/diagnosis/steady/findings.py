@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +13,12 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
+from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
+from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import (
@@ -26,8 +29,10 @@ from rulec_runtime.diagnosis.steady.verdict import (
     partly_blind,
     verdict_at,
 )
+from rulec_runtime.diagnosis.steady.visited import Visited
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
+from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
 
@@ -50,6 +55,23 @@ class Step:
     text: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Events:
+    """What comes and goes: how often, in how many samples, how long each time on average, s, for
+    which share of the recording, and between which values of each input, SI."""
+
+    count: int
+    samples: int
+    duration: float
+    share: float
+    settings: Mapping[str, tuple[float, float]]
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"comes and goes: {self.count} times, about {duration(self.duration)} each"
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault that fits, over a period; times in s.
@@ -58,7 +80,8 @@ class Finding:
     time, without which this one does not explain the readings. `baseline` is the number of
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
     follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
-    `from_sheet`: the plant was never seen to be as its sheet says.
+    `from_sheet`: the plant was never seen to be as its sheet says. `growth` is where it is now, of
+    one that is still there. `events`: it comes and goes.
     """
 
     fault: FaultSpec
@@ -79,6 +102,8 @@ class Finding:
     behind: str | None = OVER
     step: Step | None = None
     from_sheet: bool = False
+    growth: Growth | None = None
+    events: Events | None = None
 
     @property
     def active(self) -> bool:
@@ -113,12 +138,15 @@ class Period:
 
 @dataclass(frozen=True)
 class Found:
-    """What a block of estimates says over a recording, and all residuals at its end."""
+    """What a block of estimates says over a recording, and all residuals at its end; of the whole
+    plant also in which regimes its modules ran, and some points that it visited."""
 
     findings: list[Finding]
     unknown: list[Period]
     not_judged: list[Period]
     latest: Latest | None = None
+    regimes: tuple[RegimeFinding, ...] = ()
+    visited: Visited | None = None
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
@@ -144,12 +172,13 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
                 Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
             )
         elif kind == "fault":
-            causes = causes_of(seen, members, _evident(seen, members, next(fits)), known)
+            fitted = by_temperature(seen, members, _evident(seen, members, next(fits)))
+            causes = causes_of(seen, members, fitted, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
-                one = _finding(ruleset, seen, cause, members, times)
-                behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
+                one = finding_of(ruleset, seen, cause, members, times)
+                behind = OVER if cause.when == ENDED else behind_of(timeline, seen, members)
                 if seen.combined and cause.when != ENDED and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
                     off = disagreeing(seen, _worst(seen, members))
@@ -234,7 +263,7 @@ def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> t
     return float(timeline.since[first]), float(timeline.until[last])
 
 
-def _behind(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
+def behind_of(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
     """What follows a run: stretches that were judged, the end, or what could not be."""
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
@@ -249,6 +278,8 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
     found: list[Period] = []
     last = ""
     whole = np.asarray(seen.observed.valid.all(axis=0))
+    for flags in seen.observed.points.stood_in.values():
+        whole &= ~flags
     for i in range(len(timeline)):
         text = "" if whole[i] else partly_blind(seen, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])
@@ -267,7 +298,7 @@ def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
-def _finding(
+def finding_of(
     ruleset: Ruleset,
     seen: Seen,
     cause: Cause,
@@ -278,6 +309,8 @@ def _finding(
     own = seen.part.ruleset
     fault = own.faults[cause.fault]
     strongest = _worst(seen, members)
+    cause, further = with_temperature(seen, members, cause)
+    text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
     return Finding(
         fault,
         cause.degree,
@@ -292,7 +325,7 @@ def _finding(
         _readings(ruleset, seen.points, strongest),
         _flows(own, seen.observed, strongest),
         seen.baselines.count_at(members[0]),
-        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+        f"{text}{further}",
     )
 
 

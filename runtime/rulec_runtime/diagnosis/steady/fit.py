@@ -13,6 +13,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
@@ -60,7 +61,9 @@ def fit(
     )
     touched = [test.touched(faults) for faults in hypotheses]
     counts = np.array([len(names) for names in touched], dtype=int)
-    wanted = np.broadcast_to(counts[:, None] > 0, shape)
+    wanted = (counts[:, None] > 0) & ~np.array(
+        [np.any([_unread(test, fault) for fault in faults], axis=0) for faults in hypotheses]
+    ).reshape(shape)
     which, problem = np.nonzero(wanted if tried is None else wanted & tried)
     begin = starts if starts is not None else usual_starts(hypotheses)
     for chosen, most in _portions(test, counts, which):
@@ -81,12 +84,19 @@ def fit(
     return found
 
 
+def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
+    """Problems in which a fault would be there in a reading that was taken out, shape (n,)."""
+    flags: np.ndarray = np.any(test.unread(fault) & (test.present > 0.0), axis=0)
+    return flags
+
+
 def _portions(
     test: HypothesisTest, touched: np.ndarray, which: np.ndarray
 ) -> Iterator[tuple[np.ndarray, int]]:
     """Columns in portions whose matrices do not take much memory, and how many flows a column of
     one touches at most; `touched` of each hypothesis, `which` of them in each column."""
-    most = max(int(touched.max(initial=0)), 1)
+    # Of those that are tried alone: a change of the liquid touches hundreds of flows.
+    most = max(int(touched[which].max(initial=0)), 1)
     if not (len(which) and test.metric.is_large):
         size = max(limits.TABLE // max(test.freedom**2, 1), 1)
         yield from ((np.arange(len(which))[low : low + size], most) for low in _steps(which, size))

@@ -161,7 +161,7 @@ class HypothesisTest:
                 kept = self.kept((fault,), observers)
                 own = np.array([slopes[f"dq:{o}:{fault.id}"] for o in observers])
                 places = [self.places[o] for o in observers]
-                found[i] = places, own.reshape(kept.shape) * kept
+                found[i] = places, own.reshape(kept.shape) * kept * ~self.unread(fault)
         return found
 
     def towards(self, chosen: Sequence[int] | None = None) -> tuple[Array, Array]:
@@ -243,6 +243,14 @@ class HypothesisTest:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = self.offsets / self.flows
         return 1.0 - np.where(np.isfinite(share), share, 0.0)
+
+    def unread(self, fault: FaultSpec) -> np.ndarray:
+        """Where a fault would be one of a reading that was taken out, shape (points, n)."""
+        flags: np.ndarray = np.zeros(self.members.shape, dtype=bool)
+        for name, stood_in in self.observed.points.stood_in.items():
+            if fault.in_sensor and name in fault.scales:
+                flags |= stood_in[self.members]
+        return flags
 
     def _undone_at_zero(self) -> dict[str, Array]:
         """Slopes of the usable flows by degrees of zero, shape (points * n,), by the names that

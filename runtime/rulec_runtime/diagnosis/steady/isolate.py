@@ -28,7 +28,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
-from rulec_runtime.diagnosis.steady.screen import least_left, may_fit
+from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,12 +208,13 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
     # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
     # estimates can show: a test in the direction of a fault sees smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
-    visible = [bool(test.touched((fault,))) for fault in test.ruleset.faults]
-    strongest = quantile(chance / (2 * max(sum(visible), 1)))
+    visible = np.array([bool(test.touched((fault,))) for fault in test.ruleset.faults], dtype=bool)
+    asked = visible & test.ruleset.is_listed
+    strongest = quantile(chance / (2 * max(int(asked.sum()), 1)))
     pull, information = test.towards()
     with np.errstate(divide="ignore", invalid="ignore"):
         floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-        deviating |= (pull * floor > strongest)[visible].any(axis=0)
+        deviating |= (pull * floor > strongest)[asked].any(axis=0)
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():
@@ -236,10 +237,16 @@ def _explain(
     within = _within_range(test)
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
-    unexplained = np.asarray(~np.isfinite(evidence).any(axis=0) & within.all(axis=0))
+    # What moves everything leaves little of two faults at once: they are tried beside it as well.
+    own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
+    unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
     if pairs and unexplained.any() and rank > 2:
         found = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
-        _take_pairs(found, chosen[unexplained], test.ruleset.odds, result)
+        least = np.max(evidence[:, unexplained], axis=0, initial=-np.inf) + limits.SECOND_FAULT
+        better = np.max(found.evidence, axis=0, initial=-np.inf) > least
+        points = chosen[unexplained][better]
+        result.probability[:, points] = 0.0
+        _take_pairs(found.at(better), points, test.ruleset.odds, result)
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
@@ -247,10 +254,11 @@ def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) 
     shape (faults, n)."""
     faults = test.ruleset.faults
     hypotheses = [(fault,) for fault in faults]
+    promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)
     if all_tried or not test.metric.is_large:
-        return fit(test, hypotheses, None if all_tried else may_fit(test, limit))
-    least = least_left(test, np.ones((len(faults), len(test)), dtype=bool))
-    may = least <= limits.ROUNDED_OTHERWISE * limit
+        return fit(test, hypotheses, None if all_tried else may_fit(test, limit, promising))
+    least = least_left(test, promising)
+    may = promising & (least <= limits.ROUNDED_OTHERWISE * limit)
     # What moves many flows leaves little of them where any of them may be anything.
     touched = np.array([len(test.touched((fault,))) for fault in faults])[:, None]
     order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")

@@ -27,6 +27,11 @@ class PairFits:
     u: Array
     evidence: Array
 
+    def at(self, chosen: np.ndarray) -> PairFits:
+        """The same at some of the points."""
+        degree, u = self.degree[..., chosen], self.u[..., chosen]
+        return PairFits(self.pairs, degree, u, self.evidence[..., chosen])
+
 
 def fit_pairs(test: HypothesisTest, limit: float) -> PairFits:
     """Fit the pairs that pass the screening; `limit` is the distance up to which one fits."""

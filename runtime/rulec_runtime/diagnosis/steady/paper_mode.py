@@ -41,7 +41,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     n = len(observed)
     names = [
         f"{kind}:{_form(cell)}:{cell.fault}:{cell.residual}"
-        for cell in ruleset.cells
+        for cell in _ruled(ruleset)
         for kind in ("x", "ux")
     ]
     results = ruleset.plan.select(names).run(plan_inputs(observed.points))
@@ -53,7 +53,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     sound = _sound(ruleset, observed)
     with np.errstate(invalid="ignore"):
         fires = sound & (np.abs(observed.residuals) > limits.COVERAGE * observed.residual_u)
-    for cell in ruleset.cells:
+    for cell in _ruled(ruleset):
         key = f"{_form(cell)}:{cell.fault}:{cell.residual}"
         i, j = rows[cell.fault], columns[cell.residual]
         x = np.broadcast_to(results[f"x:{key}"], (n,))
@@ -73,6 +73,11 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     winner = result.winner()
     deviating = triggered[winner, points] & (degree[winner, points] > 0)
     return replace(result, deviating=deviating)
+
+
+def _ruled(ruleset: Ruleset) -> list[Cell]:
+    """Cells with a rule: the paper knows faults of modules."""
+    return [cell for cell in ruleset.cells if cell.forms]
 
 
 def _sound(ruleset: Ruleset, observed: Observed) -> np.ndarray:

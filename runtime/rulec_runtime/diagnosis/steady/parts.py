@@ -6,19 +6,20 @@ and not with the square of it.
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import LiquidSpec, Ruleset
 from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
 
 
 @dataclass(frozen=True)
 class Part:
     """A block of estimates with what concerns it; observers, residuals and faults by their places
-    in the ruleset of the plant."""
+    in the ruleset of the plant. The ruleset of the part has changes of the liquid behind these
+    faults."""
 
     ruleset: Ruleset
     observers: np.ndarray
@@ -29,7 +30,8 @@ class Part:
 def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
     """The parts in order of their first observer; worked out once for a ruleset."""
     if "parts" not in ruleset.kept:
-        ruleset.kept["parts"] = tuple(_part(ruleset, block) for block in blocks_of(ruleset))
+        whole = ruleset.with_unlisted() if ruleset.unlisted else ruleset
+        ruleset.kept["parts"] = tuple(_part(whole, block) for block in blocks_of(ruleset))
     found: tuple[Part, ...] = ruleset.kept["parts"]
     return found
 
@@ -38,8 +40,9 @@ def _part(ruleset: Ruleset, block: Block) -> Part:
     observers = np.flatnonzero(block.observers)
     residuals = _held(ruleset, block, "residuals")
     faults = _held(ruleset, block, "faults")
+    listed = faults[ruleset.is_listed[faults]]
     if len(observers) == len(ruleset.observers):
-        return Part(ruleset, observers, residuals, faults)
+        return Part(_with_liquid(ruleset, ruleset.liquid), observers, residuals, listed)
     own = replace(
         ruleset,
         observers=tuple(ruleset.observers[i] for i in observers),
@@ -54,12 +57,44 @@ def _part(ruleset: Ruleset, block: Block) -> Part:
         name for name in ruleset.plan.outputs if name in guards or _of(name) & names
     )
     undo = ruleset.undo.select(name for name in ruleset.undo.outputs if _of(name) & names)
-    return Part(
-        replace(own, cells=cells, plan=plan.narrowed(), undo=undo.narrowed()),
-        observers,
-        residuals,
-        faults,
+    own = replace(own, cells=cells, plan=plan.narrowed(), undo=undo.narrowed())
+    return Part(_with_liquid(own, ruleset.liquid), observers, residuals, listed)
+
+
+def _with_liquid(ruleset: Ruleset, changes: Iterable[LiquidSpec]) -> Ruleset:
+    """The ruleset of a part with those changes of the liquid that several of its modules show."""
+    there, shown = ruleset.observer_index, {r.id for r in ruleset.residuals}
+    found = []
+    for change in changes:
+        affects = tuple(o for o in change.fault.affects if o in there and _moved(ruleset, o))
+        if len({ruleset.observer_by_id[o].module for o in affects}) > 1:
+            cells = tuple(c for c in change.cells if c.residual in shown)
+            fault = replace(change.fault, affects=affects)
+            found.append(replace(change, fault=fault, cells=cells))
+    if not found:
+        return ruleset
+    outputs = dict(ruleset.undo.outputs)
+    for name in ruleset.undo.outputs:
+        kind, _, rest = name.partition(":")
+        if kind in _MOVED:
+            outputs[f"{_MOVED[kind]}:{rest}"] = outputs.pop(name)
+    return replace(
+        ruleset,
+        faults=(*ruleset.faults, *(change.fault for change in found)),
+        cells=(*ruleset.cells, *(cell for change in found for cell in change.cells)),
+        undo=replace(ruleset.undo, outputs=outputs),
+        liquid=tuple(found),
     )
+
+
+_MOVED = {"ql": "q", "dql": "dq"}
+"""Outputs of the plan with changes of the liquid undone, and in whose place they stand."""
+
+
+def _moved(ruleset: Ruleset, observer: str) -> bool:
+    """Does the plan know how a change of the liquid moves an observer? Results of controllers do
+    not."""
+    return f"ql:{observer}" in ruleset.undo.outputs
 
 
 def _held(ruleset: Ruleset, block: Block, what: str) -> np.ndarray:

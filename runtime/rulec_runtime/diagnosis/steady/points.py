@@ -18,6 +18,9 @@ from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
 from rulec_runtime.recordings.sums import means_between
 
+NO_READING = "no reading"
+"""Why nothing is known of a reading that nobody took out."""
+
 
 @dataclass(frozen=True)
 class Points:
@@ -27,7 +30,8 @@ class Points:
     systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
     flags with a reason in `why`; `time` shape (n,), s, where the points follow each other. `lag`
     is by how much readings that move are off if their lag is one standard uncertainty, signed,
-    shape (n,), SI; no part of `u`.
+    shape (n,), SI; no part of `u`. `stood_in` flags, per signal, shape (n,), values that stand in
+    for a reading that was taken out.
     """
 
     values: Mapping[str, Array]
@@ -37,6 +41,7 @@ class Points:
     why: Mapping[str, str]
     time: Array | None = None
     lag: Mapping[str, Array] = field(default_factory=dict)
+    stood_in: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return max((len(v) for v in self.values.values()), default=0)
@@ -49,20 +54,23 @@ class Points:
 
     def at(self, chosen: np.ndarray | slice) -> Points:
         """Some of the points."""
-        values, u, systematic, bad, lag = (
-            {name: part[chosen] for name, part in table.items()}
-            for table in (self.values, self.u, self.systematic, self.bad, self.lag)
+        values, u, systematic, bad, lag, stood_in = (
+            {name: part[chosen] for name, part in table.items()} for table in self._tables
         )
         time = None if self.time is None else self.time[chosen]
-        return Points(values, u, systematic, bad, self.why, time, lag)
+        return Points(values, u, systematic, bad, self.why, time, lag, stood_in)
 
     def of(self, signals: Set[str]) -> Points:
         """The same with some of the signals alone."""
-        values, u, systematic, bad, lag = (
+        values, u, systematic, bad, lag, stood_in = (
             {name: column for name, column in table.items() if name in signals}
-            for table in (self.values, self.u, self.systematic, self.bad, self.lag)
+            for table in self._tables
         )
-        return Points(values, u, systematic, bad, self.why, self.time, lag)
+        return Points(values, u, systematic, bad, self.why, self.time, lag, stood_in)
+
+    @property
+    def _tables(self) -> tuple[Mapping[str, Array], ...]:
+        return self.values, self.u, self.systematic, self.bad, self.lag, self.stood_in
 
     def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
         """Standard uncertainties with that by lags, shape (n,) each, SI."""
@@ -92,6 +100,7 @@ def one_after_the_other(several: Sequence[Points]) -> Points:
         why={name: text for points in several for name, text in points.why.items()},
         time=np.concatenate(times) if len(times) == len(several) else None,
         lag=row("lag", 0.0),
+        stood_in={name: column.astype(bool) for name, column in row("stood_in", 0.0).items()},
     )
 
 
@@ -128,7 +137,7 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
         values = recording.values.get(signal.id)
         if values is None:
             continue
-        known = (recording.unfit or {}).get(signal.id, "no reading")
+        known = (recording.unfit or {}).get(signal.id, NO_READING)
         reasons = [known] if any_of(values, lambda part: ~np.isfinite(part)) else []
         if any_of(values, partial(outside_range, signal)):
             reasons.append("outside the sensor's range")

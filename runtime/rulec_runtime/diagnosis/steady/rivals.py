@@ -1,7 +1,8 @@
 """Which other causes stand beside the one that is named.
 
 What the readings cannot tell from it does, however seldom it comes; and so does what is about as
-probable.
+probable. Of errors that no module lists there are many, each of which explains something a little
+worse: such a one stands there only where no reading speaks against it.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ Name = TypeVar("Name", int, str)
 
 @dataclass(frozen=True)
 class Other(Generic[Name]):
-    """A cause with its probability, and with that if all faults came equally often."""
+    """A cause with its probability, and with that if all faults came equally often; `unlisted` if
+    its module does not list it."""
 
     name: Name
     probability: float
     unprejudiced: float
+    unlisted: bool = False
 
 
 def rivals_of(
@@ -31,10 +34,12 @@ def rivals_of(
     rivals: list[tuple[Name, float]] = []
     remote: list[tuple[Name, float]] = []
     for other in sorted(others, key=lambda o: -o.probability):
-        if max(other.probability, other.unprejudiced) > limits.MENTION:
-            stands = (
-                other.probability >= limits.RIVAL * named.probability
-                or other.unprejudiced >= limits.RIVAL * named.unprejudiced
-            )
+        share = limits.ALIKE if other.unlisted else limits.RIVAL
+        stands = (
+            other.probability >= limits.RIVAL * named.probability
+            or other.unprejudiced >= share * named.unprejudiced
+        )
+        chances = (other.probability, 0.0 if other.unlisted and not stands else other.unprejudiced)
+        if max(chances) > limits.MENTION:
             (rivals if stands else remote).append((other.name, other.probability))
     return tuple(rivals), tuple(remote)

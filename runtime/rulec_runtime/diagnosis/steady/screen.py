@@ -25,6 +25,18 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     for part in test.portions():
         for i, left in _least_left(test.at(part), found[:, part]):
             found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
+    return _towards(test, limit, found)
+
+
+def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarray:
+    """Of what moves the flows of all modules, which nothing above rules out, only what lies in the
+    direction of the residuals."""
+    wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
+    if wide:
+        pull, information = test.towards(wide)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+        found[wide] &= gain >= limits.LIQUID_AT_FIRST * (test.metric.value - limit)
     return found
 
 
@@ -72,3 +84,20 @@ def _without(chi: ChiSquare, free: Array) -> Array:
     gain = np.einsum("in,in->n", slope, moved)
     # Where nothing is known of these flows, nothing can be said.
     return np.where(np.isfinite(gain), chi.value - gain, -np.inf)
+
+
+def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
+    """The faults with the highest scores, shape (faults, n): some that modules list, by flags of
+    the shape (faults,), and as many others, so that neither take the place of the other."""
+    found = np.zeros(scores.shape, dtype=bool)
+    for own in (np.flatnonzero(listed), np.flatnonzero(~listed)):
+        order = np.argsort(-scores[own], axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
+        np.put_along_axis(found, own[order], True, axis=0)
+    return np.asarray(found & beside_listed(scores, listed, limits.ALIKE))
+
+
+def beside_listed(scores: Array, listed: np.ndarray, share: float) -> np.ndarray:
+    """All listed faults, by flags of the shape (faults,), and others that score at least a share
+    of what the best of these does, shape (faults, n): no others are ever named."""
+    best = np.max(scores[listed], axis=0, initial=0.0)
+    return np.asarray(listed[:, None] | ((scores > 0.0) & (scores >= share * best)))

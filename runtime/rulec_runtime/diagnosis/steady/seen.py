@@ -32,6 +32,7 @@ from rulec_runtime.diagnosis.steady.observe import (
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
+from rulec_runtime.diagnosis.steady.stand_in import of_samples, with_stand_ins
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import give_back, let_go
@@ -94,6 +95,8 @@ def see_points(
 ) -> list[Seen]:
     """The same of stretches whose samples are gone."""
     parts = parts_of(ruleset)
+    for part in parts:
+        points = with_stand_ins(part.ruleset, points)
     return [see_part(ruleset, part, points, mode, halves, keep=keep) for part in parts]
 
 
@@ -273,6 +276,7 @@ def see_samples(
     place = np.maximum(place, 0)
     lag = lag_errors(recording, ruleset, stretches, noise)
     points = replace(points, lag={name: errors[place] for name, errors in lag.items()})
+    points = of_samples(points, stretches_seen[0].points, place)
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
         some, at, looks = points.at(here), place[here], len(chosen)

@@ -16,9 +16,11 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
+Wanders = tuple[tuple[float, float], ...]
+
 
 def spread_evenly(
-    observed: Observed, members: Sequence[int] | np.ndarray
+    observed: Observed, members: Sequence[int] | np.ndarray, most: int = limits.STACKED
 ) -> tuple[np.ndarray, np.ndarray]:
     """Some stretches of a run, spread evenly, that share their usable observers."""
     chosen = np.asarray(members)
@@ -26,20 +28,29 @@ def spread_evenly(
         observed.valid[:, chosen], axis=1, return_inverse=True, return_counts=True
     )
     usual = int(np.argmax(counts))
-    return thinned(chosen[np.ravel(group) == usual]), patterns[:, usual]
+    return thinned(chosen[np.ravel(group) == usual], most), patterns[:, usual]
 
 
-def thinned(points: np.ndarray) -> np.ndarray:
+def thinned(points: np.ndarray, most: int = limits.STACKED) -> np.ndarray:
     """At most as many points as are stacked, spread evenly."""
-    places = np.linspace(0, len(points) - 1, min(limits.STACKED, len(points))).round().astype(int)
+    places = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
     some: np.ndarray = points[places]
     return some
 
 
 def stacked_test(
-    ruleset: Ruleset, observed: Observed, valid: np.ndarray, members: np.ndarray, present: Array
+    ruleset: Ruleset,
+    observed: Observed,
+    valid: np.ndarray,
+    members: np.ndarray,
+    present: Array,
+    wanders: Wanders = ((limits.LASTING, 1.0),),
 ) -> HypothesisTest:
-    """Test of stacks, n of them, of points: `members` and `present` of shape (points, n)."""
+    """Test of stacks, n of them, of points: `members` and `present` of shape (points, n).
+
+    `wanders` are times over which parts of the variance of lasting errors are forgotten, s, and
+    these parts.
+    """
     basis = residual_basis(ruleset, valid)
     return HypothesisTest(
         ruleset=ruleset,
@@ -48,7 +59,7 @@ def stacked_test(
         basis=basis,
         members=members,
         present=present,
-        spread=_Stacked(observed, valid, basis),
+        spread=_Stacked(observed, valid, basis, wanders),
     )
 
 
@@ -59,6 +70,7 @@ class _Stacked:
     observed: Observed
     valid: np.ndarray
     basis: Array
+    wanders: Wanders
     known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
@@ -131,4 +143,6 @@ class _Stacked:
     def _lasts(self, members: np.ndarray) -> Array:
         """Correlation of lasting errors between points, shape (n, points, points)."""
         time = times_of(self.observed)[members]
-        return remembered(time[:, None] - time).transpose(2, 0, 1)
+        apart = time[:, None] - time
+        kept = sum(part * remembered(apart, each) for each, part in self.wanders)
+        return np.asarray(kept).transpose(2, 0, 1)

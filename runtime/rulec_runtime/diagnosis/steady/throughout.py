@@ -32,7 +32,7 @@ from rulec_runtime.diagnosis.steady.isolate import (
     test_of,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.screen import may_fit
+from rulec_runtime.diagnosis.steady.screen import leading, may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 from rulec_runtime.recordings.scratch import let_go
 
@@ -53,19 +53,22 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if len(judged) < 2:
         return None
     chance = isolation.chance
-    test, own, scores = _telling_most(whole, _named(isolation, judged))
+    test, own, every = _telling_most(whole, _named(isolation, judged))
+    scores = np.where(ruleset.is_listed, every, 0.0)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
     limit = accepted(test.freedom, 1, chance)
-    tried = may_fit(test, limit, (scores[:, None] > 0.0) & own[:, None])
+    tried = may_fit(test, limit, (every[:, None] > 0.0) & own[:, None])
     fits = fit(test, [(fault,) for fault in ruleset.faults], tried)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
+    if (isolation.pair[judged, 0] >= 0).any():
+        # Two faults at once explained some stretch better than a change of the liquid.
+        evidence[[not fault.module for fault in ruleset.faults]] = -np.inf
     if not np.isfinite(evidence).any():
         return None
     deviating = isolation.deviating[test.members[:, 0]]
-    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(
-        test, limit, own, deviating
-    ):
+    best = float((evidence + ruleset.doubted).max())
+    if not best + limits.FAULT_FROM_START > _best_change(test, limit, own, deviating):
         return None
     lasting = np.zeros(len(observed), dtype=bool)
     lasting[judged] = True
@@ -143,13 +146,11 @@ def _best_change(
     if deviating.any() and not deviating.all():
         times.append(deviating[:, None].astype(float))
     changed = test.at_other_times(np.hstack(times))
-    most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
-    tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
-    np.put_along_axis(tried, most, True, axis=0)
-    tried &= own[:, None]
+    tried = leading(_scores(changed), test.ruleset.is_listed) & own[:, None]
     tried = may_fit(changed, limit, tried)
     fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
-    return float(np.max(fits.evidence[fits.distance <= limit], initial=-np.inf))
+    evidence = fits.evidence + test.ruleset.doubted[:, None]
+    return float(np.max(evidence[fits.distance <= limit], initial=-np.inf))
 
 
 def _stacked(ruleset: Ruleset, observed: Observed, judged: np.ndarray) -> HypothesisTest:

@@ -54,6 +54,9 @@ def why_blind(seen: Seen, point: int) -> str:
         reason(seen.part.ruleset, seen.observed, int(i), point)
         for i in np.flatnonzero(~seen.observed.valid[:, point])
     ]
+    points = seen.observed.points
+    taken_out = (name for name, flags in points.stood_in.items() if flags[point])
+    reasons += [f"{name}: {points.why[name]}" for name in taken_out]
     return "; ".join(dict.fromkeys(reasons))
 
 
@@ -76,7 +79,7 @@ def partly_blind(seen: Seen, point: int) -> str:
         for fault, floor in zip(
             seen.part.ruleset.faults, seen.isolation.floor[:, point], strict=True
         )
-        if not threshold_of(floor) < fault.highest
+        if not (fault.unlisted or threshold_of(floor) < fault.highest)
     ]
     if not because or not unseen:
         return ""

@@ -36,7 +36,7 @@ def trace_stores(recording: Recording, ruleset: Ruleset, said: StoresJudged) -> 
     for finding in said.found.findings:
         _say(words, recording, finding.since, finding.until, finding.fault.id)
     lower = np.maximum(degree - half, 0.0)
-    return Trace(recording.time, tuple(words), degree, lower, degree + half)
+    return Trace(recording.time, tuple(words), degree, lower, degree + half, tuple(row))
 
 
 def _say(words: list[str], recording: Recording, since: float, until: float, word: str) -> None:

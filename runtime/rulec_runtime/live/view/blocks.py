@@ -137,6 +137,8 @@ def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType
     lines = [_short(styled("{}[{}]{}[/]", new, style, card.title), 3 * rest)]
     size = f"{card.episode.subject} {card.size}, " if card.size else ""
     lines.append(_short(styled("{}{}", size, card.since), 2 * rest))
+    if card.episode.grows:
+        lines.append(_short(styled("{}", card.episode.grows), 3 * rest))
     if card.probability:
         others = f"; or: {card.others}" if card.others else ""
         lines.append(_short(styled("probability {}{}", card.probability, others), 3 * rest))

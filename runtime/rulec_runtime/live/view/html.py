@@ -130,6 +130,8 @@ def _card(now: Now, card: Card, seal: str) -> str:
         about = f", {card.meaning}" if card.meaning else ""
         told = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
         rows.append(("Degree", told + _gauge(card.share)))
+    if episode.grows:
+        rows.append(("Growth", safe(episode.grows)))
     rows.append(("Seen", safe(card.since)))
     if card.probability:
         rows.append(("Probability", safe(card.probability)))

@@ -50,7 +50,7 @@ def _findings(now: Now, plant: Labels) -> Iterator[str]:
                 **plant,
                 "kind": e.kind,
                 # Remarks are no names: each would be a series of its own.
-                "subject": e.subject if e.kind in ("fault", "sensor") else "",
+                "subject": e.subject if e.kind in ("fault", "sensor", "regime") else "",
                 "module": e.module,
                 "status": e.status,
                 "unit": e.unit,
@@ -66,6 +66,7 @@ def _findings(now: Now, plant: Labels) -> Iterator[str]:
         ("degree", "Degree of an active finding", lambda e: e.degree),
         ("degree_lower", "Lower 95 % bound of the degree", lambda e: e.lower),
         ("degree_upper", "Upper 95 % bound of the degree", lambda e: e.upper),
+        ("rate", "Growth of the degree of an active finding per second", lambda e: e.rate),
         ("probability", "Probability of an active finding", lambda e: e.probability),
         (
             "acknowledged",

@@ -1,0 +1,100 @@
+"""What a change of the liquid moves: a property that equations ask for, and laws that do not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rulec.knowledge.effect import PLAIN, EffectLaw
+from rulec.knowledge.effect_law import parse_law
+from rulec.language.document import Path_
+from rulec.language.expression import Rejected
+from rulec.language.origin import Origin
+from rulec.language.reader import Reader
+from rulec.language.units import PROPERTIES, Dimension
+
+BY = "by"
+"""Name, in the law of a move, of the reading by which the place is known."""
+
+RATIO = "r"
+"""Name, in the law of a move, of the property over that at which the plain law holds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move:
+    """How a law moves that gives something (a dimension) and falls or rises with a reading.
+
+    `sign` is that of the slope by readings of `quantity`; `steep` as of a `Join`. `law` stands over
+    ``law`` and ``law(by=...)``, the plain law as it is and with that reading replaced, and ``r``.
+    """
+
+    gives: Dimension
+    quantity: str
+    sign: int
+    steep: bool | None
+    law: EffectLaw
+    origin: Origin
+
+
+@dataclass(frozen=True, kw_only=True)
+class Liquid:
+    """A property of the liquid that a fault changes; `per_kelvin` is its relative change by
+    temperature, 1/K, known to a `factor`; 0 where it does not follow the temperature."""
+
+    property: str
+    moves: tuple[Move, ...]
+    per_kelvin: float
+    factor: float
+    origin: Origin
+
+
+def read_liquid(reader: Reader) -> Liquid | None:
+    """The liquid of a fault that acts on one; mistakes go to the reader."""
+    data = reader.document.data
+    if data["acts_on"] != "liquid":
+        return None
+    if "property" not in data:
+        message = "which property of the liquid this fault changes is missing"
+        reader.report(("acts_on",), "KB021", message, "add 'property: ...'")
+        return None
+    name = data["property"]
+    if name not in PROPERTIES:
+        hint = " or ".join(PROPERTIES)
+        reader.report(("property",), "KB054", f"a fluid has no property '{name}'", hint)
+    moved = (_move(reader, ("moves", i)) for i in range(len(data.get("moves", ()))))
+    by_temperature = data.get("per_kelvin", {"value": 0.0, "factor": 1.0})
+    return Liquid(
+        property=name,
+        moves=tuple(move for move in moved if move is not None),
+        per_kelvin=float(by_temperature["value"]),
+        factor=float(by_temperature["factor"]),
+        origin=reader.origin("per_kelvin" if "per_kelvin" in data else "property"),
+    )
+
+
+def _move(reader: Reader, path: Path_) -> Move | None:
+    part = reader.part(path)
+    key = "falls_with" if "falls_with" in part else "rises_with"
+    if key not in part:
+        message = "with which reading this law falls or rises is missing"
+        reader.report_key(path, "KB021", message, "add 'falls_with: ...' or 'rises_with: ...'")
+        return None
+    gives = reader.quantity(*path, "gives")
+    reader.quantity(*path, key)
+    try:
+        law, _ = parse_law(part["law"])
+    except Rejected as error:
+        reader.report_error((*path, "law"), error)
+        return None
+    for name in sorted(law.names() - {BY, RATIO}):
+        message = f"'{name}' is neither {PLAIN}, {PLAIN}({BY}=...) nor {RATIO}"
+        reader.report((*path, "law"), "KB036", message)
+    if gives is None:
+        return None
+    return Move(
+        gives=gives,
+        quantity=part[key],
+        sign=-1 if key == "falls_with" else 1,
+        steep=part.get("steep"),
+        law=law,
+        origin=reader.origin(*path, source=part["source"]),
+    )

@@ -1,0 +1,181 @@
+"""What comes and goes more quickly than a settled stretch lasts: counted, and pooled.
+
+Samples between settled stretches are left out, as a plant that is on its way obeys no law of
+standing still. Where the plant is sound on both sides of such a gap, at the same settings, it was
+on no way: something came and went. Each such event is a point of its own, judged beside the sound
+stretches as if it were a stretch; what all of them have in common is told. A single reading that
+is off for a single sample is a glitch, and no event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.findings import Events, Finding, findings_of
+from rulec_runtime.diagnosis.steady.many import has_many
+from rulec_runtime.diagnosis.steady.points import (
+    Points,
+    one_after_the_other,
+    points_of_samples,
+    points_of_stretches,
+)
+from rulec_runtime.diagnosis.steady.seen import Seen, see_part
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
+from rulec_runtime.recordings.when import ENDED
+
+
+@dataclass(frozen=True)
+class _Gaps:
+    """Samples ``first : last`` that are left out between two stretches, the place of the one before
+    each."""
+
+    first: np.ndarray
+    last: np.ndarray
+    before: np.ndarray
+
+    def of(self, chosen: np.ndarray) -> _Gaps:
+        return _Gaps(self.first[chosen], self.last[chosen], self.before[chosen])
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+
+def events_of(
+    recording: Recording,
+    ruleset: Ruleset,
+    stretches: Stretches,
+    noise: Mapping[str, float],
+    seen: list[Seen],
+    mode: str,
+) -> Iterator[Finding]:
+    """One finding per fault that comes and goes."""
+    gaps = _without_reason(recording, ruleset, stretches, noise)
+    if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in seen):
+        return
+    samples = np.concatenate([np.arange(a, b) for a, b in zip(gaps.first, gaps.last, strict=True)])
+    alone = points_of_samples(recording, ruleset, noise).at(samples)
+    for part in seen:
+        if has_many(part.part.ruleset):
+            continue
+        sound = _sound(part)
+        both = see_part(ruleset, part.part, _behind(part.points.at(sound), alone), mode)
+        off = np.zeros(len(recording), dtype=bool)
+        off[samples] = both.isolation.deviating[len(sound) :]
+        events = _events(gaps, part, off)
+        if len(events) >= limits.FEWEST_EVENTS:
+            yield from _pooled(recording, ruleset, events, noise, part, mode)
+
+
+def _without_reason(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
+) -> _Gaps:
+    """Short gaps during which nobody set anything, and behind which all settings are as before."""
+    first, last = stretches.last[:-1], stretches.first[1:]
+    short = np.flatnonzero((last > first) & (last - first <= limits.LONGEST_EVENT))
+    gaps = _Gaps(first[short], last[short], short)
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if signal.is_input and values is not None and len(gaps):
+            still = [
+                _held(signal, values[a - 1 : b + 1], noise[signal.id])
+                for a, b in zip(gaps.first, gaps.last, strict=True)
+            ]
+            gaps = gaps.of(np.array(still, dtype=bool))
+    return gaps
+
+
+def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
+    """Does a setting stay what it is?"""
+    level = float(np.median(values))
+    floor = limits.NO_CHANGE * float(systematic_u(signal, level))
+    limit = max(limits.JUMP * np.sqrt(2.0) * noise, floor)
+    return bool(np.ptp(values) <= limit)
+
+
+def _events(gaps: _Gaps, seen: Seen, off: np.ndarray) -> _Gaps:
+    """The samples that deviate, in gaps between stretches in which a part of the plant is sound."""
+    sound = seen.isolation.judged & ~seen.isolation.deviating
+    found = []
+    for a, b, before in zip(gaps.first, gaps.last, gaps.before, strict=True):
+        (there,) = np.nonzero(off[a:b])
+        if len(there) and sound[before] and sound[before + 1]:
+            found.append((a + there[0], a + there[-1] + 1, before))
+    table = np.array(found, dtype=np.intp).reshape(-1, 3)
+    return _Gaps(table[:, 0], table[:, 1], table[:, 2])
+
+
+def _pooled(
+    recording: Recording,
+    ruleset: Ruleset,
+    events: _Gaps,
+    noise: Mapping[str, float],
+    seen: Seen,
+    mode: str,
+) -> Iterator[Finding]:
+    """What all events of a part of a plant say together, beside its sound stretches."""
+    spans = Stretches(events.first, events.last)
+    sound = _sound(seen)
+    own = points_of_stretches(recording, ruleset, spans, noise)
+    both = see_part(ruleset, seen.part, _behind(seen.points.at(sound), own), mode)
+    timeline = _one_after_the_other(timeline_of(recording.time, spans), len(sound))
+    for finding in findings_of(timeline, ruleset, both).findings:
+        there = np.flatnonzero(
+            (timeline.since[len(sound) :] >= finding.since)
+            & (timeline.until[len(sound) :] <= finding.until)
+        )
+        told = _told(recording, ruleset, events.of(there), own.at(there))
+        glitch = finding.fault.in_sensor and told.samples < limits.LEAST_EVENT * told.count
+        if told.count >= limits.FEWEST_EVENTS and not glitch and finding.behind is not ENDED:
+            yield replace(finding, events=told, text=f"{finding.text}; {told.text}", behind=ENDED)
+
+
+def _sound(seen: Seen) -> np.ndarray:
+    """Some stretches in which a part of the plant is sound, spread evenly."""
+    sound = np.flatnonzero(seen.isolation.judged & ~seen.isolation.deviating)
+    count = min(limits.STRETCHES_LOOKED_AT, len(sound))
+    places = np.linspace(0, len(sound) - 1, count).round().astype(int)
+    some: np.ndarray = sound[places]
+    return some
+
+
+def _behind(sound: Points, own: Points) -> Points:
+    """Points behind sound stretches: they are too short to move slowly."""
+    return one_after_the_other([sound, replace(own, lag={})])
+
+
+def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
+    """A timeline of events behind so many sound stretches, which came before all of them."""
+    begin = own.since[0] - 1.0
+    before = np.full(sound, begin)
+    return Timeline(
+        since=np.concatenate([before, own.since]),
+        until=np.concatenate([before, own.until]),
+        samples=np.concatenate([np.full(sound, limits.PERSISTENCE), own.samples]),
+        later=np.concatenate([np.full(sound, own.later[0]), own.later]),
+        paused=np.zeros(sound + len(own), dtype=bool),
+    )
+
+
+def _told(recording: Recording, ruleset: Ruleset, events: _Gaps, points: Points) -> Events:
+    """How often, how long, at which settings."""
+    samples = int((events.last - events.first).sum())
+    interval = float(recording.interval)
+    whole = float(recording.time[-1] - recording.time[0]) + interval
+    inputs = {
+        s.id: (float(np.nanmin(values)), float(np.nanmax(values)))
+        for s in ruleset.signals
+        if s.is_input and len(values := points.values.get(s.id, np.zeros(0)))
+    }
+    return Events(
+        count=len(events),
+        samples=samples,
+        duration=interval * samples / max(len(events), 1),
+        share=interval * samples / whole,
+        settings=inputs,
+    )

@@ -1,0 +1,138 @@
+"""How large a fault is now, how fast it grows, and when it will be how large."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady.course import Course, Moments
+from rulec_runtime.recordings.wall_clock import DAY, HOUR
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reaches:
+    """A degree that a fault will reach, and between which times, s; `open_end` where it may come
+    later still."""
+
+    degree: float
+    earliest: float
+    latest: float
+    open_end: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Growth:
+    """How large a fault is at the end, and how fast it grows; each with its 95 % bounds.
+
+    Attributes
+    ----------
+    degree, lower, upper : at `time`, s.
+    rate : growth per second with its bounds; None where too few stretches tell it.
+    grows : whether growth explains the readings better than steps do.
+    reaches : where it is going.
+    path : times, s, degrees and their standard uncertainties, of which a picture is made; `ahead`
+        the same of the time to come.
+    """
+
+    time: float
+    degree: float
+    lower: float
+    upper: float
+    rate: tuple[float, float, float] | None = None
+    grows: bool = False
+    reaches: Reaches | None = None
+    path: tuple[tuple[float, float, float], ...] = ()
+    ahead: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def per(self) -> tuple[float, str]:
+        """Time over which growth is told, s, and its unit: by the hour, or the day if it was
+        followed for longer than two."""
+        lasted = self.time - self.path[0][0] if self.path else 0.0
+        return (DAY, "d") if lasted > 2.0 * DAY else (HOUR, "h")
+
+
+def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
+    """What a course says of its end."""
+    by_steps = None if course.grows else _rate_of_steps(course, time)
+    rate = by_steps or _between(course.rate)
+    growing = (course.grows or by_steps is not None) and rate[1] > 0.0
+    reaches = _reaches(fault, course, rate, time) if growing else None
+    ahead = _until(course, reaches.latest) if course.grows and reaches is not None else ()
+    return Growth(
+        time=time,
+        degree=min(max(course.now[0], fault.lowest), fault.highest),
+        lower=max(_between(course.now)[1], fault.lowest),
+        upper=min(_between(course.now)[2], fault.highest),
+        rate=rate,
+        grows=course.grows,
+        reaches=reaches,
+        path=tuple(
+            zip(course.time.tolist(), course.degree.tolist(), course.u.tolist(), strict=True)
+        ),
+        ahead=ahead,
+    )
+
+
+def _until(course: Course, latest: float) -> tuple[tuple[float, float, float], ...]:
+    """Some of the times to come, up to the last that is told, or as long as it has grown."""
+    time = course.ahead[0]
+    until = min(latest, 2.0 * float(course.time[-1]) - float(course.time[course.onset]))
+    some = course.ahead[:, time <= until][:, :: limits.TIMES_AHEAD // 40]
+    return tuple((float(t), float(x), float(u)) for t, x, u in some.T)
+
+
+def _between(value: Moments) -> tuple[float, float, float]:
+    middle, u = value
+    return middle, middle - limits.COVERAGE * u, middle + limits.COVERAGE * u
+
+
+def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | None:
+    """Growth of a degree that goes up in steps, as of steps that come by chance; None of one that
+    does not go up alone, or of too few steps."""
+    steps = [step for step in course.steps if step[0] > course.time[0]]
+    if len(steps) < limits.STEPS_THAT_GROW or min(size for _, size in steps) <= 0.0:
+        return None
+    rate = sum(size for _, size in steps) / (time - float(course.time[0]))
+    wide = float(np.exp(limits.COVERAGE / len(steps) ** 0.5))
+    return rate, rate / wide, rate * wide
+
+
+def _reaches(
+    fault: FaultSpec, course: Course, rate: tuple[float, float, float], time: float
+) -> Reaches | None:
+    """When the next round degree is reached, if it goes on as it did."""
+    level = next_level(_between(course.now)[2])
+    if level >= fault.credible:
+        return None
+    if not course.grows:
+        ahead = level - course.now[0]
+        pause = time - course.steps[-1][0]
+        return Reaches(
+            degree=level,
+            earliest=time,
+            latest=time + ahead / rate[1] + pause,
+            open_end=False,
+        )
+    later, middle, u = course.ahead
+    soon, sure = (middle + sign * limits.COVERAGE * u >= level for sign in (1.0, -1.0))
+    return Reaches(
+        degree=level,
+        earliest=float(later[int(np.argmax(soon)) if soon.any() else -1]),
+        latest=float(later[int(np.argmax(sure)) if sure.any() else -1]),
+        open_end=not sure.any(),
+    )
+
+
+def next_level(degree: float) -> float:
+    """The next round number.
+
+    >>> [round(next_level(x), 6) for x in (0.031, 0.12, 0.5, 0.93)]
+    [0.04, 0.15, 0.6, 1.0]
+    """
+    decade = 10.0 ** np.floor(np.log10(degree))
+    round_ones = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+    return float(next(decade * step for step in round_ones if decade * step > degree))

@@ -1,0 +1,106 @@
+"""What recorded temperatures say of a change of the liquid.
+
+A property such as the viscosity follows the temperature by a known share per kelvin. A temperature
+that moved as much as the change needs speaks for it, one that stayed where it was speaks against.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import LiquidSpec
+from rulec_runtime.diagnosis.steady.causes import Cause
+from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits
+from rulec_runtime.diagnosis.steady.seen import Seen
+
+
+@dataclass(frozen=True)
+class Warming:
+    """By how much thermometers, by name, rose between the baseline of a run and the run, K: the
+    median of all of them."""
+
+    thermometers: tuple[str, ...]
+    rise: float
+
+    def words(self) -> str:
+        """For a sentence: ``A.T fell by 8.2 K``."""
+        many = len(self.thermometers) > 1
+        name = f"{len(self.thermometers)} temperatures" if many else self.thermometers[0]
+        if abs(self.rise) < limits.SAME_TEMPERATURE:
+            return f"{name} stayed within {limits.SAME_TEMPERATURE:g} K"
+        way = "rose" if self.rise > 0.0 else "fell"
+        return f"{name} {way} by {abs(self.rise):.2g} K"
+
+
+def by_temperature(seen: Seen, members: Sequence[int], fits: Fits) -> Fits:
+    """What was tried on a run, with what temperatures say of changes of the liquid in it."""
+    changes = _changes(seen)
+
+    def weighed(fit: Fit) -> Fit:
+        found = [(changes[i], x) for i, x in zip(fit.faults, fit.degrees, strict=True)
+                 if i in changes]  # fmt: skip
+        if not found or fit.when != ONSET:
+            return fit
+        evidence = sum(_evidence(change, x, _warming(seen, change, members)) for change, x in found)
+        return replace(fit, evidence=fit.evidence + evidence)
+
+    return replace(fits, tried=[weighed(fit) for fit in fits.tried]) if changes else fits
+
+
+def with_temperature(seen: Seen, members: Sequence[int], cause: Cause) -> tuple[Cause, str]:
+    """A cause, and what to add to its text: of a change of the liquid its bounds hold what its laws
+    leave open, and what temperatures say is told."""
+    change = _changes(seen).get(cause.fault)
+    if change is None:
+        return cause, ""
+    half = limits.COVERAGE * change.fault.tolerance * cause.degree
+    lower = cause.degree - math.hypot(half, cause.degree - cause.lower)
+    upper = cause.degree + math.hypot(half, cause.upper - cause.degree)
+    wide = replace(cause, lower=lower, upper=upper)
+    warming = _warming(seen, change, members) if cause.when == ONSET else None
+    if warming is None:
+        return wide, ""
+    said = _evidence(change, cause.degree, warming)
+    meaning = "which speaks for it" if said > 0.0 else "which speaks against it"
+    return wide, f"; meanwhile {warming.words()}{', ' + meaning if said else ''}"
+
+
+def _changes(seen: Seen) -> dict[int, LiquidSpec]:
+    """Changes of the liquid by their places among the faults of a part."""
+    ruleset = seen.part.ruleset
+    known = {change.fault.id: change for change in ruleset.liquid}
+    return {i: known[f.id] for i, f in enumerate(ruleset.faults) if f.id in known}
+
+
+def _warming(seen: Seen, change: LiquidSpec, members: Sequence[int]) -> Warming | None:
+    """How temperatures moved; None where the property follows none, or none is known."""
+    learned = seen.baselines.learned_at(members[0])
+    if not (change.per_kelvin and len(learned)):
+        return None
+    values, rises = seen.points.values, {}
+    for name in change.thermometers:
+        if name in values:
+            before, now = values[name][learned], values[name][np.asarray(members)]
+            if np.isfinite(before).any() and np.isfinite(now).any():
+                rises[name] = float(np.nanmean(now) - np.nanmean(before))
+    if not rises:
+        return None
+    return Warming(tuple(rises), float(np.median([*rises.values()])))
+
+
+def _evidence(change: LiquidSpec, degree: float, warming: Warming | None) -> float:
+    """Log-likelihood of a change of the liquid by how temperatures moved; 0 where they say
+    nothing."""
+    if warming is None or degree <= 0.0:
+        return 0.0
+    needed = math.log1p(change.sign * min(degree, limits.NEARLY_ALL if change.sign < 0 else degree))
+    share = change.per_kelvin * warming.rise / needed
+    known_to = change.factor**limits.COVERAGE
+    if share < 1.0 / known_to:
+        return -limits.BY_TEMPERATURE
+    return limits.BY_TEMPERATURE if share <= known_to else 0.0

@@ -1,0 +1,119 @@
+"""Regimes: ways in which a module runs that its laws for delivering do not cover, such as dry.
+
+Each settled stretch is held against the conditions that its module type states, by mean readings
+with their uncertainties (GUM); stretches in a row are one finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import RegimeSpec, Ruleset
+from rulec_runtime.contract.threshold import threshold_of
+from rulec_runtime.diagnosis.steady.observe import plan_inputs
+from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.recordings.stationary import Timeline
+from rulec_runtime.recordings.when import ENDED, TO_THE_END, UNSETTLED
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegimeFinding:
+    """A regime over a period; times in s. `behind` says what follows it, as of a finding.
+
+    `margins` say by how many standard uncertainties each condition holds that is no comparison with
+    a minimum, where the weakest of them holds most.
+    """
+
+    regime: RegimeSpec
+    since: float
+    until: float
+    behind: str | None
+    margins: tuple[tuple[str, float], ...]
+
+    @property
+    def active(self) -> bool:
+        """Was it still there when it was last possible to see it?"""
+        return self.behind is not ENDED
+
+
+def regimes_of(ruleset: Ruleset, timeline: Timeline, points: Points) -> tuple[RegimeFinding, ...]:
+    """All regimes of a recording by its settled stretches, one point each."""
+    if not (ruleset.regimes and len(points)):
+        return ()
+    found, out = [], _margins(ruleset, points)
+    for regime in ruleset.regimes:
+        there, sure = _held(ruleset, regime, points, out)
+        for first, last in _rows(there, timeline):
+            if timeline.samples[first : last + 1].sum() >= limits.PERSISTENCE:
+                found.append(_finding(regime, timeline, sure, first, last))
+    return tuple(found)
+
+
+def _margins(ruleset: Ruleset, points: Points) -> dict[str, Array]:
+    """Margins of all conditions over their standard uncertainties, shape (n,) each; NaN where a
+    reading that they ask for was not recorded."""
+    names = [c.margin for regime in ruleset.regimes for c in regime.when if c.margin]
+    plan = ruleset.plan.select(f"{kind}:{name}" for kind in _OUTPUTS for name in names)
+    lacking: dict[str, Array | float] = dict.fromkeys(plan.used_inputs, np.nan)
+    out = plan.run(lacking | plan_inputs(points))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = {name: out[f"margin:{name}"] / out[f"u_margin:{name}"] for name in names}
+    return {name: np.broadcast_to(share, (len(points),)) for name, share in shares.items()}
+
+
+_OUTPUTS = ("margin", "u_margin")
+
+
+def _held(
+    ruleset: Ruleset, regime: RegimeSpec, points: Points, out: Mapping[str, Array]
+) -> tuple[np.ndarray, dict[str, Array]]:
+    """Where all conditions of a regime hold, shape (n,), and by how many standard uncertainties
+    each does."""
+    there, sure = np.ones(len(points), dtype=bool), {}
+    nothing = np.full(len(points), np.nan)
+    with np.errstate(invalid="ignore"):
+        for condition in regime.when:
+            if condition.signal:
+                readings = points.values.get(condition.signal, nothing)
+                minimum = ruleset.signal_by_id[condition.signal].minimum
+                there &= readings >= minimum if condition.above else readings < minimum
+            else:
+                sure[condition.text] = out[condition.margin]
+                there &= out[condition.margin] > threshold_of(1.0)
+    return there, sure
+
+
+def _rows(there: np.ndarray, timeline: Timeline) -> Iterator[tuple[int, int]]:
+    """First and last of stretches in a row in which something holds; a long pause ends a row."""
+    first: int | None = None
+    for i, holds in enumerate(there.tolist()):
+        if first is not None and (not holds or timeline.paused[i]):
+            yield first, i - 1
+            first = None
+        if holds and first is None:
+            first = i
+    if first is not None:
+        yield first, len(there) - 1
+
+
+def _finding(
+    regime: RegimeSpec, timeline: Timeline, sure: dict[str, Array], first: int, last: int
+) -> RegimeFinding:
+    behind: str | None = ENDED
+    if last + 1 == len(timeline):
+        behind = TO_THE_END if timeline.later[last] < limits.PERSISTENCE else UNSETTLED
+    rows = slice(first, last + 1)
+    least = np.min([each[rows] for each in sure.values()], axis=0) if sure else np.zeros(1)
+    best = first + int(np.argmax(least))
+    return RegimeFinding(
+        regime=regime,
+        since=float(timeline.since[first]),
+        until=float(timeline.until[last]),
+        behind=behind,
+        margins=tuple((text, float(each[best])) for text, each in sure.items()),
+    )

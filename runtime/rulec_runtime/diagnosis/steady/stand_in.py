@@ -1,0 +1,183 @@
+"""A reading that was taken out is an unknown, and more may be known than what it takes to find it.
+
+Three estimates that read a lost pressure are no estimates without it; but whatever the pressure is,
+it is one and the same for all of them. So the value that makes them agree best stands in for it, as
+uncertain as a guess: what an error of it could do is no evidence any more, and the rest is. Faults
+of the lost reading itself cannot be told.
+
+Source: own derivation; a nuisance parameter, eliminated by a wide prior (generalised least
+squares).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile, test_of
+from rulec_runtime.diagnosis.steady.many import has_many
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+
+
+def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
+    """Points with values for readings that were taken out, where more is known with them than
+    without."""
+    if has_many(ruleset) or not len(points):
+        return points
+    for signal in ruleset.signals:
+        values = points.values.get(signal.id)
+        taken_out = points.why.get(signal.id, NO_READING) != NO_READING
+        if values is not None and taken_out and signal.id in ruleset.observed:
+            lost = _spread_evenly(np.flatnonzero(~np.isfinite(values)))
+            for chosen in _portions(lost):
+                value = _value(ruleset, points.at(chosen).of(ruleset.observed), signal)
+                points = _filled(points, signal, chosen, value)
+    return points
+
+
+def _spread_evenly(lost: np.ndarray) -> np.ndarray:
+    """At most so many points as are worth their cost; without the others a finding goes on."""
+    places = np.linspace(0, len(lost) - 1, min(limits.STAND_INS, len(lost))).round().astype(int)
+    some: np.ndarray = lost[places]
+    return some
+
+
+def _portions(lost: np.ndarray) -> Iterator[np.ndarray]:
+    size = max(limits.POINTS_AT_ONCE // limits.STAND_IN_VALUES, 1)
+    for low in range(0, len(lost), size):
+        yield lost[low : low + size]
+
+
+def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
+    """What makes all estimates agree best, shape (n,), SI; NaN where nothing is gained by it.
+
+    Where no value does, one fault may be there: then it is what agrees best beside the fault that
+    fits best. The equations bend too much to be right far from there.
+    """
+    best, chi, freedom = _searched(ruleset, points, signal, beside_faults=False)
+    without = _agreement(ruleset, points)[1]
+    gained = freedom - 1 > without
+    limit = [chi_square_limit(max(f - 1, 1), quantile(alarm_chance(1))) for f in freedom.tolist()]
+    off = np.flatnonzero(gained & (chi > limit))
+    if len(off):
+        best[off] = _searched(ruleset, points.at(off), signal, beside_faults=True)[0]
+    return np.where(gained, best, np.nan)
+
+
+def _searched(
+    ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool
+) -> tuple[Array, Array, np.ndarray]:
+    """The value at which most can be compared, and agrees best, what chi-square it leaves, and its
+    degrees of freedom, each of shape (n,)."""
+    low, high = _ends(signal)
+    n, places = len(points), np.arange(len(points))
+    values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
+    u = float(values[1, 0] - values[0, 0]) if n else 0.0
+    for step in range(limits.STAND_IN_ROUNDS + 1):
+        tried = one_after_the_other([_tried(points, signal, one, u) for one in values])
+        chi, freedom = (
+            table.reshape(values.shape)
+            for table in _agreement(ruleset, tried, beside_faults=beside_faults)
+        )
+        most = freedom == freedom.max(axis=0)
+        order = np.argsort(np.where(most, chi, np.inf), axis=0, kind="stable")
+        if step == limits.STAND_IN_ROUNDS:
+            break
+        # What is best from afar need not be so from near.
+        u /= 3.0
+        chosen = np.take_along_axis(values, order[: limits.STAND_INS_REFINED], axis=0)
+        around = chosen[:, None] + u * np.arange(-2.0, 3.0)[:, None]
+        values = np.clip(around.reshape(-1, n), low, high)
+    best = order[0]
+    return values[best, places], chi[best, places], freedom[best, places]
+
+
+def _ends(signal: SignalSpec) -> tuple[float, float]:
+    """Between which values a reading may be, SI."""
+    if signal.lowest is not None and signal.highest is not None:
+        return signal.lowest, signal.highest
+    return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
+
+
+def _agreement(
+    ruleset: Ruleset, points: Points, *, beside_faults: bool = False
+) -> tuple[Array, np.ndarray]:
+    """Chi-square of a sound plant, or beside its best single fault, and the degrees of freedom,
+    shape (n,) each."""
+    observed = observe(ruleset, points)
+    chi, freedom = np.full(len(points), np.inf), np.zeros(len(points), dtype=int)
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
+        if len(basis):
+            test = test_of(ruleset, observed, valid, basis, members)
+            found = test.metric.value
+            if beside_faults:
+                hypotheses = [(fault,) for fault in ruleset.faults]
+                found = np.fmin(found, fit(test, hypotheses).distance.min(axis=0, initial=np.inf))
+            chi[members] = np.where(np.isfinite(found), found, np.inf)
+            freedom[members] = len(basis)
+    return chi, freedom
+
+
+def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
+    """Points with values of a reading, shape (n,), that are new at each of them."""
+    name = signal.id
+    return replace(
+        points,
+        values={**points.values, name: value},
+        u={**points.u, name: np.full(len(value), u)},
+        systematic={**points.systematic, name: np.zeros(len(value))},
+        bad={**points.bad, name: ~np.isfinite(value)},
+        stood_in={**points.stood_in, name: np.ones(len(value), dtype=bool)},
+    )
+
+
+def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array) -> Points:
+    """Points some of which have a stand-in for a reading, shape (chosen,)."""
+    found = np.isfinite(value)
+    if not found.any():
+        return points
+    name, low_high = signal.id, _ends(signal)
+    places = chosen[found]
+    spread = limits.STAND_IN_SPREAD * (low_high[1] - low_high[0])
+    none = np.zeros(len(points), dtype=bool)
+    return replace(
+        points,
+        values=_with(points.values, name, places, value[found]),
+        u=_with(points.u, name, places, spread),
+        systematic=_with(points.systematic, name, places, 0.0),
+        bad=_with(points.bad, name, places, False),
+        stood_in=_with({name: none, **points.stood_in}, name, places, True),
+    )
+
+
+def _with(
+    table: Mapping[str, Array], name: str, places: np.ndarray, new: Array | float
+) -> dict[str, Array]:
+    """A table with other numbers at some places of one column."""
+    column = table[name].copy()
+    column[places] = new
+    return {**table, name: column}
+
+
+def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
+    """Points of samples with the stand-ins of the stretches in which they lie, by their places."""
+    for name, flags in stretches.stood_in.items():
+        lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
+        own = place[lost]
+        points = replace(
+            points,
+            values=_with(points.values, name, lost, stretches.values[name][own]),
+            u=_with(points.u, name, lost, stretches.u[name][own]),
+            systematic=_with(points.systematic, name, lost, 0.0),
+            stood_in={**points.stood_in, name: flags[place]},
+        )
+    return points

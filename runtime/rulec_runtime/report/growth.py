@@ -1,0 +1,100 @@
+"""A fault that grows, in words and as a picture: how large it was, is, and will be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.degree import degree_in_words
+from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.growth import Growth
+from rulec_runtime.recordings.wall_clock import DAY, duration
+from rulec_runtime.report.chart import Panel, axis
+from rulec_runtime.report.figure import Figure
+from rulec_runtime.report.text import degree as degree_text
+from rulec_runtime.report.time_axis import over, time_plot
+
+LEVELS = "▁▂▃▄▅▆▇█"
+COLUMNS = 32
+"""Characters of the small picture in a terminal."""
+
+
+def grown(finding: Finding) -> str:
+    """Where a fault is now, how fast it grows and where it is going; empty where it does not.
+
+    In a terminal the same words stand beside `sparkline`.
+    """
+    growth = finding.growth
+    if growth is None or growth.rate is None or growth.rate[1] <= 0.0 <= growth.rate[2]:
+        return ""
+    fault, (seconds, _) = finding.fault, growth.per
+    each = "day" if seconds == DAY else "hour"
+    low, high = (degree_in_words(fault, x) for x in (growth.lower, growth.upper))
+    now = f"{degree_in_words(fault, growth.degree)} now ({low} to {high})"
+    middle, *ends = (degree_in_words(fault, x * seconds) for x in growth.rate)
+    way = "grows by" if growth.rate[0] > 0.0 else "changes by"
+    rate = f"{way} {middle} per {each} ({' to '.join(ends)})"
+    if not growth.grows and growth.reaches is None:
+        return ""
+    if not growth.grows:
+        rate = f"goes up in steps, by about {middle} per {each}"
+    return "; ".join(filter(None, (now, rate, _ahead(fault, growth))))
+
+
+def _ahead(fault: FaultSpec, growth: Growth) -> str:
+    """When a fault will be how large."""
+    ahead = growth.reaches
+    if ahead is None:
+        return ""
+    level = degree_in_words(fault, ahead.degree)
+    soon, late = (duration(max(t - growth.time, 0.0)) for t in (ahead.earliest, ahead.latest))
+    if ahead.open_end:
+        return f"reaches {level} in {soon} at the earliest"
+    if not growth.grows:
+        return f"the next step may reach {level}, within {late}"
+    within = soon if soon == late else f"{soon} to {late}"
+    return f"reaches {level} in {within} at this rate"
+
+
+def sparkline(growth: Growth) -> str:
+    """The course so far in a line of characters, from none to the largest degree."""
+    time, degree, _ = np.array(growth.path).T
+    columns = np.interp(np.linspace(time[0], time[-1], COLUMNS), time, degree)
+    share = np.clip(columns / max(float(columns.max()), limits.LEAST_U), 0.0, 1.0)
+    return "".join(LEVELS[round(float(x) * (len(LEVELS) - 1))] for x in share)
+
+
+def draw_growth(diagnosis: Diagnosis, finding: Finding) -> Figure:
+    """The course of a degree with its 95 % band, and where it goes on at this rate."""
+    growth, fault = finding.growth, finding.fault
+    assert growth is not None
+    time, degree, u = np.array(growth.path).T
+    ahead = np.array([(growth.time, growth.degree, (growth.upper - growth.degree) / 2.0)])
+    if growth.ahead:
+        ahead = np.vstack([ahead, np.array(growth.ahead)])
+    across = over(np.concatenate([time, ahead[:, 0]]), diagnosis.calendar)
+    half = limits.COVERAGE
+    top = float(max((degree + half * u).max(), (ahead[:, 1] + half * ahead[:, 2]).max()))
+    least = float(min(0.0, (degree - half * u).min()))
+    panel = Panel(across, axis(least, 1.05 * top, 4), 180)
+    later, then, apart = ahead.T
+    drawn = [
+        panel.band(time, degree - half * u, degree + half * u, "s0"),
+        panel.curve(time, degree, "s0"),
+        panel.band(later, then - half * apart, then + half * apart, "s1"),
+        panel.curve(later, then, "truth"),
+    ]
+    end = degree_text(growth.degree, fault.unit)
+    fixed = [panel.text(growth.time, growth.upper, f"now {end}", "value", -5)]
+    name = f"{fault.id}, degree [{fault.unit or 1}]"
+    svg = panel.drawn(f"course of {fault.id}", name, drawn, fixed, True)
+    key = ["band: 95 % bounds", "dashed: as it goes on at this rate"]
+    return Figure(
+        name="growth",
+        title=f"How {fault.id} grows",
+        key="; ".join(key if growth.ahead else key[:1]),
+        body=time_plot(svg, True, across, diagnosis.calendar),
+        caption=f"{fault.id}: {grown(finding)}.",
+    )

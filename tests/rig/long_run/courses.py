@@ -1,0 +1,278 @@
+"""Sixty drawn courses of a degree: is the last one told, and when it will reach more?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from tests.figures.share import Share
+from tests.rig.long_run.judged import CLOSE, USEFUL, last_of, names_of, now_of
+from tests.rig.long_run.plants import Form, asked, clock, constant, moving, recorded, watched
+from tests.rig.long_run.readings import Columns
+
+DRAWN = 60
+DAY = 86_400.0
+
+SCALES: dict[str, tuple[int, float]] = {
+    "10 minutes": (600, 1.0),
+    "day, 10 s": (8_640, 10.0),
+    "day, minute": (1_440, 60.0),
+    "six weeks": (1_008, 3_600.0),
+}
+"""Rows, and seconds between them."""
+
+SHAPES = ("linear", "accelerating", "steps")
+
+FAULTS: dict[str, tuple[float, float]] = {
+    "A.leakage": (0.1, 0.6),
+    "B.leakage": (0.1, 0.6),
+    "A.clogging": (0.3, 2.0),
+    "B.clogging": (0.3, 2.0),
+    "A.dp.high": (0.05, 0.2),
+    "B.P_el.high": (0.1, 0.25),
+}
+"""Least and largest degree at the end."""
+
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3_600.0, "d": DAY, "w": 7 * DAY, "week": 7 * DAY}
+"""Of the units of a rate: `1/d`."""
+
+BEYOND = 20.0
+"""Lengths of the recording within which the truth is followed on."""
+
+COLUMNS = ("what", "true", "said", "fits", "true_rate", "rate", "reaches", "truly", "within")
+
+
+@dataclass(frozen=True)
+class Course:
+    """A degree over time, s, that goes on behind the recording.
+
+    Attributes
+    ----------
+    begins, ends : when it leaves zero, and when the recording ends, s
+    last : degree at the end, 1
+    power : 1 for a straight course, more for one that accelerates
+    steps : part of the way from `begins` to `ends` of each step; none for a smooth course
+    """
+
+    begins: float
+    ends: float
+    last: float
+    power: float
+    steps: tuple[float, ...] = ()
+
+    def __call__(self, time: Array) -> Array:
+        """Degree, shape of `time`."""
+        along = np.maximum((time - self.begins) / (self.ends - self.begins), 0.0)
+        if self.steps:
+            done = np.searchsorted(np.array(self.steps), along, side="right")
+            of = int(np.searchsorted(np.array(self.steps), 1.0, side="right"))
+            return self.last * done / of
+        return np.asarray(self.last * along**self.power)
+
+    def rate(self) -> float:
+        """At the end, 1/s; of steps on average."""
+        return self.power * self.last / (self.ends - self.begins)
+
+    def reaches(self, degree: float) -> float:
+        """When it truly is there, s; infinite where that is far behind the recording."""
+        time = self.begins + np.linspace(0.0, BEYOND, 400_001) * (self.ends - self.begins)
+        there = self(time) >= degree
+        return float(time[np.argmax(there)]) if there.any() else np.inf
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One of the courses, and how the plant is run meanwhile."""
+
+    number: int
+    rig: str
+    scale: str
+    shape: str
+    moves: bool
+    fault: str
+    course: Course
+
+    @property
+    def what(self) -> str:
+        """In words."""
+        points = "moving" if self.moves else "constant"
+        return f"{self.number} {self.rig}, {self.fault}, {self.scale}, {self.shape}, {points}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What was told of one course; None where it was not."""
+
+    what: str
+    scale: str
+    shape: str
+    moves: bool
+    true: float
+    named: bool
+    now: tuple[float, float, float] | None
+    course_told: bool
+    true_rate: float
+    rate: tuple[float, float, float] | None
+    target: float | None
+    reached: tuple[float, float] | None
+    truly: float | None
+    live: tuple[float, float, float] | None = None
+
+
+def draw(number: int) -> Drawn:
+    """One course; kinds come in turn, sizes are drawn."""
+    random = np.random.default_rng([50, number])
+    scale, shape = list(SCALES)[number % 4], SHAPES[number // 4 % 3]
+    moves, rig = bool(number // 12 % 2), ("abc", "mixing-rig")[number % 5 == 4]
+    fault = list(FAULTS)[int(random.choice(len(FAULTS), p=[0.2, 0.2, 0.2, 0.2, 0.1, 0.1]))]
+    rows, interval = SCALES[scale]
+    ends = (rows - 1) * interval
+    begins = ends * float(random.choice([0.0, random.uniform(0.1, 0.5)]))
+    power = float(random.uniform(1.5, 2.5)) if shape == "accelerating" else 1.0
+    steps: tuple[float, ...] = ()
+    if shape == "steps":
+        gaps = random.gamma(4.0, 1.0 / (4.0 * random.integers(3, 8)), 400)
+        # The last step before the end is a while ago, so that its degree can be seen.
+        steps = tuple(np.cumsum(gaps).tolist())
+        steps = tuple(s for s in steps if not 0.93 < s <= 1.0) if steps[0] < 0.93 else (0.5, *steps)
+    last = float(random.uniform(*FAULTS[fault]))
+    return Drawn(number, rig, scale, shape, moves, fault, Course(begins, ends, last, power, steps))
+
+
+def readings_of(drawn: Drawn) -> Columns:
+    """Its recording."""
+    rows, interval = SCALES[drawn.scale]
+    time = clock(rows, interval)
+    random = np.random.default_rng([51, drawn.number])
+    hold = int(random.integers(20, 60)) if interval < 3600.0 else int(random.integers(12, 48))
+    speed = moving(drawn.rig, time, hold, random) if drawn.moves else constant(drawn.rig, time)
+    degree = drawn.course(time)
+    return recorded(drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed)
+
+
+def measure(first: int = 0, count: int = DRAWN, live: bool = False) -> list[Said]:
+    """What is told of courses, one after the other."""
+    return [said_of(draw(number), live) for number in range(first, first + count)]
+
+
+def said_of(drawn: Drawn, live: bool) -> Said:
+    """What is told of one."""
+    columns = readings_of(drawn)
+    form, course = asked(drawn.rig, columns), drawn.course
+    finding = last_of(form, drawn.fault)
+    watch = last_of(watched(drawn.rig, columns), drawn.fault) if live else None
+    told = (finding or {}).get("reaches")
+    target = None if told is None else float(told["degree"])
+    return Said(
+        what=drawn.what,
+        scale=drawn.scale,
+        shape=drawn.shape,
+        moves=drawn.moves,
+        true=float(course(np.array(course.ends))),
+        named=any(drawn.fault in names_of(f) for f in form["findings"]),
+        now=None if finding is None else now_of(finding),
+        course_told=finding is not None and "now" in finding,
+        true_rate=course.rate() * _usual_unit(drawn),
+        rate=None if finding is None else _rate(finding, _usual_unit(drawn)),
+        target=target,
+        reached=None if told is None else (float(told["earliest"]), float(told["latest"])),
+        truly=None if target is None else course.reaches(target),
+        live=None if watch is None else now_of(watch),
+    )
+
+
+def form(courses: Sequence[Said]) -> dict[str, Any]:
+    """Counts, and every course."""
+    groups = {scale: [s for s in courses if s.scale == scale] for scale in SCALES}
+    groups |= {shape: [s for s in courses if s.shape == shape] for shape in SHAPES}
+    groups |= {"moving": [s for s in courses if s.moves]}
+    groups |= {"constant": [s for s in courses if not s.moves]}
+    return {
+        "counts": _counts(courses),
+        "groups": {name: _counts(of) for name, of in groups.items()},
+        "courses": [{**asdict(s), **_shown(s)} for s in courses],
+    }
+
+
+def _counts(courses: Sequence[Said]) -> dict[str, Any]:
+    """Shares as count of number, and how wide bounds are."""
+    told = [s for s in courses if s.now is not None]
+    wide = [_width(s) for s in told]
+    rates = [s for s in courses if s.rate is not None]
+    live = [s for s in courses if s.live is not None and s.now is not None]
+    shares = {
+        "named": (sum(s.named for s in courses), courses),
+        "course_told": (sum(s.course_told for s in courses), courses),
+        "degree_right": (sum(_right(s) for s in courses), courses),
+        "degree_useful": (sum(_right(s) and _width(s) <= USEFUL for s in told), courses),
+        "degree_close": (sum(_close(s) for s in told), told),
+        "bounds_hold": (sum(_holds(s.now, s.true) for s in told), told),
+        "rate_bounds_hold": (sum(_holds(s.rate, s.true_rate) for s in rates), rates),
+        "forecast_holds": (sum(_forecast(s) for s in courses), courses),
+        "live_as_file": (sum(_overlap(s.live, s.now) for s in live), live),
+    }
+    found = {name: Share(count, len(of)) for name, (count, of) in shares.items()}
+    half = f"{float(np.median(wide)):.2f}" if wide else "-"
+    return {**{k: f"{s.count} of {s.of}" for k, s in found.items()}, "median_half_width": half}
+
+
+def _width(said: Said) -> float:
+    """Half width of the bounds as a share of the true degree."""
+    return np.inf if said.now is None else (said.now[2] - said.now[1]) / 2.0 / said.true
+
+
+def _close(said: Said) -> bool:
+    return said.now is not None and abs(said.now[0] - said.true) <= CLOSE * said.true
+
+
+def _right(said: Said) -> bool:
+    return _close(said) or _holds(said.now, said.true)
+
+
+def _holds(told: tuple[float, float, float] | None, true: float) -> bool:
+    return told is not None and told[1] <= true <= told[2]
+
+
+def _forecast(said: Said) -> bool:
+    if said.reached is None or said.truly is None:
+        return False
+    return said.reached[0] <= said.truly <= said.reached[1]
+
+
+def _overlap(one: Sequence[float] | None, other: Sequence[float] | None) -> bool:
+    return one is not None and other is not None and one[1] <= other[2] and other[1] <= one[2]
+
+
+def _rate(finding: Form, unit: float) -> tuple[float, float, float] | None:
+    """Rate with bounds in the unit of the table, 1 per so many seconds."""
+    told = finding.get("rate")
+    if told is None:
+        return None
+    per = unit / SECONDS[str(told["unit"]).partition("/")[2]]
+    return float(told["value"]) * per, float(told["lower"]) * per, float(told["upper"]) * per
+
+
+def _usual_unit(drawn: Drawn) -> float:
+    return 60.0 if drawn.scale == "10 minutes" else DAY
+
+
+def _shown(said: Said) -> dict[str, str]:
+    """A row of the table; times in lengths of minutes or days as rates are."""
+    unit = 60.0 if said.scale == "10 minutes" else DAY
+    none = "as another" if said.named else "-"
+    return {
+        "true": f"{said.true:.3f}",
+        "said": none if said.now is None else "{:.3f} ({:.3f} to {:.3f})".format(*said.now),
+        "fits": "right" if _right(said) else "no",
+        "true_rate": f"{said.true_rate:.4g}",
+        "rate": "-" if said.rate is None else "{:.4g} ({:.4g} to {:.4g})".format(*said.rate),
+        "reaches": "-" if said.target is None else f"{said.target:.3g}",
+        "truly": "-" if said.truly is None else f"{said.truly / unit:.4g}",
+        "within": "-"
+        if said.reached is None
+        else "{:.4g} to {:.4g}".format(*(t / unit for t in said.reached)),
+    }

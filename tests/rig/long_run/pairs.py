@@ -1,0 +1,246 @@
+"""Drawn pairs of a fault and a sensor problem or an odd way to run the plant."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from tests.figures.share import Share
+from tests.rig.long_run import physics, readings
+from tests.rig.long_run.judged import LIQUID, Right, names_of, surely_wrong, told
+from tests.rig.long_run.plants import Form, asked, clock, constant, moving, plant, recorded
+from tests.rig.long_run.readings import Columns, changed
+
+DRAWN = 300
+ROWS = 360
+BREAKS, LEAKS = 60, 180
+"""Rows from which on a reading is wrong, and the plant."""
+
+ALONG = np.arange(ROWS) / ROWS
+"""Part of the recording that has gone by, shape (ROWS,)."""
+
+VERDICTS = ("right", "wrong", "ok", "without a name")
+"""The fault is told, first or as an alternative; else another one with 90 %; else nothing is told;
+else something is."""
+
+KINDS: Mapping[str, tuple[float, float]] = {
+    "leakage": (0.15, 0.6),
+    "clogging": (0.2, 0.8),
+    "widening": (0.15, 0.5),
+}
+"""Least and largest degree of a fault."""
+
+Random = np.random.Generator
+Broken = Callable[[Columns, str, Random], Columns]
+
+READINGS: Mapping[str, Broken] = {
+    "frozen": lambda c, s, r: readings.held(c, s, BREAKS),
+    "clipped": lambda c, s, r: readings.clipped(c, s, float(r.uniform(0.05, 0.5))),
+    "dead": lambda c, s, r: readings.held(c, s, BREAKS, 0.0),
+    "no column": lambda c, s, r: readings.absent(c, s),
+    "lost later": lambda c, s, r: readings.held(c, s, BREAKS, np.nan),
+    "gaps": lambda c, s, r: changed(c, s, lambda v: readings.gaps(v, r.uniform(0.1, 0.6), r)),
+    "too high": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.3))),
+    "too low": lambda c, s, r: changed(c, s, lambda v: v * (1.0 - r.uniform(0.05, 0.3))),
+    "drift": lambda c, s, r: changed(c, s, lambda v: v * (1.0 + r.uniform(0.05, 0.2) * ALONG)),
+    "offset": lambda c, s, r: changed(c, s, lambda v: v + r.uniform(0.05, 0.2) * v.mean()),
+    "noise": lambda c, s, r: changed(c, s, lambda v: v + _noise(v, r.uniform(0.02, 0.08), r)),
+    "spikes": lambda c, s, r: changed(c, s, lambda v: readings.spikes(v, r.uniform(0.01, 0.05), r)),
+    "late": lambda c, s, r: changed(c, s, lambda v: _late(v, int(r.integers(2, 8)))),
+    "swapped": lambda c, s, r: readings.swapped(c, s, _other(c, s)),
+    "unit": lambda c, s, r: readings.all_in(
+        c, s.split(".")[1], float(r.choice([1e-3, 0.1, 100.0]))
+    ),
+}
+"""What goes wrong with a reading, by name."""
+
+RUNS = ("pump off", "ramps", "restless", "cold liquid", "starts late")
+"""Odd ways to run the plant."""
+
+PROBLEMS = (*READINGS, *RUNS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A fault and a problem; `signal` where it is one of a reading."""
+
+    number: int
+    rig: str
+    fault: str
+    degree: float
+    problem: str
+    signal: str
+    moves: bool
+
+    @property
+    def what(self) -> str:
+        """In words."""
+        points = "moving" if self.moves else "constant"
+        return f"{self.rig}, {points}: {self.fault} {self.degree:.2f}, {self.problem} {self.signal}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What was said of a pair."""
+
+    number: int
+    what: str
+    problem: str
+    verdict: str
+    first: bool
+    wrong_beside: bool
+    sensor_told: bool
+    said: str
+
+
+def draw(number: int) -> Pair:
+    """One pair; problems come in turn, the rest is drawn."""
+    random = np.random.default_rng([52, number])
+    rig = "abc" if random.uniform() < 0.7 else "mixing-rig"
+    problem = PROBLEMS[number % len(PROBLEMS)]
+    built = plant(rig)
+    # The centrifugal pump E cannot lift what a clogged wide mixer asks for.
+    places = [name for name in (*built.modules, *built.mixers) if name != "M2"]
+    place = str(random.choice(places))
+    kind = str(random.choice(list(KINDS) if place in built.modules else ["clogging", "widening"]))
+    near = str(random.choice(list(built.modules)))
+    if place in built.modules and random.uniform() < 0.5:
+        near = place
+    signal = f"{near}.{random.choice(['n', 'dp', 'dp', 'P_el'])}"
+    if problem in ("unit", "swapped"):
+        signal = f"{near}.dp"
+    return Pair(
+        number=number,
+        rig=rig,
+        fault=f"{place}.{kind}",
+        degree=float(random.uniform(*KINDS[kind])),
+        problem=problem,
+        signal=signal if problem in READINGS else "",
+        moves=bool(random.uniform() < 0.5),
+    )
+
+
+def readings_of(pair: Pair, sound: bool = False) -> Columns:
+    """Its recording; `sound`: without the fault."""
+    random = np.random.default_rng([53, pair.number])
+    time, rig, built = clock(ROWS), pair.rig, plant(pair.rig)
+    speed = moving(rig, time, 45, random) if pair.moves else constant(rig, time)
+    is_cold = pair.problem == "cold liquid"
+    faults = physics.everywhere(built, np.full(ROWS, 0.15)) if is_cold else {}
+    if not sound:
+        there = np.where(time >= LEAKS, pair.degree, 0.0)
+        before = faults.get(pair.fault, np.zeros(ROWS))
+        faults[pair.fault] = (1.0 + before) * (1.0 + there) - 1.0 if before.any() else there
+    backflow = False
+    if pair.problem == "pump off":
+        off = str(random.choice([n for n in built.modules if n != pair.fault.split(".")[0]]))
+        speed = {**speed, off: np.where(time >= BREAKS, 0.0, speed[off])}
+        pump = physics.Idle(built.modules[off].pump, time >= BREAKS)
+        built, backflow = physics.with_pump(built, off, pump), True
+    elif pair.problem in ("ramps", "restless"):
+        period, size = (90.0, 0.12) if pair.problem == "ramps" else (9.0, 0.06)
+        speed = {n: v * (1.0 + size * np.sin(6.283 * time / period)) for n, v in speed.items()}
+    elif is_cold:
+        built = physics.with_slip(built, np.full(ROWS, 0.8))
+    elif pair.problem == "starts late":
+        time = clock(ROWS) + np.where(clock(ROWS) >= BREAKS, 4.0 * 3600.0, 0.0)
+    columns = recorded(
+        rig, time, 9_000 + pair.number, faults, speed=speed, built=built, backflow=backflow
+    )
+    return READINGS[pair.problem](columns, pair.signal, random) if pair.signal else columns
+
+
+def right_of(pair: Pair, sound: bool = False) -> Right:
+    """What may be told."""
+    faults = {} if sound else {pair.fault: pair.degree}
+    also = [rf"{pair.signal}\."] if pair.signal else []
+    if pair.problem in ("swapped", "unit"):
+        also = [r".*\.dp\."]
+    states = {"cold liquid": (LIQUID,), "pump off": ("off|stands",)}.get(pair.problem, ())
+    return Right(faults=faults, states=states, also=(*also, r"time\."))
+
+
+def measure(first: int = 0, count: int = DRAWN) -> list[Judged]:
+    """Pairs, and a fifth as many recordings of a problem alone."""
+    pairs = [_judged(draw(number)) for number in range(first, first + count)]
+    return pairs + [_sound(draw(number)) for number in range(first, first + count // 5)]
+
+
+def form(judged: Sequence[Judged]) -> dict[str, Any]:
+    """Machine form."""
+    pairs = [j for j in judged if j.verdict in VERDICTS]
+    sound = [j for j in judged if j.verdict not in VERDICTS]
+    verdicts = Counter(j.verdict for j in pairs)
+    by_problem = {
+        problem: dict.fromkeys(VERDICTS, 0)
+        | dict(Counter(j.verdict for j in pairs if j.problem == problem))
+        for problem in PROBLEMS
+    }
+    shares = {verdict: Share(verdicts[verdict], len(pairs)) for verdict in VERDICTS}
+    shares["wrong_beside_right"] = Share(sum(j.wrong_beside for j in pairs), len(pairs))
+    shares["right_first"] = Share(sum(j.first for j in pairs), len(pairs))
+    broken = [j for j in pairs if j.problem in READINGS]
+    shares["sensor_told"] = Share(sum(j.sensor_told for j in broken), len(broken))
+    shares["false_alarms_of_sound"] = Share(sum(j.verdict == "alarm" for j in sound), len(sound))
+    return {
+        "counts": {name: f"{s.count} of {s.of} ({s.value:.1%})" for name, s in shares.items()},
+        "by_problem": by_problem,
+        "misses": [asdict(j) for j in judged if j.verdict not in ("right", "quiet")],
+    }
+
+
+def _judged(pair: Pair) -> Judged:
+    said = asked(pair.rig, readings_of(pair))
+    named = [f for f in said["findings"] if pair.fault in names_of(f)]
+    wrong = any(surely_wrong(right_of(pair), said))
+    if named:
+        verdict = "right"
+    elif wrong:
+        verdict = "wrong"
+    else:
+        verdict = "ok" if said["status"] == "ok" else "without a name"
+    first = any(f["fault"] == pair.fault for f in named)
+    return _of(pair, said, verdict, first=first, wrong_beside=wrong and bool(named))
+
+
+def _sound(pair: Pair) -> Judged:
+    """A problem alone: an alarm is a fault of a module that is told as sure."""
+    said = asked(pair.rig, readings_of(pair, sound=True))
+    alarm = any(surely_wrong(right_of(pair, sound=True), said))
+    return _of(pair, said, "alarm" if alarm else "quiet")
+
+
+def _of(
+    pair: Pair, said: Form, verdict: str, *, first: bool = False, wrong_beside: bool = False
+) -> Judged:
+    names = {name for f in said["findings"] for name in names_of(f)}
+    sensor_told = bool(pair.signal) and any(n.startswith(f"{pair.signal}.") for n in names)
+    return Judged(
+        number=pair.number,
+        what=pair.what,
+        problem=pair.problem,
+        verdict=verdict,
+        first=first,
+        wrong_beside=wrong_beside,
+        sensor_told=sensor_told,
+        said=told(said),
+    )
+
+
+def _noise(values: Array, share: float, random: Random) -> Array:
+    return np.asarray(share * values.mean() * random.normal(size=values.size))
+
+
+def _late(values: Array, rows: int) -> Array:
+    return np.concatenate([np.full(rows, values[0]), values[:-rows]])
+
+
+def _other(columns: Columns, signal: str) -> str:
+    """Another pressure, of a mixer if there is one left."""
+    names = [n.split(" [")[0] for n in columns if ".dp [" in n]
+    return [name for name in names if name != signal][-1]

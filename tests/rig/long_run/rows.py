@@ -1,0 +1,255 @@
+"""The ten rows: each makes recordings of both rigs and says what is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tests.rig.long_run import physics, readings
+from tests.rig.long_run.judged import LIQUID, Right, complaints, told
+from tests.rig.long_run.plants import (
+    Form,
+    asked,
+    clock,
+    command,
+    constant,
+    moving,
+    plant,
+    recorded,
+    watched,
+)
+from tests.rig.long_run.readings import Columns
+
+RIGS = ("abc", "mixing-rig")
+HOUR = 3600
+SHORT = 300
+"""Rows of a recording in which something breaks; it does so at a third."""
+
+HERE = SHORT // 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """A recording and the right answer to it.
+
+    Attributes
+    ----------
+    how : `asked`, `watched` or `command` of `tests.rig.long_run.plants`
+    """
+
+    variant: str
+    rig: str
+    columns: Columns
+    right: Right
+    how: Callable[[str, Columns], Form] = asked
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What was said of one recording, and what is wrong with that."""
+
+    row: str
+    variant: str
+    rig: str
+    seed: int
+    said: str
+    complaints: tuple[str, ...]
+
+
+def growth(rig: str, seed: int) -> Iterator[Asked]:
+    """A leakage or a clogging grows within an hour, nothing else changes."""
+    time = clock(HOUR)
+    for fault, degree in (("A.leakage", 0.5), ("A.clogging", 2.0)):
+        columns = recorded(rig, time, seed, {fault: np.linspace(0.0, degree, HOUR)})
+        right = Right(faults={fault: degree}, grows=True)
+        for name, how in (("file", asked), ("live", watched)):
+            yield Asked(variant=f"{fault} {name}", rig=rig, columns=columns, right=right, how=how)
+
+
+def drifts(rig: str, seed: int) -> Iterator[Asked]:
+    """A transmitter drifts by 10 % in two hours; then the second of them alone."""
+    rows = 2 * HOUR
+    for signal in ("dp", "P_el"):
+        course = {f"A.{signal}.high": np.linspace(0.0, 0.1, rows)}
+        columns = recorded(rig, clock(rows), seed, course)
+        half = {name: column[HOUR:] for name, column in columns.items()}
+        right = Right(sensors=(f"A.{signal}.",))
+        yield Asked(variant=f"{signal}, two hours", rig=rig, columns=columns, right=right)
+        yield Asked(variant=f"{signal}, second hour", rig=rig, columns=half, right=right)
+
+
+def fast_reading(rig: str, seed: int) -> Iterator[Asked]:
+    """A speed is read too high, the plant is sound."""
+    for share in (0.1, 0.2, 0.3):
+        columns = recorded(rig, clock(SHORT), seed)
+        columns = readings.changed(columns, "A.n", partial(np.multiply, 1.0 + share))
+        right = Right(sensors=("A.n.",))
+        yield Asked(variant=f"n {share:.0%} high", rig=rig, columns=columns, right=right)
+
+
+def blind(rig: str, seed: int) -> Iterator[Asked]:
+    """A pressure reading is gone, and a pump leaks."""
+    leak = _step(0.6)
+    columns = recorded(rig, clock(SHORT), seed, {"A.leakage": leak})
+    cells: Mapping[str, Callable[[str], Columns]] = {
+        "no column": lambda signal: readings.absent(columns, signal),
+        "empty": lambda signal: readings.held(columns, signal, 0, np.nan),
+        "from row 50": lambda signal: readings.held(columns, signal, 50, np.nan),
+    }
+    hidden = Right(blind=("A.leakage",), also=("A.", "C.", "M1."))
+    for name, without in cells.items():
+        yield Asked(
+            variant=f"A.dp {name}", rig=rig, columns=without("A.dp"), right=hidden, how=command
+        )
+    seen = Right(faults={"A.leakage": 0.6}, blind=("B.leakage",), also=("B.",))
+    beside = cells["no column"]("B.dp")
+    yield Asked(variant="B.dp no column", rig=rig, columns=beside, right=seen, how=command)
+
+
+def comes_and_goes(rig: str, seed: int) -> Iterator[Asked]:
+    """A leakage for 2 s of every 10."""
+    rows, degree = 2 * SHORT, 0.4
+    time = clock(rows)
+    leak = np.where((time % 10.0 < 2.0) & (time >= 20.0), degree, 0.0)
+    columns = recorded(rig, time, seed, {"A.leakage": leak})
+    events = (int(np.sum(np.diff(leak) > 0.0)), 2.0)
+    right = Right(faults={"A.leakage": degree}, events=events)
+    yield Asked(variant="2 s of 10", rig=rig, columns=columns, right=right)
+
+
+def cold(rig: str, seed: int) -> Iterator[Asked]:
+    """The liquid gets cold: more friction, less slip, everywhere at once."""
+    there = _step(1.0)
+    built = physics.with_slip(plant(rig), 1.0 - 0.2 * there)
+    faults = physics.everywhere(plant(rig), 0.15 * there)
+    falls = dict.fromkeys(plant(rig).modules, 293.15 - 10.0 * there)
+    right = Right(states=(LIQUID,))
+    for variant, temperature in (("T recorded", falls), ("T as usual", {})):
+        columns = recorded(rig, clock(SHORT), seed, faults, built=built, temperature=temperature)
+        yield Asked(variant=variant, rig=rig, columns=columns, right=right)
+
+
+def pump_states(rig: str, seed: int) -> Iterator[Asked]:
+    """Liquid runs back through a pump that is off; a closed valve; no liquid."""
+    time, speed = clock(SHORT), constant(rig, clock(SHORT))
+    name = "A" if rig == "abc" else "E"
+    off = {**speed, "A": np.where(time >= HERE, 0.0, speed["A"])}
+    passage = physics.Idle(plant(rig).modules["A"].pump, time >= HERE, physics.OPEN)
+    back = physics.with_pump(plant(rig), "A", passage)
+    columns = recorded(rig, time, seed, speed=off, built=back, backflow=True)
+    right = Right(states=("reverse|back ?flow|runs back",), also=("A.",))
+    yield Asked(variant="A off, reverse flow", rig=rig, columns=columns, right=right)
+    # A displacement pump would burst the line at its usual speed; at a third it stays in range.
+    slow = {**speed, "A": np.full(SHORT, 5.0)} if rig == "abc" else speed
+    shut = {f"{name}.clogging": _step(1e4)}
+    columns = recorded(rig, time, seed, shut, speed=slow)
+    right = Right(states=("dead.?head|closed valve|shut",), also=(f"{name}.clogging",))
+    yield Asked(variant=f"{name} dead-heading", rig=rig, columns=columns, right=right)
+    dry = physics.Idle(plant(rig).modules[name].pump, time >= HERE)
+    built = physics.with_pump(plant(rig), name, dry)
+    columns = recorded(rig, time, seed, built=built, backflow=True)
+    right = Right(states=(r"\bdr(y|ies)\b|runs.dry|dry.run",), also=(f"{name}.leakage",))
+    yield Asked(variant=f"{name} dry", rig=rig, columns=columns, right=right)
+
+
+def leak_behind_sensor(rig: str, seed: int) -> Iterator[Asked]:
+    """A leakage, and a frozen or clipped pressure of the same module."""
+    time = clock(SHORT)
+    for speeds in ("constant", "moving"):
+        random = np.random.default_rng(seed)
+        speed = constant(rig, time) if speeds == "constant" else moving(rig, time, 50, random)
+        columns = recorded(rig, time, seed, {"A.leakage": _step(0.4, 2 * HERE)}, speed=speed)
+        right = Right(faults={"A.leakage": 0.4}, sensors=("A.dp.",))
+        broken = {
+            "frozen": readings.held(columns, "A.dp", HERE),
+            "clipped": readings.clipped(columns, "A.dp", 0.02 if speeds == "constant" else 0.3),
+        }
+        for name, shown in broken.items():
+            variant = f"A.dp {name}, {speeds} speeds"
+            yield Asked(variant=variant, rig=rig, columns=shown, right=right)
+
+
+def mistaken_table(rig: str, seed: int) -> Iterator[Asked]:
+    """Two columns swapped, or all pressures in another unit, and a leakage."""
+    columns = recorded(rig, clock(SHORT), seed, {"A.leakage": _step(0.4)})
+    mixer = next(iter(plant(rig).mixers))
+    for variant, shown, mistake in (
+        ("A.dp, mixer swapped", readings.swapped(columns, "A.dp", f"{mixer}.dp"), "dp.swapped"),
+        ("dp in kPa", readings.all_in(columns, "dp", 100.0), "dp.unit"),
+        ("dp in MPa", readings.all_in(columns, "dp", 0.1), "dp.unit"),
+    ):
+        right = Right(faults={"A.leakage": 0.4}, states=(mistake,), also=(r".*\.dp\.",))
+        yield Asked(variant=variant, rig=rig, columns=shown, right=right)
+
+
+def three_leaks(rig: str, seed: int) -> Iterator[Asked]:
+    """Three pumps leak at once; of two pumps, both."""
+    degrees = {f"{name}.leakage": d for name, d in zip("ABC", (0.3, 0.4, 0.2), strict=True)}
+    faults = {name: d for name, d in degrees.items() if name[0] in plant(rig).modules}
+    columns = recorded(rig, clock(SHORT), seed, {name: _step(d) for name, d in faults.items()})
+    yield Asked(
+        variant=f"{len(faults)} leaks", rig=rig, columns=columns, right=Right(faults=faults)
+    )
+
+
+ROWS: Mapping[str, Callable[[str, int], Iterator[Asked]]] = {
+    "growth": growth,
+    "drift": drifts,
+    "speed reading": fast_reading,
+    "reading gone": blind,
+    "comes and goes": comes_and_goes,
+    "cold liquid": cold,
+    "pump states": pump_states,
+    "leak behind sensor": leak_behind_sensor,
+    "mistaken table": mistaken_table,
+    "three leaks": three_leaks,
+}
+
+
+def measure(first: int, seeds: int, only: str = "") -> list[Answer]:
+    """All rows on both rigs, with seeds from `first` on."""
+    return [
+        _answered(row, question, seed)
+        for row, questions in ROWS.items()
+        if only in row
+        for rig in RIGS
+        for seed in range(first, first + seeds)
+        for question in questions(rig, seed)
+    ]
+
+
+def form(answers: list[Answer]) -> dict[str, Any]:
+    """Machine form."""
+    right = [a for a in answers if not a.complaints]
+    rows = {
+        row: all(not a.complaints for a in answers if a.row == row)
+        for row in dict.fromkeys(a.row for a in answers)
+    }
+    return {
+        "recordings": len(answers),
+        "right": len(right),
+        "rows_right": sum(rows.values()),
+        "rows": rows,
+        "answers": [asdict(a) for a in answers],
+    }
+
+
+def _answered(row: str, question: Asked, seed: int) -> Answer:
+    said = question.how(question.rig, question.columns)
+    return Answer(
+        row=row,
+        variant=question.variant,
+        rig=question.rig,
+        seed=seed,
+        said=told(said),
+        complaints=tuple(complaints(question.right, said)),
+    )
+
+
+def _step(degree: float, first: int = HERE) -> np.ndarray:
+    """Nothing, then a degree, for a short recording."""
+    return np.where(np.arange(SHORT) >= first, degree, 0.0)

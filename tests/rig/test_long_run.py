@@ -1,0 +1,64 @@
+"""What the bench of the long run is itself sure of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.rig.long_run import courses, pairs, physics, rows
+from tests.rig.long_run.judged import Right, complaints
+from tests.rig.long_run.plants import clock, constant, plant, recorded
+
+
+@pytest.mark.parametrize("number", range(courses.DRAWN))
+def test_a_course_reaches_its_last_degree_when_the_recording_ends_or_before(number: int) -> None:
+    course = courses.draw(number).course
+    last = float(course(np.array(course.ends)))
+    assert last == pytest.approx(course.last)
+    assert course.begins < course.reaches(last) <= course.ends * (1.0 + 1e-4)
+    assert course.reaches(1.3 * last) > course.ends
+
+
+@pytest.mark.parametrize(("back", "runs_back"), [(physics.OPEN, True), (physics.SHUT, False)])
+def test_liquid_runs_back_through_a_pump_that_is_off_unless_a_valve_shuts(
+    back: float, runs_back: bool
+) -> None:
+    time = clock(60)
+    speed = {**constant("abc", time), "A": np.zeros(60)}
+    pump = physics.Idle(plant("abc").modules["A"].pump, time >= 0.0, back)
+    built = physics.with_pump(plant("abc"), "A", pump)
+    shown = recorded("abc", time, 1, speed=speed, built=built, backflow=True)
+    flow = {name: float(shown[f"{name}.Q [l/h]"].mean()) for name in "AB"}
+    assert (flow["A"] < -50.0) == runs_back
+    assert flow["B"] > 500.0
+
+
+def test_drawn_pairs_stay_the_same() -> None:
+    assert pairs.draw(7) == pairs.draw(7)
+    assert {pairs.draw(k).problem for k in range(len(pairs.PROBLEMS))} == set(pairs.PROBLEMS)
+
+
+def test_every_row_asks_of_both_rigs() -> None:
+    for questions in (rows.fast_reading, rows.pump_states, rows.three_leaks):
+        for rig in rows.RIGS:
+            assert all(q.rig == rig for q in questions(rig, 0))
+
+
+def test_an_answer_that_lacks_what_is_right_is_complained_about() -> None:
+    found = {"fault": "A.leakage", "kind": "fault", "degree": 0.3, "lower": 0.2, "upper": 0.35}
+    said = {
+        "status": "M",
+        "findings": [{**found, "probability": 1.0, "until": 9.0, "alternatives": []}],
+        "unknown": [],
+    }
+    assert complaints(Right(faults={"A.leakage": 0.31}), said) == []
+    assert complaints(Right(faults={"A.leakage": 0.5}), said) == [
+        "A.leakage is 0.5, told 0.3 (0.2 to 0.35)"
+    ]
+    assert complaints(Right(sensors=("B.n.",)), said) == [
+        "nothing is told of B.n",
+        "surely wrong: A.leakage 0.3",
+    ]
+    assert "A.leakage: no course is told" in complaints(
+        Right(faults={"A.leakage": 0.3}, grows=True), said
+    )

@@ -1,0 +1,125 @@
+"""Reverse flow, a pump against a closed way, a pump that runs dry: on plants of the independent
+truth, whose pumps let liquid back while they stand."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.report.html_story import told
+from rulec_runtime.report.json_form import diagnosis_form
+from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.verdict import verdict
+
+from rulec.prove.truth import INSIDE, Operation, Run, record
+from rulec.prove.truth.pumps import Passable
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
+from tests.method.readings import built, calibrated, recording, ruleset
+
+HOLD = 60
+"""Samples of each half of a recording, s."""
+
+OPEN = 5.0e-6 * BAR / LITRE_PER_HOUR**2
+"""A standing pump that lets 141 l/h back at 0.1 bar."""
+
+TIGHT = 1.0e3 * BAR / LITRE_PER_HOUR**2
+"""One that lets nothing through."""
+
+
+def said(
+    rig: str,
+    module: str,
+    seed: int,
+    *,
+    speed: float = 1.0,
+    passage: float = TIGHT,
+    dry: bool = False,
+    closed: float = 0.0,
+) -> Diagnosis:
+    """What is said where a module, sound in the first half, runs at a share of its nominal speed in
+    the second, lets liquid back where it stands, is dry, or has its line nearly closed."""
+    plant, rules = built(rig), calibrated(ruleset(rig))
+    samples = 2 * HOLD
+    later = np.arange(samples) >= HOLD
+    own = plant.modules[module]
+    pump = Passable(own.pump, passage, later & dry, 0.4 if module == "E" else 1.0)
+    plant = replace(plant, modules={**plant.modules, module: replace(own, pump=pump)})
+    speeds = {name: np.full(samples, part.speed) for name, part in plant.modules.items()}
+    speeds[module] = np.where(later, speed * own.speed, own.speed)
+    operation = Operation(np.arange(samples, dtype=np.float64), speeds)
+    faults = {f"{module}.clogging": closed * later}
+    readings = record(Run(plant, operation, faults), INSIDE, seed).readings
+    return diagnose(recording(rules, readings), rules)
+
+
+def regimes(found: Diagnosis) -> set[str]:
+    """Ids of the regimes that are told."""
+    return {r.regime.id for r in found.regimes}
+
+
+@pytest.mark.parametrize(
+    ("rig", "module"), [("abc", "A"), ("mixing-rig", "B"), ("mixing-rig", "D")]
+)
+def test_liquid_that_runs_back_through_a_standing_pump_is_told(rig: str, module: str) -> None:
+    """From the first to the last settled sample of the second half."""
+    for seed in range(3):
+        found = said(rig, module, seed, speed=0.0, passage=OPEN)
+        (regime,) = found.regimes
+        assert f"{module}.reverse-flow" == regime.regime.id
+        assert HOLD <= regime.since <= HOLD + 5
+        assert regime.active
+        assert found.status in ("S", "C")
+
+
+@pytest.mark.parametrize(
+    ("rig", "module"), [("abc", "A"), ("mixing-rig", "B"), ("mixing-rig", "E")]
+)
+def test_a_tight_pump_that_stands_is_no_regime(rig: str, module: str) -> None:
+    """Its line loses nothing; pressures of the junction stand in front of it."""
+    for seed in range(3):
+        assert not regimes(said(rig, module, seed, speed=0.0))
+
+
+@pytest.mark.parametrize(
+    ("rig", "module"), [("abc", "B"), ("mixing-rig", "A"), ("mixing-rig", "E")]
+)
+def test_a_pump_that_runs_dry_is_told(rig: str, module: str) -> None:
+    """Beside whatever fault it looks like to the estimates."""
+    for seed in range(3):
+        found = said(rig, module, seed, dry=True)
+        assert {f"{module}.dry-running"} == regimes(found)
+
+
+@pytest.mark.parametrize("rig", ["abc", "mixing-rig"])
+def test_a_pump_against_a_closed_way_is_told(rig: str) -> None:
+    """At a third of its speed, where its slip at a pressure within the sensor's range takes it
+    all."""
+    for seed in range(3):
+        found = said(rig, "A", seed, speed=0.3, closed=1.0e5)
+        assert {"A.dead-heading"} == regimes(found)
+
+
+def test_sound_plants_run_in_no_regime() -> None:
+    """Ten sets of sensor errors, at nominal speed and at half of it."""
+    for seed in range(10):
+        for speed in (1.0, 0.5):
+            assert not said("mixing-rig", "C", 100 + seed, speed=speed).regimes
+
+
+def test_a_regime_is_told_on_terminal_page_and_in_data() -> None:
+    """With its conditions, how far beyond doubt they are, and what to do."""
+    found = said("abc", "A", 1, speed=0.0, passage=OPEN)
+    (regime,) = diagnosis_form(found)["regimes"]
+    assert ("A.reverse-flow", "A", True) == (regime["regime"], regime["module"], regime["active"])
+    assert ["dp > 0", "loss < 0"] == [e["condition"] for e in regime["evidence"]]
+    assert all(e["sigma"] > 3.0 for e in regime["evidence"])
+    text = io.StringIO()
+    explain(Console(file=text, width=200), found)
+    for page in (text.getvalue(), told(found)):
+        assert "liquid runs back through it" in page
+        assert "close a valve between pump and junction" in page
+    assert verdict(found).startswith("Liquid runs back in A")
