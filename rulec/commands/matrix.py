@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+from rulec_runtime import limits
 from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
@@ -22,7 +23,7 @@ from rulec_runtime.report.matrix import ANY_ERROR
 
 from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.kept import kept_of_plant, ruleset_of_plant
-from rulec.study.without import show_without, without_each
+from rulec.study.without import Without, show_without, without_each
 
 if TYPE_CHECKING:  # what separates pairs is loaded where it is asked for
     from rulec.separation.pairs import Separated
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     check_outputs(options)
     ruleset = ruleset_of_plant(Path(options.plant))
     stores = _of_stores(ruleset, Path(options.plant))
-    without = kept_of_plant(Path(options.plant), "without", lambda: without_each(ruleset))
+    without = _without(ruleset, Path(options.plant))
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
         if pairs is None:
@@ -131,6 +132,14 @@ def _unlisted(ruleset: Ruleset) -> dict[str, Any]:
 
 def _any_unit(ruleset: Ruleset) -> bool:
     return any(fault.unit for fault in ruleset.faults)
+
+
+def _without(ruleset: Ruleset, plant: Path) -> Without:
+    """What each sensor is needed for; kept where that takes longer than to look it up."""
+    if ruleset.dynamics is None and len(ruleset.observers) <= limits.NEAREST_ESTIMATES:
+        return without_each(ruleset)
+    found: Without = kept_of_plant(plant, "without", lambda: without_each(ruleset))
+    return found
 
 
 def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:

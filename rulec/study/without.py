@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import networkx as nx
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -35,7 +34,7 @@ def without_each(ruleset: Ruleset) -> Without:
             group
             for one, before in zip(visible.parts, every, strict=True)
             if signal in one.signals
-            for group in _merged(_alike(one, lost).subgraph(listed_ones), before)
+            for group in _merged(_alike(one, lost), before, one, listed_ones)
         ]
         found[signal] = {
             "unseen": [f.id for f in ruleset.faults if f.id in unseen],
@@ -44,27 +43,35 @@ def without_each(ruleset: Ruleset) -> Without:
     return found
 
 
-def _merged(now: nx.Graph, before: nx.Graph) -> Iterator[list[str]]:
-    """Groups of faults that are alike now, some of which were not before."""
-    order = {name: i for i, name in enumerate(now)}
-    for group in nx.connected_components(now):
-        own = sorted(group, key=order.__getitem__)
-        if any(not before.has_edge(*pair) for pair in now.subgraph(own).edges):
-            yield own
-
-
-def _alike(one: Sighted, lost: frozenset[str]) -> nx.Graph:
-    """Faults of a part, an edge between those that move all that is left in the same proportion."""
+def _merged(
+    now: np.ndarray, before: np.ndarray, one: Sighted, listed_ones: set[str]
+) -> Iterator[list[str]]:
+    """Groups of listed faults of a part that are alike now, some of which were not before; each
+    flags pairs of all its faults."""
     faults = list(one.highest)
-    graph = nx.Graph()
-    graph.add_nodes_from(faults)
+    chosen = np.array([name in listed_ones for name in faults], dtype=bool)
+    now = now & np.outer(chosen, chosen)
+    left = {int(i) for i in np.flatnonzero(now.any(axis=0))}
+    while left:
+        group, grown = np.zeros(0, dtype=int), np.array([min(left)])
+        while len(grown) > len(group):
+            group = grown
+            grown = np.union1d(group, np.flatnonzero(now[group].any(axis=0)))
+        left -= set(group.tolist())
+        if (now & ~before)[np.ix_(group, group)].any():
+            yield [faults[i] for i in group]
+
+
+def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
+    """Which faults of a part move all that is left in the same proportion, shape
+    (faults, faults)."""
     products = one.information(lost)
     size = np.sqrt(np.diag(products))
     scale = np.where(size > 0.0, size, np.inf)
     with np.errstate(invalid="ignore"):
-        same = np.triu(products / np.outer(scale, scale) > SAME_DIRECTION, 1)
-    graph.add_edges_from((faults[i], faults[j]) for i, j in np.argwhere(same).tolist())
-    return graph
+        same: np.ndarray = products / np.outer(scale, scale) > SAME_DIRECTION
+    np.fill_diagonal(same, False)
+    return same
 
 
 def show_without(out: Console, ruleset: Ruleset, without: Without) -> None:
