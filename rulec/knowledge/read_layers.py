@@ -14,7 +14,7 @@ from rulec_runtime.output.open_file import begin_of, is_near
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, nearest, no_file_of_ours
-from rulec.language.document import Document
+from rulec.language.document import Document, unread_document
 from rulec.language.schema import check_schema, kind_of
 from rulec.limits import MAX_FILE_BYTES
 
@@ -131,8 +131,7 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
         held.mistakes.append(leads_out(Place(file.as_posix())))
         return
     if wanted is not None and not held.layer.is_own and (named := _unused(file, wanted)):
-        unread = Document(str(file), file.name, named, {}, {})
-        held.by_kind.setdefault("other", []).append(unread)
+        held.by_kind.setdefault("other", []).append(unread_document(file, named))
         return
     document = open_document(file, None, held.mistakes, read)
     if document is None:
