@@ -30,7 +30,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_page_is_in_the_navigation(built: Path) -> None:
     """Also the pages that are made: front page, changes, reference."""
     pages = {page.stem for page in (ROOT / "docs").glob("*.md")} | {"index", "changelog"}
-    pages |= {f"reference/{name}" for name in ("commands", "yaml", "json", "python")}
+    pages |= {f"reference/{name}" for name in ("commands", "yaml", "library", "json", "python")}
     front = (built / "index.html").read_text(encoding="utf-8")
     navigation = set(re.findall(r'<a href="([\w./-]+)\.html" class="md-nav__link', front))
     assert pages - {"index"} <= navigation
@@ -50,6 +50,7 @@ def test_no_page_fetches_anything_from_elsewhere(built: Path) -> None:
     [
         ("commands", ("rulec import mtp", "rulec-runtime watch", "--heldout FROM:TO")),
         ("yaml", ("signals", "Standard uncertainty", "offset")),
+        ("library", ("gear-pump", "clearance-wear(Q_slip)", "Wilson 1946")),
         ("json", ("findings[].degree", "ambiguities[].advice", "modules.NAME")),
         ("python", ("rulec.diagnose", "rulec.MismatchResult", "RecordingRefused")),
     ],
@@ -57,3 +58,12 @@ def test_no_page_fetches_anything_from_elsewhere(built: Path) -> None:
 def test_the_reference_is_made(built: Path, page: str, told: tuple[str, ...]) -> None:
     text = re.sub(r"<[^>]+>", "", (built / "reference" / f"{page}.html").read_text("utf-8"))
     assert [] == [word for word in told if word not in text]
+
+
+def test_the_library_shows_curves(built: Path) -> None:
+    """Of every type of which the equations alone give a flow over one reading."""
+    text = (built / "reference" / "library.html").read_text(encoding="utf-8")
+    sections = re.split(r"<h2 id=", text)[1:]
+    drawn = {part.split('"')[1] for part in sections if "<polyline" in part}
+    assert {"gear-pump", "centrifugal-duty", "orifice-meter", "control-valve"} <= drawn
+    assert len(drawn) > 0.8 * len(sections)

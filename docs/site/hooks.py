@@ -1,7 +1,8 @@
 """What the site has beside the pages of docs/: the README, the changelog, and the reference.
 
 The reference is made when the site is built: from the parsers of the commands, the schemas of YAML,
-what commands write as JSON, and the docstrings of `import rulec`. Nothing of it is kept.
+the module types that come with rulec, what commands write as JSON, and the docstrings of `import
+rulec`. Nothing of it is kept.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from command_reference import command_page
 from json_reference import json_page
+from library_reference import library_page
 from mkdocs.structure.files import File, Files
 from python_reference import python_page
 from yaml_reference import yaml_page
@@ -35,6 +37,7 @@ MADE: dict[str, Callable[[], str]] = {
     "changelog.md": _changes,
     "reference/commands.md": command_page,
     "reference/yaml.md": yaml_page,
+    "reference/library.md": library_page,
     "reference/json.md": json_page,
     "reference/python.md": python_page,
     "site.css": lambda: ".md-typeset td:first-child code { white-space: nowrap; }\n",
