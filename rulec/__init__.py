@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rulec.api.diagnose import DiagnoseResult, diagnose
     from rulec.api.experiment import ExperimentResult, experiment
     from rulec.api.frames import FrameRefused
+    from rulec.api.learn import LearnResult, learn
     from rulec.api.mismatch import MismatchResult, mismatch
     from rulec.api.simulate import SimulateResult, simulate
     from rulec.api.study import StudyResult, study
@@ -46,6 +47,7 @@ __all__ = [
     "ExperimentRefused",
     "ExperimentResult",
     "FrameRefused",
+    "LearnResult",
     "MismatchRefused",
     "MismatchResult",
     "Misused",
@@ -61,6 +63,7 @@ __all__ = [
     "compile",
     "diagnose",
     "experiment",
+    "learn",
     "mismatch",
     "simulate",
     "study",

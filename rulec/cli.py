@@ -27,7 +27,7 @@ _COMMANDS = {
     "init": "write a commented skeleton: plant, module, fault, effect, or a package of knowledge",
     "schema": "write the schemas of all files, and the line by which an editor finds them",
     "check": "validate knowledge and plant files",
-    "import": "make skeletons of module types from the files of other tools",
+    "import": "make module types from the files of other tools, or from a maker's points",
     "compile": "derive the ruleset of a plant",
     "export": "write the observers of a plant's modules as code for their controllers",
     "matrix": "show the fault-symptom matrix of a plant",
@@ -43,6 +43,7 @@ _COMMANDS = {
     "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
+    "mcp": "answer agents by the Model Context Protocol, on standard input and output",
     "demo": "see the whole thing on a shipped example",
     "completion": "write what makes a shell complete commands, options and files",
 }
@@ -126,6 +127,17 @@ def _parser() -> argparse.ArgumentParser:
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
     made["calibrate"].add_argument(
+        "--learn",
+        metavar="M.DEFINITION",
+        help="learn a definition of a module as a monotone curve instead; FILE is then a module "
+        "type with a table in its place",
+    )
+    made["calibrate"].add_argument(
+        "--over",
+        metavar="SIGNAL",
+        help="with --learn: what the curve follows; default: the only input that it reads",
+    )
+    made["calibrate"].add_argument(
         "--force", action="store_true", help="write values too far from the sheet as well"
     )
     json_option(made["calibrate"])
@@ -148,6 +160,9 @@ def _parser() -> argparse.ArgumentParser:
     _mismatch(made["mismatch"])
     _study(made["study"])
     prove_options(made["prove"])
+    made["mcp"].add_argument(
+        "folder", metavar="FOLDER", nargs="?", default=".", help="whose files may be read"
+    )
     _demo(made["demo"])
     made["completion"].add_argument("shell", choices=("bash", "zsh", "fish"))
     for name, command in made.items():
@@ -204,8 +219,42 @@ def _import(importer: argparse.ArgumentParser) -> None:
         help="read units and ranges from the controllers, where files leave them open; of one "
         "file also at another address, such as opc.tcp://10.0.0.5:4840",
     )
-    json_option(mtp)
-    quiet_option(mtp)
+    text = "points of a maker's sheet (CSV, Excel): the law of a module type, fitted to them"
+    curve = formats.add_parser("curve", help=text, description=f"{text}.")
+    curve.set_defaults(command="import_curve")
+    curve.add_argument("file", metavar="FILE", help="a row of titles with units, then points")
+    curve.add_argument("--type", metavar="TYPE", required=True, help="module type whose law it is")
+    curve.add_argument(
+        "-o", "--output", metavar="MODULE.yaml", required=True, help="module type to be written"
+    )
+    curve.add_argument(
+        "--name", metavar="NAME", help="of the module type; default: that of its file"
+    )
+    curve.add_argument(
+        "--grade",
+        metavar="GRADE",
+        help="tolerance of the sheet: 1B, 2B, 3B (ISO 9906), or as in '10 %%, IEC 60534-2-4'; "
+        "default: the accuracy that the type states",
+    )
+    curve.add_argument(
+        "--at",
+        metavar="NAME=VALUE UNIT",
+        action="append",
+        default=[],
+        help="a reading or a parameter that is the same at all points, as 'n=2900 rpm'; repeatable",
+    )
+    curve.add_argument(
+        "--columns",
+        metavar="TITLES",
+        help="titles in place of those of the file, as 'Q [l/s], H [m]'",
+    )
+    curve.add_argument("--source", metavar="TEXT", help="of the points; default: name of the file")
+    curve.add_argument(
+        "--force", action="store_true", help="write the type though its law leaves the tolerance"
+    )
+    for one in (mtp, curve):
+        json_option(one)
+        quiet_option(one)
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:

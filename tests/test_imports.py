@@ -63,6 +63,7 @@ ROOMS = (
     "rulec.passes",
     "rulec.effects",
     "rulec.calibration",
+    "rulec.curves",
     "rulec.study",
     "rulec.export",
     "rulec.separation",

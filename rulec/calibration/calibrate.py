@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
@@ -120,6 +119,28 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
     CalibrationRefused
         Nothing settled, no module has a true flow, or one cannot be fitted.
     """
+    settled = settled_points(models, recording, name)
+    return Calibrated(
+        models=models,
+        fits=tuple(_fit_all(models, settled.points)),
+        points=len(settled.points),
+        table=settled.table,
+        sensors=settled.sensors,
+    )
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What a recording offers to a fit: `points`, rows of a `table` of operating points or settled
+    stretches, and remarks on `sensors`."""
+
+    points: Points
+    table: bool
+    sensors: tuple[str, ...]
+
+
+def settled_points(models: Compilation, recording: Recording, name: str) -> Settled:
+    """Points of a fault-free recording. Raises `CalibrationRefused` where nothing settled."""
     ruleset = models.ruleset
     health = examine(recording, ruleset, by_model=False)
     recording = health.recording
@@ -133,20 +154,17 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
             f"{name}: no settled stretch was found; hold operating points for longer, or record "
             "the stretches in which they are held"
         )
-    points = points_of_stretches(recording, ruleset, stretches, noise)
-    return Calibrated(
-        models=models,
-        fits=tuple(_fit_all(models, ruleset, points)),
-        points=len(stretches),
-        table=table,
-        sensors=tuple(f"{f.text}; {LEFT_OUT if f.signal else KEPT}" for f in health.findings),
+    return Settled(
+        points_of_stretches(recording, ruleset, stretches, noise),
+        table,
+        tuple(f"{f.text}; {LEFT_OUT if f.signal else KEPT}" for f in health.findings),
     )
 
 
-def _fit_all(models: Compilation, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
+def _fit_all(models: Compilation, points: Points) -> list[ModuleFit]:
     """Fit every module that ran and whose true flow is known; refuses if there is none."""
     plant = models.plant
-    local = {m.name: _local(models, ruleset, points, m) for m in plant.modules.values()}
+    local = {m.name: local_readings(models, points, m) for m in plant.modules.values()}
     flows = true_flows(models, local)
     fits = []
     for module in plant.modules.values():
@@ -166,8 +184,9 @@ def _fit_all(models: Compilation, ruleset: Ruleset, points: Points) -> list[Modu
     return fits
 
 
-def _local(models: Compilation, ruleset: Ruleset, points: Points, module: Module) -> Local:
+def local_readings(models: Compilation, points: Points, module: Module) -> Local:
     """Readings of a module, below-minimum ones blanked."""
+    ruleset = models.ruleset
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
     statistical: dict[str, Array] = {}

@@ -10,7 +10,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.knowledge.belief import Belief, Coordinates, belief_in
 from rulec.knowledge.module_type import Parameter
-from rulec.limits import BELIEF_FREEDOM
+from rulec.limits import BELIEF_FREEDOM, NEAR_END
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +57,13 @@ class Known:
         """Values at a place, SI."""
         with np.errstate(over="ignore"):
             return self.coordinates.values(at * self.size)
+
+    def nearest(self, values: Array) -> Array:
+        """The place of values, SI, shape (n,), moved inside where they stand at an end."""
+        least = NEAR_END * np.abs(self.values(self.begin))
+        inside = np.where(self.coordinates.positive, np.maximum(values, least), values)
+        at = self.coordinates.of(inside) / self.size
+        return np.clip(at, np.nextafter(self.lowest, np.inf), np.nextafter(self.highest, -np.inf))
 
     def near(self, at: Array) -> tuple[Array, Array]:
         """Mean, shape (n,), and precision, shape (n, n), of what is believed near a place.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from rulec_runtime.commands.destinations import (
     check_outputs,
@@ -11,6 +12,7 @@ from rulec_runtime.commands.destinations import (
     write_json,
     write_to,
 )
+from rulec_runtime.output.refusal import Misused
 
 from rulec.api.calibrate import calibrate
 
@@ -21,6 +23,10 @@ def run(options: argparse.Namespace) -> int:
     Where a value is not believed, no file is written without `--force`, and the exit code is 1.
     """
     check_outputs(options)
+    if options.learn is not None:
+        return _learn(options)
+    if options.over is not None:
+        raise Misused("--over says what --learn learns over; give both")
     with progress_of(options, "fitting the modules"):
         found = calibrate(options.plant, options.recording)
     written = options.force or not found.unbelievable
@@ -29,3 +35,15 @@ def run(options: argparse.Namespace) -> int:
     found.tell(console(options), options.output, forced=options.force)
     write_json(options, found.to_dict())
     return 0 if written else 1
+
+
+def _learn(options: argparse.Namespace) -> int:
+    """Learn a curve, and write the module type that holds it."""
+    from rulec.api.learn import learn
+
+    with progress_of(options, "learning the curve"):
+        found = learn(options.plant, options.recording, options.learn, over=options.over)
+    write_to(options.output, found.text(Path(options.output).stem))
+    found.tell(console(options), options.output)
+    write_json(options, found.to_dict())
+    return 0

@@ -31,8 +31,12 @@ def write_module(
     brought : parameters that it did not have, with their values.
     comments : lines that stand at the top.
     """
-    data = _data(document.data, kind, brought)
-    head = [HEAD, *(f"# {line}" for line in comments), *author_comments(Path(document.path))]
+    return file_text(Path(document.path), _data(document.data, kind, brought), comments)
+
+
+def file_text(file: Path, data: Mapping[str, Any], comments: list[str]) -> str:
+    """Text of a module type that was made of the one in `file`, whose comments it keeps."""
+    head = [HEAD, *(f"# {line}" for line in comments), *author_comments(file)]
     return "\n".join([*head, *lines(data)]) + "\n"
 
 
@@ -94,22 +98,22 @@ def _data(
 def parameter_entry(parameter: Parameter) -> dict[str, Any]:
     """A parameter as it stands in a module type; six digits, calibrations have more."""
     entry: dict[str, Any] = {
-        "value": _number(parameter.unit.from_si(parameter.value), 6),
+        "value": plain_number(parameter.unit.from_si(parameter.value), 6),
         "unit": parameter.unit.text,
-        "u": _number(parameter.u / parameter.unit.factor, 6),
+        "u": plain_number(parameter.u / parameter.unit.factor, 6),
     }
     if not parameter.fit:
         entry["fit"] = False
     if parameter.highest < math.inf:
         ends = (parameter.lowest, parameter.highest)
-        entry["range"] = [_number(parameter.unit.from_si(end), 6) for end in ends]
+        entry["range"] = [plain_number(parameter.unit.from_si(end), 6) for end in ends]
     elif parameter.lowest < 0.0 and not parameter.is_constant:
         entry["sign"] = "any"
     return {**entry, "title": parameter.title, "source": parameter.origin.source or "[assumed]"}
 
 
-def _number(value: float, digits: int) -> float:
-    """To so many digits, and without a point where it is whole."""
+def plain_number(value: float, digits: int) -> float:
+    """A number as it stands in a file: to so many digits, and without a point where it is whole."""
     value = rounded(value, digits)
     return int(value) if value.is_integer() else value
 
@@ -127,7 +131,7 @@ def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
         entry[key] = _equation(entry.get(key), expression)
         number = constant(expression, {})
         if key != "der" and number is not None:
-            entry[key] = _number(number if key == "after" else state.unit.from_si(number), 15)
+            entry[key] = plain_number(number if key == "after" else state.unit.from_si(number), 15)
     if old is None:
         entry |= {"title": state.title, "source": state.origin.source or "[assumed]"}
     return entry

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rulec_runtime.output.open_file import begin_of, is_near
+from rulec_runtime.output.refusal import Misused
 
 from rulec.knowledge.layers import (
     KB,
@@ -30,7 +31,7 @@ from rulec.knowledge.read_layers import (
 )
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.tables import with_tables
-from rulec.language.diagnostics import Diagnostic, Place, Refused
+from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
@@ -132,6 +133,29 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
             own = tuple(document for _, document in given)
             result.append(Sources(layers=layers, by_kind=by_kind, given=own))
     return result, plants, found
+
+
+def read_type(name: str, near: Path) -> tuple[Document, Sources]:
+    """A module type as its author wrote it, tables and all, and what it stands on.
+
+    `near` is the folder that knowledge is looked for around. Raises `Refused`, or `Misused` where
+    there is no such type.
+    """
+    found: list[Diagnostic] = []
+    layers = layers_around(near)
+    held = read_layers(layers, read_document, {"module": {name}, "fluid": set()}, effects=False)
+    by_kind = _merged(held, held, found)
+    if found:
+        raise Refused(found)
+    sources = Sources(layers=layers, by_kind=by_kind, layer_of=_layer_of(held))
+    named = [d for d in by_kind.get("module", ()) if d.data["module"] == name]
+    if not named:
+        hint = did_you_mean(name, sources.names("module"))
+        raise Misused(f"there is no module type '{name[:70]}'; {hint}")
+    document, mistakes = read_document(Path(named[0].path))
+    if document is None:
+        raise Refused(mistakes)
+    return document, sources
 
 
 def read_alone(path: Path, kind: str) -> tuple[Document, tuple[Document, ...]]:

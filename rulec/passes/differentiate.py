@@ -165,13 +165,13 @@ def _observers(
     replaced: Mapping[str, sympy.Expr],
 ) -> dict[str, sympy.Expr]:
     """Observers over the local symbols; `replaced` keeps some definitions as given."""
-    table = _table(kind, symbols, replaced)
+    table = written_out(kind, symbols, replaced)
     return {
         o.name: _translated(kind, o.expression, table, symbols) for o in kind.observers.values()
     }
 
 
-def _table(
+def written_out(
     kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
 ) -> dict[str, sympy.Expr]:
     """Names to expressions, definitions written out (they stand in order of use)."""
@@ -205,20 +205,20 @@ def _guards(
     kind: ModuleType, expression: Expression, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[Condition]:
     """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
-    table = _table(kind, symbols, {})
+    table = written_out(kind, symbols, {})
     for part in kind.with_definitions(expression):
         for inner in part.guarded():
             text = ast.unparse(inner)
             yield Condition(text, _translated(kind, Expression(text, inner), table, symbols))
 
 
-def _opened(
+def opened(
     kind: ModuleType,
     target: str,
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> tuple[sympy.Symbol, Mapping[str, sympy.Expr]]:
-    """The symbol of a target, and the observers over it."""
+    """The symbol of a signal or definition, and the observers over it."""
     if target in kind.signals:
         return symbols[target], observers
     own = _symbol(f"target.{target}")
@@ -232,15 +232,15 @@ def _target(
     observers: Mapping[str, sympy.Expr],
 ) -> Target:
     """Differentiate all observers by a target that faults scale."""
-    own, opened = _opened(kind, name, symbols, observers)
-    value = _table(kind, symbols, {})[name]
+    own, over = opened(kind, name, symbols, observers)
+    value = written_out(kind, symbols, {})[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     back = {own: value}
     measured = {s for n, s in symbols.items() if n not in kind.parameters}
     whole = sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured))
     slopes, curvatures, inverse = {}, {}, {}
     flow = _symbol(FLOW)
-    for observer, expression in opened.items():
+    for observer, expression in over.items():
         if own not in expression.free_symbols:
             continue
         slope = sympy.diff(expression, own)
@@ -309,8 +309,8 @@ def _affected(
     """Own observers that read what the fault acts on."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
-    own, opened = _opened(kind, target, symbols, observers)
-    return tuple(o for o, e in opened.items() if own in e.free_symbols)
+    own, over = opened(kind, target, symbols, observers)
+    return tuple(o for o, e in over.items() if own in e.free_symbols)
 
 
 def law_of(variant: Variant, g: sympy.Expr, x: sympy.Expr) -> sympy.Expr:
@@ -349,7 +349,7 @@ def _undone(
     replaced: dict[str, sympy.Expr] = {}
     for fault in faults:
         if fault.fault.acts_on == "definition":
-            current = _table(kind, base, replaced)[fault.target]
+            current = written_out(kind, base, replaced)[fault.target]
             replaced[fault.target] = _undo(fault, current)
     undone = _observers(kind, base, replaced)
     for fault in faults:

@@ -36,6 +36,7 @@ OPENS |= {"url_to_fs", "get_file", "np.load", "tls_set", "sqlite3.connect"}
 BESIDE = {
     "rulec/commands/editor_line.py": "schemas that are shipped",
     "rulec/commands/init.py": "skeletons that are shipped",
+    "rulec/curves/words.py": "names of columns and grades that are shipped",
     "rulec/demo/servers.py": "recordings that are shipped",
     "rulec/demo/stage.py": "recordings that are shipped",
     "rulec/effects/write_plant.py": "schemas that are shipped",

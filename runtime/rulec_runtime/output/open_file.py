@@ -62,6 +62,12 @@ def is_near(target: Path, folder: Path) -> bool:
     return _is_in(target, _near(os.path.abspath(folder), os.environ.get(FOLDERS, "")))
 
 
+def is_named(target: Path) -> bool:
+    """Whether something lies below one of the folders of `RULEC_FILES`, links followed."""
+    named = os.environ.get(FOLDERS, "").split(os.pathsep)
+    return _is_in(target, (os.path.realpath(one) for one in named if one))
+
+
 def is_below(target: Path, folder: Path) -> bool:
     """Whether something lies in a folder, links followed."""
     return _is_in(target, (os.path.realpath(folder),))

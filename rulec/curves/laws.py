@@ -1,0 +1,104 @@
+"""Laws of a module type as functions of its signals and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec_runtime.contract.plan import Plan
+
+from rulec.algebra.graph import Graph, Node
+from rulec.knowledge.module_type import ModuleType
+from rulec.language.dimension import dimension
+from rulec.language.expression import Expression
+from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
+from rulec.passes.lower import lower_tree
+
+
+@dataclass(frozen=True)
+class Law:
+    """A definition or an observer that says what a column should be.
+
+    `reads` are signals, `free` parameters that a fit may move.
+    """
+
+    group: str
+    name: str
+    dimension: Dimension
+    reads: frozenset[str]
+    free: tuple[str, ...]
+
+
+def laws_of(kind: ModuleType) -> list[Law]:
+    """Laws that signals alone determine, definitions first."""
+    dimensions = dimensions_of(kind)
+    stated = kind.laws()
+    parts = {
+        **{("definitions", d.name): d.expression for d in kind.definitions.values()},
+        **{("observers", o.name): o.expression for o in kind.observers.values()},
+    }
+    found = []
+    for (group, name), expression in parts.items():
+        is_law = (group, name) in stated if group == "definitions" else True
+        names = kind.names_through(expression)
+        equations = list(kind.with_definitions(expression))
+        asks = any(next(e.gathered(), next(e.properties(), None)) for e in equations)
+        free = tuple(p.name for p in kind.parameters.values() if p.fit and p.name in names)
+        if is_law and free and not asks and not names & kind.states.keys():
+            gives = dimensions[name] if group == "definitions" else VOLUME_FLOW
+            reads = frozenset(names & kind.signals.keys())
+            found.append(Law(group, name, gives, reads, free))
+    return found
+
+
+def plan_of(kind: ModuleType, laws: list[Law]) -> Plan:
+    """Laws as outputs by their names, of signals and parameters as inputs; all SI."""
+    graph = Graph((*kind.signals, *kind.parameters))
+    names = _Names(graph, kind, {})
+    for law in laws:
+        graph.outputs[law.name] = names.node(expression_of(kind, law))
+    return graph.plan()
+
+
+def expression_of(kind: ModuleType, law: Law) -> Expression:
+    """The equation of a law."""
+    if law.group == "definitions":
+        return kind.definitions[law.name].expression
+    return kind.observers[law.name].expression
+
+
+@dataclass(frozen=True)
+class _Names:
+    """Names of a module type as nodes of a graph, definitions written out."""
+
+    graph: Graph
+    kind: ModuleType
+    known: dict[str, Node]
+
+    def node(self, expression: Expression) -> Node:
+        return lower_tree(self.graph, expression.tree, self)
+
+    def value(self, name: str) -> Node:
+        if name not in self.kind.definitions:
+            return self.graph.input(name)
+        if name not in self.known:
+            self.known[name] = self.node(self.kind.definitions[name].expression)
+        return self.known[name]
+
+    def gathered(self, name: str) -> Node:
+        raise AssertionError(f"a law that reads {name} of others is left out")
+
+    def property(self, name: str, temperature: Node) -> Node:
+        raise AssertionError(f"a law that asks for {name} of a fluid is left out")
+
+
+def dimensions_of(kind: ModuleType) -> Mapping[str, Dimension]:
+    """Dimension of each name; definitions stand in order of use."""
+    known = {n: s.unit.dimension for n, s in kind.signals.items()}
+    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
+    known |= {n: s.unit.dimension for n, s in kind.states.items()}
+    known |= {"inflow": VOLUME_FLOW, "outflow": VOLUME_FLOW}
+    gathered = dict.fromkeys(kind.gathers, UNKNOWN)
+    for name, definition in kind.definitions.items():
+        known.setdefault(name, dimension(definition.expression, known, gathered))
+    return known

@@ -1,0 +1,259 @@
+"""A characteristic learnt from ordinary operation: a definition of a module as a monotone curve.
+
+Every settled point says, by an observer and the true flow, what the definition must have been
+there. A curve of straight lines through knots at quantiles is fitted to these points; it rises or
+falls all the way, whichever suits them better. Its band holds the scatter of the points, and the
+errors of the sensors and of the other parameters that the flow rests on.
+
+Source: monotone regression by non-negative increments (Ramsay 1988, with piecewise lines).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.autocorrelation_time import memory_of
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust import spread_about
+from scipy.optimize import lsq_linear
+
+from rulec.calibration.calibrate import local_readings, settled_points
+from rulec.calibration.fit import CalibrationRefused
+from rulec.calibration.true_flow import TrueFlow, true_flows
+from rulec.curves.samples import Samples, samples_of
+from rulec.knowledge.module_type import ModuleType, Signal
+from rulec.knowledge.plant import Module
+from rulec.language.diagnostics import did_you_mean
+from rulec.limits import (
+    FAR_POINT,
+    GAP,
+    KNOT_GAP,
+    LEARNT_FAR,
+    LEARNT_KNOTS,
+    LEARNT_STEPS,
+    POINTS_PER_PARAMETER,
+)
+from rulec.passes.types import Compilation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learnt:
+    """A curve over `over`, all SI: knots, values and standard uncertainties, each shape (k,).
+
+    `accuracy` is the share that 19 of 20 points keep within, `gaps` are spans of `over` without
+    points, between knots or to the ends of the sensor's range.
+    """
+
+    module: Module
+    name: str
+    over: str
+    knots: Array
+    values: Array
+    u: Array
+    accuracy: float
+    points: int
+    set_aside: int
+    gaps: tuple[tuple[float, float], ...]
+    sensors: tuple[str, ...]
+
+
+def learn(
+    models: Compilation, recording: Recording, name: str, what: str, over: str | None
+) -> Learnt:
+    """Learn ``MODULE.DEFINITION`` over a signal or a definition.
+
+    Raises `CalibrationRefused`: there is no such thing, it follows more than `over`, nothing has
+    settled, no true flow is known, or its driver stood.
+    """
+    module, definition = _named(models, what)
+    kind = module.type.settled()
+    over = _driver(kind, what, definition, over)
+    settled = settled_points(models, recording, name)
+    every = models.plant.modules.values()
+    local = {m.name: local_readings(models, settled.points, m) for m in every}
+    flows = true_flows(models, local)
+    if module.name not in flows:
+        raise CalibrationRefused(f"{what}: the recording has no true flow through {module.name}")
+    own, true = local[module.name], flows[module.name]
+    samples = samples_of(models.types[module.type.key], kind, module, definition, over, own, true)
+    usable = np.flatnonzero(
+        np.isfinite(samples.driver) & np.isfinite(samples.flow) & np.isfinite(samples.before)
+        & np.isfinite(samples.run(samples.before)[0])
+    )  # fmt: skip
+    if len(usable) < 2 * POINTS_PER_PARAMETER:
+        raise CalibrationRefused(
+            f"{what}: only {len(usable)} settled points with all readings and {true.name}; "
+            f"{2 * POINTS_PER_PARAMETER} are needed for a curve"
+        )
+    chosen = samples.at(usable)
+    if np.ptp(chosen.driver) == 0.0:
+        raise CalibrationRefused(f"{what}: {over} stood; record operation in which it varies")
+    knots, values, kept = _fitted(chosen)
+    final = chosen.at(kept)
+    doubt = {n: np.array(p.u) for n, p in module.parameters.items()}
+    errors = _errors(final, values, knots, {**doubt, **own.systematic}, true, usable[kept])
+    off, slope, _ = final.run(_between(final.driver, knots) @ values)
+    share = np.abs(off / slope) / np.abs(_between(final.driver, knots) @ values)
+    signal = kind.signals.get(over)
+    return Learnt(
+        module=module,
+        name=definition,
+        over=over,
+        knots=knots,
+        values=values,
+        u=errors,
+        accuracy=float(np.nanquantile(share, 0.95)),
+        points=len(kept),
+        set_aside=len(usable) - len(kept),
+        gaps=tuple(_gaps(final.driver, signal)),
+        sensors=settled.sensors,
+    )
+
+
+def _named(models: Compilation, what: str) -> tuple[Module, str]:
+    name, _, definition = what.partition(".")
+    module = models.plant.modules.get(name)
+    if module is None:
+        hint = did_you_mean(name, models.plant.modules)
+        raise CalibrationRefused(f"--learn {what[:80]}: there is no module '{name[:40]}'; {hint}")
+    if definition not in module.type.definitions:
+        known = ", ".join(module.type.definitions) or "none"
+        raise CalibrationRefused(
+            f"--learn {what[:80]}: {module.type.name} has no definition '{definition[:40]}'; it "
+            f"has {known}. What is to be learnt needs a name of its own in the module type"
+        )
+    return module, definition
+
+
+def _driver(kind: ModuleType, what: str, definition: str, over: str | None) -> str:
+    """What the curve stands over; refuses one that does not fix the definition."""
+    names = kind.names_through(kind.definitions[definition].expression)
+    read = sorted(names & kind.signals.keys())
+    if over is None:
+        inputs = [name for name in read if kind.signals[name].is_input] or read
+        if len(inputs) != 1:
+            shown = ", ".join(inputs) or "no signal"
+            raise CalibrationRefused(f"{what} reads {shown}; name what it follows with --over")
+        over = inputs[0]
+    if over not in kind.signals and over not in kind.definitions:
+        hint = did_you_mean(over, [*kind.signals, *kind.definitions])
+        raise CalibrationRefused(f"--over {over[:40]}: {kind.name} has no such signal; {hint}")
+    by = {over} if over in kind.signals else kind.names_through(kind.definitions[over].expression)
+    if more := [name for name in read if name not in by]:
+        raise CalibrationRefused(
+            f"{what} follows {', '.join(more)}, too: a curve over {over} cannot say that. Split "
+            f"the definition in the module type, so that one part follows {over} alone"
+        )
+    if over in kind.definitions and definition in kind.names_through(
+        kind.definitions[over].expression
+    ):
+        raise CalibrationRefused(f"--over {over}: it stands on {definition} itself")
+    return over
+
+
+def _knots(driver: Array) -> Array:
+    """Quantiles of the driver, no closer than a share of its span."""
+    count = int(np.clip(len(driver) // POINTS_PER_PARAMETER, 2, LEARNT_KNOTS))
+    found = [float(np.min(driver))]
+    least = KNOT_GAP * float(np.ptp(driver))
+    for at in np.quantile(driver, np.linspace(0.0, 1.0, count))[1:]:
+        if at - found[-1] > least:
+            found.append(float(at))
+    return np.array(found)
+
+
+def _between(driver: Array, knots: Array) -> Array:
+    """Weights of the knots at each point, shape (n, k): straight lines."""
+    rows: Array = np.array([np.interp(driver, knots, unit) for unit in np.eye(len(knots))])
+    return rows.T
+
+
+def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
+    """Knots, values there, and the points that are not set aside: a fit of least absolute errors
+    finds the bulk, least squares fit that."""
+    knots = _knots(samples.driver)
+    values = _either_way(samples, knots, 1)
+    off = samples.run(_between(samples.driver, knots) @ values)[0]
+    spread = spread_about(off, float(np.median(off)))
+    near = np.maximum(FAR_POINT * spread, LEARNT_FAR * np.abs(samples.flow))
+    rows = np.flatnonzero(np.abs(off) <= near)
+    kept = samples.at(rows)
+    knots = _knots(kept.driver)
+    return knots, _either_way(kept, knots, 2), rows
+
+
+def _either_way(samples: Samples, knots: Array, power: int) -> Array:
+    """Values that rise or fall, whichever leaves less."""
+    tried = [_monotone(samples, knots, sign, power) for sign in (1.0, -1.0)]
+    return min(tried, key=lambda found: found[1])[0]
+
+
+def _monotone(samples: Samples, knots: Array, sign: float, power: int) -> tuple[Array, float]:
+    """Values that rise (or fall) from knot to knot, and the sum of errors that is left, absolute
+    or squared by `power`. Absolute ones are squares, each weighed by its last error."""
+    weights = _between(samples.driver, knots)
+    sums = np.tril(np.ones((len(knots), len(knots))))
+    sums[:, 1:] *= sign
+    positive = bool(np.all(samples.before > 0.0))
+    begin = np.full(len(knots), float(np.median(samples.before)))
+    usual = max(float(np.max(np.abs(samples.before))), np.finfo(float).tiny)
+    values, left = begin, float("inf")
+    for _ in range(LEARNT_STEPS):
+        off, slope, _ = samples.run(weights @ values)
+        if not np.isfinite(off).all() or not np.isfinite(slope).all():
+            break
+        sum_of_errors = float(np.sum(np.abs(off) ** power))
+        if sum_of_errors > left * (1.0 - 1e-10):
+            break
+        best, left = values, sum_of_errors
+        least = 1e-6 * float(np.max(np.abs(samples.flow)))
+        own = 1.0 if power == 2 else 1.0 / np.sqrt(np.maximum(np.abs(off), least))
+        moved = (own * slope)[:, None] * weights
+        size = max(float(np.max(np.abs(moved))), np.finfo(float).tiny)
+        wanted = (moved @ values - own * off) / (size * usual)
+        low = np.concatenate([[-np.inf], np.zeros(len(knots) - 1)])
+        values = usual * (sums @ lsq_linear(moved / size @ sums, wanted, (low, np.inf)).x)
+        if positive:
+            values = np.maximum(values, 1e-3 * np.max(np.abs(values)))
+    return (best, left) if np.isfinite(left) else (begin, left)
+
+
+def _errors(
+    samples: Samples,
+    values: Array,
+    knots: Array,
+    known: Mapping[str, Array],
+    true: TrueFlow,
+    rows: np.ndarray,
+) -> Array:
+    """Standard uncertainties of the values: scatter of the points, errors of the sensors and of the
+    other parameters. `known` are those of readings and parameters."""
+    weights = _between(samples.driver, knots)
+    off, slope, out = samples.run(weights @ values)
+    inverse = np.linalg.pinv(slope[:, None] * weights)
+    variance = float(np.sum(off**2)) / max(len(off) - len(knots), 1)
+    variance *= memory_of(off, np.ones(len(off), dtype=bool))
+    total = variance * np.sum(inverse**2, axis=1)
+    for name in dict.fromkeys([*known, *true.errors]):
+        error = np.zeros(len(rows))
+        if name in known and f"d:{name}" in out:
+            error = error + out[f"d:{name}"] * np.broadcast_to(known[name], true.values.shape)[rows]
+        if name in true.errors:
+            error = error - true.errors[name][rows]
+        total = total + (inverse @ np.where(np.isfinite(error), error, 0.0)) ** 2
+    root: Array = np.sqrt(total)
+    return root
+
+
+def _gaps(driver: Array, signal: Signal | None) -> Sequence[tuple[float, float]]:
+    """Spans without points, as wide as a share of the sensor's range or wider."""
+    seen, low, high = np.unique(driver), np.inf, -np.inf
+    if signal is not None and signal.lowest is not None and signal.highest is not None:
+        low, high = signal.lowest, signal.highest
+    ends = np.concatenate([[min(low, seen[0])], seen, [max(high, seen[-1])]])
+    least = GAP * (ends[-1] - ends[0])
+    wide = np.flatnonzero(np.diff(ends) > least)
+    return [(float(ends[i]), float(ends[i + 1])) for i in wide]

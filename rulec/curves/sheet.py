@@ -1,0 +1,135 @@
+"""A table of points, as a maker prints it or as somebody read it off a picture."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.terminal import one_line
+from rulec_runtime.recordings.formats import opened_table
+from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.titles import is_value
+
+from rulec.curves.refused import CurveRefused
+from rulec.language.units import Unit, UnitTable
+from rulec.limits import MOST_SHEET_POINTS
+
+_IN_BRACKETS = re.compile(r"(?P<name>[^()]+?)\s*\((?P<unit>[^()]+)\)")
+_SUPERSCRIPTS = str.maketrans({"²": "2", "³": "3", "·": "*"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """A column of a sheet: `values` in SI, shape (n,), NaN where the sheet has none."""
+
+    name: str
+    unit: Unit
+    values: Array
+
+
+def columns_of(
+    path: Path, units: UnitTable, known: Collection[str], given: str | None = None
+) -> list[Column]:
+    """The columns of a file that recordings are read from, in SI.
+
+    Parameters
+    ----------
+    known : names by which the row of titles is found.
+    given : titles in place of those of the file, with commas between them. An empty one leaves a
+        column out; where a name comes again, a block of columns with points of its own begins.
+
+    Raises `CurveRefused`, or what reading a recording raises.
+    """
+    form = FileForm(time=(*known, *(name.lower() for name in known)))
+    with opened_table(path, form) as sheet:
+        titles, beside = list(sheet.titles), list(sheet.units)
+        bare = all(is_value(t) or t.strip() == "1" for t in titles if t.strip())
+        indexes = range(len(titles))
+        read = sheet.read((), tuple(indexes), AS_SEEN).columns
+        numbers = [column.numbers() for column in read]
+    if bare:
+        if given is None:
+            hint = "say what they are, as in --columns 'Q [m3/h], H [m]'"
+            raise CurveRefused(f"{path}: its columns have no titles; {hint}")
+        first = [_number(title) for title in titles]
+        numbers = [np.append(one, rest) for one, rest in zip(first, numbers, strict=True)]
+    if given is not None:
+        titles, beside = [part.strip() for part in given.split(",")], []
+        if len(titles) != len(numbers):
+            asked = f"--columns names {len(titles)} columns, and the file has {len(numbers)}"
+            raise CurveRefused(f"{path}: {asked}; an empty name leaves one out")
+    if not len(numbers[0]) or len(numbers[0]) > MOST_SHEET_POINTS:
+        raise CurveRefused(
+            f"{path}: {len(numbers[0])} points; a sheet has 1 to {MOST_SHEET_POINTS}. A recording "
+            "of a plant is for rulec calibrate"
+        )
+    named = [_named(title, beside[i] if beside else "") for i, title in enumerate(titles)]
+    return list(_stacked(path, named, numbers, units))
+
+
+def _stacked(
+    path: Path, named: Sequence[tuple[str, str]], numbers: Sequence[Array], units: UnitTable
+) -> Iterator[Column]:
+    """Columns, blocks of one name below one another."""
+    blocks: list[dict[str, tuple[str, Array]]] = [{}]
+    for (name, text), values in zip(named, numbers, strict=True):
+        if name in blocks[-1]:
+            blocks.append({})
+        if name:
+            blocks[-1][name] = text, values
+    for name in dict.fromkeys(name for block in blocks for name in block):
+        texts = {block[name][0] for block in blocks if name in block}
+        if len(texts) > 1:
+            raise CurveRefused(f"{path}: column '{one_line(name)[:40]}' has two units")
+        unit = _unit(path, name, texts.pop(), units)
+        parts = [
+            block[name][1] if name in block else np.full(len(next(iter(block.values()))[1]), np.nan)
+            for block in blocks
+            if block
+        ]
+        values = np.concatenate(parts)
+        finite = np.where(np.isfinite(values), values, np.nan)
+        yield Column(name=name, unit=unit, values=finite * unit.factor + unit.offset)
+
+
+def _named(title: str, beside: str) -> tuple[str, str]:
+    """Name and unit of a column."""
+    name, unit = parts_of(title.strip())
+    inside = _IN_BRACKETS.fullmatch(name)
+    if not unit and inside is not None:
+        name, unit = inside["name"], inside["unit"]
+    return name.strip(), unit.strip() or beside.strip()
+
+
+def unit_of(text: str, units: UnitTable) -> Unit | None:
+    """A unit as sheets spell it; None where it is not known."""
+    try:
+        return units.parse(text.strip().translate(_SUPERSCRIPTS))
+    except ValueError:
+        return None
+
+
+def _unit(path: Path, name: str, text: str, units: UnitTable) -> Unit:
+    shown = one_line(name)[:40]
+    if not text:
+        hint = f"write it behind the name, as in '{shown} [m3/h]', or use --columns"
+        raise CurveRefused(f"{path}: column '{shown}' names no unit; {hint}")
+    unit = unit_of(text, units)
+    if unit is None:
+        hint = "the spellings are in kb/units.yaml"
+        raise CurveRefused(
+            f"{path}: column '{shown}': unknown unit '{one_line(text)[:40]}'; {hint}"
+        )
+    return unit
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return np.nan

@@ -1,0 +1,191 @@
+"""A maker's points become a module type; what is no sheet is refused with a reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xlsxwriter
+import yaml
+
+from rulec.cli import main
+from rulec.commands.check_files import collect
+from tests.curves.sheets import NB, rows, written
+
+TYPE = "metered-centrifugal"
+G = 9.80665
+
+
+def imported(folder: Path, file: str, *more: str, kind: str = TYPE, code: int = 0) -> Any:
+    """The machine form; the module stands in folder/kb/own.yaml."""
+    (folder / "kb").mkdir(exist_ok=True)
+    target, form = folder / "kb" / "own.yaml", folder / "found.json"
+    asked = ["import", "curve", file, "--type", kind, "-o", str(target), "--json", str(form)]
+    assert code == main([*asked, *more])
+    return json.loads(form.read_text(encoding="utf-8"))
+
+
+def law(found: Any, name: str) -> dict[str, Any]:
+    (one,) = [one for one in found["laws"] if one["law"] == name]
+    return dict(one)
+
+
+def test_points_of_a_real_sheet(tmp_path: Path) -> None:
+    """Head and power of the maker within 2 % by the affinity laws; the grade stands in a size."""
+    more = ("--grade", "3B", "--at", "n0=2950 rpm", "--source", "NB 65-160/157", "--columns")
+    titles = "Q [m3/h],H [m],,,P_el [kW],NPSH [m],n [rpm]"
+    found = imported(tmp_path, written(tmp_path, NB), *more, titles)
+    for name, grade in (("dp_law", 0.07), ("P_law", 0.09)):
+        one = law(found, name)
+        assert one["points"] == 13
+        assert one["largest"] < 0.02
+        assert grade == one["tolerance"]
+        assert grade / np.sqrt(6) == pytest.approx(one["u"], rel=0.06)
+    file = tmp_path / "kb" / "own.yaml"
+    assert [] == collect([file])
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    value = {name: p["value"] for name, p in data["parameters"].items()}
+    flow, head, _, _, power, _, speed = np.array(rows()[1:], dtype=float).T
+    nu, q = speed / value["n0"], 1e3 * flow
+    dp = nu**2 * value["h0"] - nu * value["h1"] * q - value["h2"] * q**2
+    drawn = nu**3 * value["p0"] + nu**2 * value["p1"] * q - nu * value["p2"] * q**2
+    assert dp == pytest.approx(998.2 * G * head / 1e5, rel=0.02)
+    assert drawn == pytest.approx(1e3 * power, rel=0.02)
+
+
+def test_a_plant_compiles_with_it(tmp_path: Path) -> None:
+    imported(tmp_path, written(tmp_path, NB.replace("P2 [kW]", "note [1]")), "--grade", "3B")
+    plant = "plant: p\ntitle: t\nmodules: {A: {type: own}}\n"
+    (tmp_path / "plant.yaml").write_text(plant, encoding="utf-8")
+    assert 0 == main(["compile", str(tmp_path), "-o", str(tmp_path / "r.json")])
+
+
+def test_several_speeds_are_one_curve(tmp_path: Path) -> None:
+    """Made by affinity from one parabola; the fit finds it, and says that the form was tested."""
+    lines = ["n [rpm];Q [m3/h];dp [bar];M [Nm];rho [kg/m3]"]
+    for n in (1500.0, 2400.0, 3000.0):
+        for q in n / 3000 * np.array([5.0, 15.0, 25.0, 35.0]):
+            speed, flow = n / 60, q / 3600
+            dp = 1000 * (0.2 * speed**2 + 20 * speed * flow - 1.5e6 * flow**2)
+            torque = 1000 * (5e-6 * speed**2 + 0.03 * speed * flow - 20 * flow**2)
+            cells = (n, q, dp / 1e5, torque, 1000)
+            lines.append(";".join(f"{cell:.6g}".replace(".", ",") for cell in cells))
+    file = written(tmp_path, "\n".join(lines))
+    found = imported(tmp_path, file, kind="multistage-centrifugal")
+    value = {name: p["value"] for name, p in found["parameters"].items()}
+    for name, true in {"a0": 0.2, "a1": 20, "a2": 1.5e6, "b0": 5e-6, "b1": 0.03, "b2": 20}.items():
+        assert true == pytest.approx(value[name], rel=1e-3)
+    assert law(found, "dp_law")["accuracy"] == "0.4 %, 19 of 20 of 12 points of the sheet"
+
+
+def test_power_follows_from_efficiency(tmp_path: Path) -> None:
+    """Shaft power where the sheet gives none; the maker's own agrees to its digits."""
+    titles = "Q [m3/h],H [m],eta [%],,,,n [rpm]"
+    found = imported(tmp_path, written(tmp_path, NB), "--grade", "3B", "--columns", titles)
+    assert any("efficiency" in note for note in found["notes"])
+    titles = "Q [m3/h],H [m],,P_el [kW],,,n [rpm]"
+    by_power = imported(tmp_path, written(tmp_path, NB), "--grade", "3B", "--columns", titles)
+    for name in ("p0", "p1"):
+        of = (form["parameters"][name]["value"] for form in (found, by_power))
+        assert next(of) == pytest.approx(next(of), rel=0.05)
+
+
+def test_excel_and_a_digitised_table_say_the_same(tmp_path: Path) -> None:
+    """A workbook with lines above its titles; two curves side by side, and no titles at all."""
+    book = xlsxwriter.Workbook(str(tmp_path / "sheet.xlsx"))
+    sheet = book.add_worksheet("curve")
+    sheet.write(0, 0, "Curve of the maker")
+    titles, *points = rows()
+    for j, title in enumerate(titles):
+        sheet.write(2, j, title.replace("P2", "note"))
+        for i, row in enumerate(points, 3):
+            sheet.write(i, j, float(row[j]))
+    book.close()
+    excel = imported(tmp_path, str(tmp_path / "sheet.xlsx"))
+    digitised = "\n".join(f"{r[0]},{r[1]},{r[0]},{r[4]},{r[6]}" for r in points)
+    titles_given = "Q [m3/h],H [m],Q [m3/h],P_el [kW],"
+    file = written(tmp_path, digitised)
+    pairs = imported(tmp_path, file, "--columns", titles_given, "--at", "n=2960 rpm")
+    for name in ("dp_law", "P_law"):
+        assert [13, 13] == [law(found, name)["points"] for found in (excel, pairs)]
+        assert max(law(found, name)["largest"] for found in (excel, pairs)) < 0.03
+
+
+def test_a_law_without_a_signal_for_what_it_gives(tmp_path: Path) -> None:
+    """An observer that gives the flow; its u stays where the sheet is too short to move it."""
+    text = "Q [l/h],dp [bar]\n500,0.175\n800,0.448\n1000,0.70\n1200,1.008\n"
+    found = imported(tmp_path, written(tmp_path, text), kind="static-mixer")
+    assert 7.0e-7 == pytest.approx(found["parameters"]["k2"]["value"], rel=0.01)
+    assert "observers" in yaml.safe_load((tmp_path / "kb" / "own.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("columns", "more", "said"),
+    [
+        ("Q [m3/h],H,,,P_el [kW],,n [rpm]", (), "column 'H' names no unit"),
+        ("Q [m3/h],H [furlong],,,,,n [rpm]", (), "unknown unit 'furlong'"),
+        ("dp [bar],n [m],,,,,Q [m3/h]", (), "are two columns swapped?"),
+        ("Q [m3/h],H [m],,P1 [kW],P2 [kW],,n [rpm]", (), "it is open which column is P_el"),
+        ("Q [m3/h],H [m]", (), "names 2 columns, and the file has 7"),
+        ("Q [m3/h],H [m],,,P_el [kW],,", (), "dp_law lacks n [rpm]"),
+        ("Q [m3/h],,,,,,", (), "no law of metered-centrifugal can be fitted"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--grade", "9Z"), "give 1B, 2B, 3B, or a share"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "n0"), "write NAME=VALUE UNIT"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "n0=3 bar"), "n0 is in rpm"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "x=3 rpm"), "has no 'x'"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--name", "no name"), "is not a legal name"),
+        ("Q [m3/h],H [m],,,,,n [rpm]", ("--type", "metered-centrifuge"), "did you mean"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    columns: str, more: tuple[str, ...], said: str, tmp_path: Path, capsys: Any
+) -> None:
+    target = tmp_path / "own.yaml"
+    asked = ["import", "curve", written(tmp_path, NB), "--type", TYPE, "-o", str(target)]
+    assert main([*asked, "--columns", columns, *more]) in (1, 2)
+    assert said in capsys.readouterr().err
+    assert not target.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "empty"),
+        ("1,2\n3,4\n5,6\n", "its columns have no titles"),
+        ("Q [m3/h],dp [bar],n [rpm]\n", "no rows below it"),
+        ("Q [m3/h],dp [bar],n [rpm]\n1,2,3\n2,3,4\n", "4 are needed"),
+        ("Q [m3/h],dp [bar],n [rpm]\n" + "nan,inf,3\n" * 9, "only 0 points"),
+        ("Q [m3/h],dp [bar],n [rpm]\n" + "1,0,2900\n" * 9, "dp is zero at all points"),
+        ("Q [m3/h],dp [bar],n [rpm]\n" + "1,2,2900\n" * 2001, "is for rulec calibrate"),
+        ("Q [m3/h],dp [bar],n [rpm]\n" + "a,b,c\n" * 9, "holds words (a, b, c)"),
+        ("\x00\x01\x02", "sheet.csv"),
+    ],
+)
+def test_no_sheet_is_refused(text: str, said: str, tmp_path: Path, capsys: Any) -> None:
+    target = tmp_path / "own.yaml"
+    file = written(tmp_path, text)
+    assert 1 == main(["import", "curve", file, "--type", TYPE, "-o", str(target)])
+    assert said in capsys.readouterr().err
+    assert not target.exists()
+
+
+def test_holes_are_left_out(tmp_path: Path) -> None:
+    """Empty cells and NaN take their point out of that law alone."""
+    text = NB.replace("P2 [kW]", "note [1]").replace("5.580", "").replace("33.15", "nan")
+    found = imported(tmp_path, written(tmp_path, text))
+    assert [12, 12] == [law(found, name)["points"] for name in ("dp_law", "P_law")]
+
+
+def test_titles_swapped_leave_the_tolerance(tmp_path: Path, capsys: Any) -> None:
+    """The units still fit, the curve does not: no file, unless somebody insists."""
+    titles = "H [m],Q [m3/h],,,P_el [kW],,n [rpm]"
+    file, target = written(tmp_path, NB), tmp_path / "kb" / "own.yaml"
+    found = imported(tmp_path, file, "--columns", titles, code=1)
+    assert not law(found, "dp_law")["holds"]
+    assert not target.exists()
+    assert "two columns swapped" in " ".join(capsys.readouterr().out.split())
+    imported(tmp_path, file, "--columns", titles, "--force")
+    assert target.exists()
