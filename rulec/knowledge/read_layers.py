@@ -14,7 +14,7 @@ from rulec_runtime.output.open_file import begin_of, is_near
 from rulec.knowledge.layers import OWN, PACKAGE, Layer, has_line, leads_out, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import KINDS, Diagnostic, Place, nearest, no_file_of_ours
-from rulec.language.document import Document
+from rulec.language.document import Document, unread_document
 from rulec.language.schema import check_schema, kind_of
 from rulec.limits import MAX_FILE_BYTES
 
@@ -24,8 +24,9 @@ _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
 """A file that need not be read where no effects are wanted: parsing all takes longer than a small
 plant takes to compile."""
 
-_MODULE = re.compile(rb"^module:[ \t]*([A-Za-z][A-Za-z0-9_-]*)[ \t]*$", re.MULTILINE)
+_NAMED = re.compile(rb"^([a-z]+):[ \t]*([A-Za-z0-9_-]+)[ \t]*$", re.MULTILINE)
 _PROVIDES = re.compile(rb"^provides:", re.MULTILINE)
+"""What a plant does not have, and what provides nothing, is known by its name alone."""
 
 _WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
 _PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
@@ -125,14 +126,12 @@ def _words(data: Any) -> Iterator[str]:
 
 
 def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | None) -> None:
-    name = None if wanted is None or held.layer.is_own else _unread(file, wanted["module"])
-    if name is not None:
-        unread = Document(file.as_posix(), file.as_posix(), {"module": name}, {}, {})
-        held.by_kind.setdefault("other", []).append(unread)
-        return
     beside = held.layer.folder.parent if held.layer.kind == OWN else held.layer.folder
     if held.layer.is_own and not is_near(file, beside):
         held.mistakes.append(leads_out(Place(file.as_posix())))
+        return
+    if wanted is not None and not held.layer.is_own and (named := _unused(file, wanted)):
+        held.by_kind.setdefault("other", []).append(unread_document(file, named))
         return
     document = open_document(file, None, held.mistakes, read)
     if document is None:
@@ -150,18 +149,17 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
         held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
 
 
-def _unread(file: Path, wanted: set[str]) -> str | None:
-    """Name of a module type of a library that a plant does not have, and that provides nothing:
-    the bytes say so, and parsing all of a large library takes longer than a small plant."""
+def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
+    """Kind and name of what a plant does not have, without parsing its file; empty where that is
+    not sure."""
     try:
         text = begin_of(file, MAX_FILE_BYTES)
-    except (OSError, ValueError):
-        return None
-    found = _MODULE.search(text)
-    if found is None or _PROVIDES.search(text):
-        return None
-    name = found.group(1).decode("ascii")
-    return None if name in wanted else name
+    except OSError:
+        return {}
+    pairs = [(kind.decode(), name.decode()) for kind, name in _NAMED.findall(text)]
+    named = {kind: name for kind, name in pairs if kind in wanted}
+    sure = len(named) == 1 and all(name not in wanted[kind] for kind, name in named.items())
+    return named if sure and not _PROVIDES.search(text) else {}
 
 
 def open_document(

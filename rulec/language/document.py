@@ -69,6 +69,12 @@ class Document:
         return self.keys.get(path) or self.place(*path)
 
 
+def unread_document(path: Path, data: Mapping[str, str]) -> Document:
+    """A file of which nothing but some data is known, and no places."""
+    name = display(path)
+    return Document(name, _label(name), dict(data), {}, {})
+
+
 def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; on a mistake the document is None."""
     name = display(path)
