@@ -62,7 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         argcomplete.autocomplete(parser)
     options = parser.parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
-    return carried_out(lambda: int(module.run(options)), f"rulec {options.command}")
+    told = options.command.replace("_", " ")
+    return carried_out(lambda: int(module.run(options)), f"rulec {told}")
 
 
 def _parser() -> argparse.ArgumentParser:

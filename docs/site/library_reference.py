@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.module_type import ModuleType, Signal
 from rulec.knowledge.read import read_files
-from rulec.language.expression import Expression, Rejected, constant, parse
+from rulec.knowledge.values_at import values_at
 
 KB = Path(__file__).parents[2] / "kb"
 WIDTH, HEIGHT, POINTS = 260, 130, 60
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd")
-WATER = {"density": "998.2", "viscosity": "0.001002"}
+WATER = {"density": 998.2, "viscosity": 0.001002}
 """Water at 20 degC, for laws that ask the fluid. Origin: IAPWS-95, by CoolProp."""
 
 Curve = list[tuple[float, float]]
@@ -81,28 +79,9 @@ def _curves(kind: ModuleType, signal: Signal) -> Iterator[tuple[str, Curve]]:
 
 def _flows(kind: ModuleType, changed: Mapping[str, float]) -> dict[str, float]:
     """What the observers estimate, SI, where the module alone says it."""
-    known = {p.name: p.value for p in kind.parameters.values()}
-    known |= {s.name: s.reference for s in kind.signals.values() if s.reference is not None}
-    known |= changed
-    flows: dict[str, float] = {}
-    laws = [(d.name, d.expression, known) for d in kind.definitions.values()]
-    laws += [(o.name, o.expression, flows) for o in kind.observers.values()]
-    for name, expression, into in laws:
-        try:
-            found = constant(_of_water(expression.text), known)
-        except Rejected:
-            continue
-        if found is not None and math.isfinite(found):
-            into[name] = found
-    return flows
-
-
-@functools.cache
-def _of_water(text: str) -> Expression:
-    """An equation that asks no fluid."""
-    for asked, value in WATER.items():
-        text = re.sub(rf"\b{asked}\([^()]*\)", value, text)
-    return parse(text)
+    usual = {s.name: s.reference for s in kind.signals.values() if s.reference is not None}
+    found = values_at(kind, {**WATER, **usual, **changed})
+    return {o: found[o] for o in kind.observers if o in found and math.isfinite(found[o])}
 
 
 def _drawn(signal: Signal, curves: Mapping[str, Curve]) -> str:

@@ -147,14 +147,14 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
     >>> found.to_dict()["over"]
     'x'
     """
+    from rulec.knowledge.dimensions_of import dimensions_of
     from rulec.language.diagnostics import Refused
     from rulec.language.document import read_document
 
     opened = open_plant(folder_of(plant))
     (name,) = names_given([recording])
     read = recording_given([recording], opened.ruleset)
-    from rulec.curves.laws import dimensions_of  # loads the compiler
-    from rulec.curves.learn import learn as learnt_of
+    from rulec.curves.learn import learn as learnt_of  # loads the compiler
     from rulec.curves.learnt_type import table_units
 
     models = opened.models

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec_runtime.contract.plan import Plan
 
 from rulec.algebra.graph import Graph, Node
+from rulec.knowledge.dimensions_of import dimensions_of
 from rulec.knowledge.module_type import ModuleType
-from rulec.language.dimension import dimension
 from rulec.language.expression import Expression
-from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
+from rulec.language.units import VOLUME_FLOW, Dimension
 from rulec.passes.lower import lower_tree
 
 
@@ -90,15 +89,3 @@ class _Names:
 
     def property(self, name: str, temperature: Node) -> Node:
         raise AssertionError(f"a law that asks for {name} of a fluid is left out")
-
-
-def dimensions_of(kind: ModuleType) -> Mapping[str, Dimension]:
-    """Dimension of each name; definitions stand in order of use."""
-    known = {n: s.unit.dimension for n, s in kind.signals.items()}
-    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
-    known |= {n: s.unit.dimension for n, s in kind.states.items()}
-    known |= {"inflow": VOLUME_FLOW, "outflow": VOLUME_FLOW}
-    gathered = dict.fromkeys(kind.gathers, UNKNOWN)
-    for name, definition in kind.definitions.items():
-        known.setdefault(name, dimension(definition.expression, known, gathered))
-    return known

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from rulec.algebra.tangent import run_with_slopes
+from rulec.knowledge.dimensions_of import dimensions_of
 from rulec.knowledge.module_type import (
     ENDS,
     INFLOW,
@@ -238,15 +239,9 @@ class _Surveyor:
 
 def dimensions(network: Network, kind: ModuleType) -> dict[tuple[str, str], Dimension]:
     """Dimensions of definitions and observers, by kind of place and name."""
-    known = {n: s.unit.dimension for n, s in kind.signals.items()}
-    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
-    known |= {n: s.unit.dimension for n, s in kind.states.items()}
-    known |= dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {}
     gathered = {name: _provided(network, name) for name in kind.gathers}
-    result = {}
-    for definition in kind.definitions.values():
-        own = dimension(definition.expression, known, gathered)
-        known[definition.name] = result["definition", definition.name] = own
+    known = dimensions_of(kind, gathered)
+    result = {("definition", name): known[name] for name in kind.definitions}
     for observer in kind.observers.values():
         result["observer", observer.name] = dimension(observer.expression, known, gathered)
     return result

@@ -137,7 +137,11 @@ def test_a_law_without_a_signal_for_what_it_gives(tmp_path: Path) -> None:
         ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "n0=3 bar"), "n0 is in rpm"),
         ("Q [m3/h],H [m],,,,,n [rpm]", ("--at", "x=3 rpm"), "has no 'x'"),
         ("Q [m3/h],H [m],,,,,n [rpm]", ("--name", "no name"), "is not a legal name"),
-        ("Q [m3/h],H [m],,,,,n [rpm]", ("--type", "metered-centrifuge"), "did you mean"),
+        (
+            "Q [m3/h],H [m],,,,,n [rpm]",
+            ("--type", "metered-centrifuge"),
+            "import curve: there is no",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,9 @@ from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.read import read_files
-from rulec.language.expression import Expression, constant, parse
+from rulec.knowledge.values_at import values_at
 from rulec.language.units import Unit, unit_table
+from rulec.limits import ASSUMED_ACCURACY
 from rulec.passes.pipeline import compile_plant
 from rulec.simulation.signature import signature_of
 from tests.conftest import ROOT, plain_yaml
@@ -31,7 +31,6 @@ POINTS = [
 ]
 NOTHING = 1e-12
 """What counts as none where a source says 0, in the unit of the point."""
-PROPERTY = re.compile(r"(density|viscosity)\(\w+\)")
 
 
 @functools.cache
@@ -54,22 +53,6 @@ def in_si(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
     return known | {n: units[n].to_si(v) if n in units else v for n, v in given.items()}
 
 
-def values(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float | None]:
-    """All that follows from what is given, SI; of states their derivative by time."""
-
-    def of(expression: Expression) -> float | None:
-        return constant(parse(PROPERTY.sub(r"\1", expression.text)), known)
-
-    known = in_si(kind, given)
-    for definition in kind.definitions.values():
-        value = of(definition.expression)
-        if value is not None:
-            known[definition.name] = value
-    parts = {**kind.definitions, **kind.observers, **kind.readings}
-    found = {name: of(part.expression) for name, part in parts.items()}
-    return found | {name: of(state.rate) for name, state in kind.states.items()}
-
-
 def stated(kind: ModuleType, name: str) -> float:
     """The share within which a law keeps, by its own file."""
     observer = kind.observers.get(name)
@@ -77,18 +60,16 @@ def stated(kind: ModuleType, name: str) -> float:
     if observer:
         used = kind.names_through(observer.expression) & kind.definitions.keys()
         of += [kind.definitions[n].accuracy for n in used]
-    return max((a.share for a in of if a), default=0.05)
+    return max((a.share for a in of if a), default=ASSUMED_ACCURACY)
 
 
 @pytest.mark.parametrize(("name", "point"), POINTS)
 def test_laws_give_what_their_sources_say(name: str, point: dict[str, Any]) -> None:
     kind = knowledge().modules[name]
-    found = values(kind, point["given"])
+    found = values_at(kind, in_si(kind, point["given"]))
     for what, expected in point["gives"].items():
-        value = found[what]
-        assert value is not None, what
         share = point.get("within") or stated(kind, what)
-        told = unit(point["in"]).from_si(value)
+        told = unit(point["in"]).from_si(found[what])
         assert math.isclose(told, expected, rel_tol=share, abs_tol=NOTHING), (what, told, expected)
 
 

@@ -1,0 +1,45 @@
+"""What the equations of a module type give at one point, by numbers alone."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Mapping
+
+from rulec.knowledge.module_type import ModuleType
+from rulec.language.expression import Expression, Rejected, constant, parse
+
+_ASKED = re.compile(r"\b(density|viscosity)\([^()]*\)")
+"""What an equation asks of a fluid; at one point it is a number like any other."""
+
+
+def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
+    """Definitions, observers, readings and rates of states that follow from some numbers, SI.
+
+    `given` are readings, states and, as `density` and `viscosity`, properties of the fluid;
+    parameters are those of the type where they are not given. What lacks a number is left out.
+    """
+    known = {p.name: p.value for p in kind.parameters.values()} | dict(given)
+    for definition in kind.definitions.values():
+        if (value := _value(definition.expression.text, known)) is not None:
+            known[definition.name] = value
+    found = {name: known[name] for name in kind.definitions if name in known}
+    parts = {o.name: o.expression for o in kind.observers.values()}
+    parts |= {r.name: r.expression for r in kind.readings.values()}
+    parts |= {s.name: s.rate for s in kind.states.values()}
+    for name, expression in parts.items():
+        if (value := _value(expression.text, known)) is not None:
+            found[name] = value
+    return found
+
+
+def _value(text: str, known: Mapping[str, float]) -> float | None:
+    try:
+        return constant(_asking_nothing(text), known)
+    except Rejected:  # an equation has no value everywhere
+        return None
+
+
+@functools.cache
+def _asking_nothing(text: str) -> Expression:
+    return parse(_ASKED.sub(r"\1", text))
