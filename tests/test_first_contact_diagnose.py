@@ -50,10 +50,13 @@ def rules(folder: Path, head: float = 1.0) -> Ruleset:
 
 
 def knowing(ruleset: Ruleset, *names: str) -> Ruleset:
-    """The same that knows some faults alone."""
-    faults = tuple(f for f in ruleset.faults if f.id in names)
+    """The same that knows some faults alone, and no others of readings."""
     return replace(
-        ruleset, faults=faults, cells=tuple(c for c in ruleset.cells if c.fault in names)
+        ruleset,
+        faults=tuple(f for f in ruleset.faults if f.id in names),
+        cells=tuple(c for c in ruleset.cells if c.fault in names),
+        unlisted=(),
+        unlisted_cells=(),
     )
 
 

@@ -78,17 +78,19 @@ def test_undo_at_degree_zero_changes_nothing(ruleset: Ruleset) -> None:
 
 
 def test_derivatives_by_degree_are_right(ruleset: Ruleset) -> None:
-    """dq/dx of the undo plan equals a central difference, for every fault and observer."""
+    """dq/dx of the undo plan equals a central difference, for every fault and observer; of what the
+    liquid does dql/dx."""
     readings = _scatter(ruleset, 0.02)
     zero = {f"x:{name}": 0.0 for name in ruleset.fault_by_id}
     step = 1e-6
     for fault in ruleset.fault_by_id.values():
         for observer in fault.affects:
-            name = f"dq:{observer}:{fault.id}"
+            of_liquid = "" if fault.module else "l"
+            name, flow_name = f"dq{of_liquid}:{observer}:{fault.id}", f"q{of_liquid}:{observer}"
             at = {
-                d: ruleset.undo.select([f"q:{observer}"]).run(
-                    {**readings, **zero, f"x:{fault.id}": d}
-                )[f"q:{observer}"][0]
+                d: ruleset.undo.select([flow_name]).run({**readings, **zero, f"x:{fault.id}": d})[
+                    flow_name
+                ][0]
                 for d in (-step, step)
             }
             derivative = ruleset.undo.select([name]).run({**readings, **zero})[name][0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rulec_runtime.live import state
@@ -47,7 +48,9 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     # Killed here: the state is that before the first row.
     early, _ = state.from_bytes(rules, kept, "x")
     ahead = file.after("abc", early.number)
-    assert ahead == told
+    # Where a degree goes, the next row says again.
+    bare = [replace(e, episode=replace(e.episode, growth={}, told=None)) for e in told]
+    assert ahead == bare
     file.close()
     again = caught_up(early, ahead)
     assert again.number == len(told)

@@ -151,23 +151,20 @@ def test_cannot_judge(edge: str) -> None:
 PARTS = {
     "no pump pressure": "A.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
     "A.dp.high, ...",
-    "no pressure": "A.dp: dead at zero; cannot see A.leakage, A.clogging, A.widening, "
-    "A.dp.high, ...",
+    "no pressure": "A.dp: dead at zero; cannot see A.dp.high, A.dp.low",
     "no mixer reading": "C.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
     "B.leakage, ...",
-    "pump at rest": "A.n: dead at zero; cannot see A.leakage, A.P_el.high, A.P_el.low",
     "no power": "A.P_el: no reading; cannot see A.P_el.high, A.P_el.low",
 }
 
 
-DEAD = {"pump at rest": ("A.n.dead",), "no pressure": ("A.dp.dead",)}
-"""Readings of zero while others say that liquid flows: a pump at rest cannot lift it."""
+DEAD = {"no pressure": ("A.dp.dead",)}
+"""Readings of zero while others say that liquid flows."""
 
 BACK = {
     "no pump pressure": ("A.dp",),
     "no pressure": ("A.dp",),
     "no mixer reading": ("C.dp",),
-    "pump at rest": ("A.n",),
     "no power": ("A.P_el",),
 }
 """Readings that bring back what cannot be seen."""
@@ -182,6 +179,14 @@ def test_blind_module_is_named(edge: str) -> None:
     assert [(0.0, 29.0, BACK[edge])] == [(b.since, b.until, b.readings) for b in found.blind]
     assert ("F" if edge in DEAD else "C") == found.status
     assert [(0.0, 29.0, f"in part: {PARTS[edge]}")] == [astuple(p)[:3] for p in found.not_judged]
+
+
+@NO_WARNING
+def test_a_dead_reading_that_others_stand_in_for_hides_nothing() -> None:
+    """A pump at rest cannot lift liquid; how fast it turns, three other readings say."""
+    found = judged("pump at rest", "default")
+    assert ("A.n.dead",) == tuple(sensor.id for sensor in found.sensors)
+    assert ("F", (), ()) == (found.status, found.blind, found.not_judged)
 
 
 @pytest.mark.parametrize(

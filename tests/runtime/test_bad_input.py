@@ -43,7 +43,10 @@ class Outcome:
     data: dict[str, Any] = field(default_factory=dict)
 
     def reasons(self) -> str:
-        return "; ".join(period["because"] for period in self.data["not_judged"])
+        """What is the matter with readings, and why something was not judged."""
+        told = [period["because"] for period in self.data["not_judged"]]
+        told += [f["text"] for f in self.data["findings"] if f["kind"] == "sensor"]
+        return "; ".join(told)
 
 
 @pytest.fixture(scope="module")
@@ -260,9 +263,9 @@ BECAUSE = {
     "beyond the range": "A.dp: outside the sensor's range",
     "below the range": "A.dp: outside the sensor's range",
     "at the upper end": "C.dp: outside the sensor's range",
-    "speed zero": "A.n: dead at zero",
+    "speed zero": "A.n is dead: it reads 0 rpm",
     "speed below its minimum": "A.n is below 40 rpm",
-    "speed negative": "A.n: dead at zero",
+    "speed negative": "A.n is dead: it reads -900 rpm",
     "pressure zero": "A.dp",
     "negative root": "is not positive",
     "power infinite": "A.P_el: no reading",
@@ -273,7 +276,7 @@ BECAUSE = {
 
 @pytest.mark.parametrize("name", BECAUSE)
 def test_says_why_it_cannot_judge(name: str, answer: Callable[[str, str], Outcome]) -> None:
-    """`not_judged` holds the reason, with the reading's name, also for one module alone."""
+    """The reason is told with the reading's name, also for one module alone."""
     outcome = answer(name, "default")
     assert BECAUSE[name] in outcome.reasons()
 

@@ -134,6 +134,8 @@ def assert_alike(one: Any, other: Any) -> None:
         assert len(one) == len(other)
         for a, b in zip(one, other, strict=True):
             assert_alike(a, b)
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_allclose(other, one, rtol=CLOSE, atol=1e-15)
     elif isinstance(one, float):
         assert other == pytest.approx(one, rel=CLOSE, abs=1e-15, nan_ok=True)
     else:

@@ -129,7 +129,7 @@ def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
 
 def test_a_ruleset_says_only_what_is_unusual() -> None:
     """Where nothing is stored and all inputs are held, a ruleset is what it was."""
-    assert "between" not in compiled("abc").to_json()
+    assert '"between"' not in compiled("abc").to_json()
     assert "dynamics" not in compiled("abc").to_json()
     assert "dynamics" in compiled("cascaded-tanks").to_json()
 

@@ -8,8 +8,8 @@ its own readings, below their minimum, would show nothing anyway: that is no bli
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -47,6 +47,10 @@ class Blind:
     def active(self) -> bool:
         """Could they still not be seen at the end?"""
         return self.behind is not ENDED
+
+    def but(self, seen: Set[str]) -> Blind:
+        """The same without faults that are seen by other means."""
+        return replace(self, faults=tuple(f for f in self.faults if f not in seen))
 
 
 def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:

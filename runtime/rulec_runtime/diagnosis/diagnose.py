@@ -19,6 +19,7 @@ from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
+from rulec_runtime.diagnosis.steady.verdict import shown_without
 from rulec_runtime.diagnosis.steady.visited import Visited, visited_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
@@ -83,6 +84,7 @@ def assembled(
     recording = health.recording
     missing = (f"{name} is not in the recording" for name in recording.missing)
     blind = blind_of(recording, ruleset) if blind is None else blind
+    blind = tuple(one for b in blind if (one := b.but(found.without)).faults)
     letters = {f.condition.status for f in health.findings} | {status_of(found, judged, blind)}
     return Diagnosis(
         ruleset=ruleset,
@@ -146,6 +148,7 @@ def together(
         found,
         regimes=regimes_of(ruleset, timeline, seen[0].points),
         visited=visited_of(timeline, seen[0].points, judged),
+        without=frozenset(shown_without(seen)),
     )
     return int(timeline.samples[judged].sum()), found
 

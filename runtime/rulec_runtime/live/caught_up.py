@@ -21,7 +21,8 @@ def caught_up(memory: Memory, told: Sequence[Event]) -> Memory:
     number = memory.number
     for event in told:
         if event.number > number:
-            episodes[event.episode.id] = event.episode
+            one = event.episode
+            episodes[one.id] = replace(one, told=(one.until, one.degree))
             number = event.number
     kept = (one for one in episodes.values() if one.active or one.kind != "source")
     return replace(memory, episodes=tuple(kept), number=number)

@@ -50,8 +50,8 @@ def test_finding_comes_first_with_all_that_an_operator_needs() -> None:
 
 def test_what_cannot_be_judged_is_told_with_its_reason() -> None:
     text = " ".join(" ".join(drawn(failing(), size=(120, 40))).split())
-    assert "Cannot be judged now ▼ C NEW cannot see any fault of B, C.clogging" in text
-    assert "or: widening in A (27 %)" in text
+    assert "Cannot be judged now ▼ C NEW cannot see errors of B.dp" in text
+    assert "probability 100 %" in text
     assert "Past events 2026-09-21 16:14:11 ◆ M began A.leakage 0.600" in text
 
 

@@ -139,7 +139,8 @@ class Period:
 @dataclass(frozen=True)
 class Found:
     """What a block of estimates says over a recording, and all residuals at its end; of the whole
-    plant also in which regimes its modules ran, and some points that it visited."""
+    plant also in which regimes its modules ran, some points that it visited, and which faults show
+    `without` readings that were taken out."""
 
     findings: list[Finding]
     unknown: list[Period]
@@ -147,6 +148,7 @@ class Found:
     latest: Latest | None = None
     regimes: tuple[RegimeFinding, ...] = ()
     visited: Visited | None = None
+    without: frozenset[str] = frozenset()
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:

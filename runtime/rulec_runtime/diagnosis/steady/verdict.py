@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +86,17 @@ def partly_blind(seen: Seen, point: int) -> str:
         return ""
     names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
     return f"in part: {because}; cannot see {names}"
+
+
+def shown_without(seen: Iterable[Seen]) -> Iterator[str]:
+    """Faults that show although readings were taken out, because values stand in for these."""
+    for one in seen:
+        flags = one.observed.points.stood_in.values()
+        where = np.flatnonzero(np.any([*flags], axis=0) & one.isolation.judged) if flags else ()
+        if len(where):
+            for fault, floor in zip(one.part.ruleset.faults, one.isolation.floor, strict=True):
+                if all(threshold_of(x) < fault.highest for x in floor[where].tolist()):
+                    yield fault.id
 
 
 def _outside(ruleset: Ruleset, name: str) -> str:
