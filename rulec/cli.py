@@ -184,6 +184,9 @@ def _init(init: argparse.ArgumentParser) -> None:
         "project (kb, a package for pip); files that are there stay. Default: a new folder NAME "
         "(plant, kb), else this one",
     )
+    init.add_argument(
+        "--like", metavar="PLANT", help="begin with a shipped plant, such as cooling-loop"
+    )
 
 
 def _export(export: argparse.ArgumentParser) -> None:

@@ -13,8 +13,8 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.commands.editor_line import schema_near, schemas, target
-from rulec.knowledge.layers import KB
+from rulec.commands.editor_line import line, schema_near, schemas, target
+from rulec.knowledge.layers import KB, shipped
 from rulec.language.document import parse_document
 from rulec.language.schema import kind_of
 
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     """Write a skeleton into a folder; no file is ever replaced."""
     own = options.name if options.kind in ("plant", "kb") else "."
     folder = Path(options.folder or own)
-    files = dict(skeleton(options.kind, options.name, folder))
+    files = dict(skeleton(options.kind, options.name, folder, options.like))
     for file in files:
         if os.path.lexists(file):
             raise InitRefused(f"'{file}' is there already, and nothing is replaced; take another")
@@ -52,10 +52,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def skeleton(kind: str, name: str, folder: Path) -> Iterator[tuple[Path, str]]:
-    """Files and texts of a skeleton, with the schemas where an editor would find none.
+def skeleton(
+    kind: str, name: str, folder: Path, like: str | None = None
+) -> Iterator[tuple[Path, str]]:
+    """Files and texts of a skeleton, with the schemas where an editor would find none; a plant
+    `like` a shipped one begins with its file.
 
-    Raises `InitRefused` where the name is not one that other files could use.
+    Raises `InitRefused` where the name is not one that other files could use, or `like` no plant.
     """
     if not _NAME.fullmatch(name):
         hint = "a letter, then at most 60 letters, digits, _ and -"
@@ -64,6 +67,10 @@ def skeleton(kind: str, name: str, folder: Path) -> Iterator[tuple[Path, str]]:
     knowledge = {"plant": folder / KB, "kb": folder / package}.get(kind, folder)
     slots = {"NAME": name, "PACKAGE": package}
     texts = dict(_filled(kind, folder, slots))
+    if like is not None:
+        if kind != "plant":
+            raise InitRefused(f"--like names a plant to begin with; a {kind} has none")
+        texts[folder / "plant.yaml"] = _like(like, name)
     if kind in INSIDE:
         texts |= _filled(INSIDE[kind], knowledge, {**slots, "NAME": f"{name}-example"})
     kinds = {file: _kind(text) for file, text in texts.items() if file.suffix == ".yaml"}
@@ -85,6 +92,16 @@ def _filled(kind: str, folder: Path, slots: dict[str, str]) -> Iterator[tuple[Pa
         for slot, value in slots.items():
             inside, text = inside.replace(slot, value), text.replace(slot, value)
         yield folder / inside.removesuffix(_TEXT), text
+
+
+def _like(like: str, name: str) -> str:
+    """File of a shipped plant with another name. Those with a README need no other file."""
+    readmes = sorted(shipped("plants").glob("*/README.md"))
+    known = {file.parent.name: file.parent for file in readmes}
+    if like not in known:
+        raise InitRefused(f"no plant '{like[:70]}' is shipped; take one of {', '.join(known)}")
+    text = (known[like] / "plant.yaml").read_text(encoding="utf-8").partition("\n")[2]
+    return line("SCHEMA") + "\n" + re.sub(r"(?m)^plant: .*$", f"plant: {name}", text, count=1)
 
 
 def _kind(text: str) -> str:

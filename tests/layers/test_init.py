@@ -54,6 +54,19 @@ def test_skeleton_passes_the_check(kind: str) -> None:
     assert not any("NAME" in f.read_text() or "PACKAGE" in f.read_text() for f in files)
 
 
+def test_a_plant_begins_like_a_shipped_one(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its file under the own name, which stands alone; what is not shipped is told with what is."""
+    assert main(["init", "plant", "mine", "--like", "cooling-loop"]) == 0
+    assert collect([Path("mine")]) == []
+    assert leads_to_its_schema(Path("mine/plant.yaml"))
+    assert compile_plant(Path("mine")).plant == "mine"
+    assert main(["init", "plant", "yours", "--like", "cooling"]) == 1
+    assert "no plant 'cooling' is shipped; take one of cooling-loop, " in capsys.readouterr().err
+    assert main(["init", "module", "pump", "--like", "cooling-loop"]) == 1
+    assert "--like names a plant" in capsys.readouterr().err
+    assert not Path("yours").exists()
+
+
 def test_skeletons_fit_together() -> None:
     """Plant, with a type, a fault and an effect in its own folder: it compiles."""
     main(["init", "plant", "mine", "p"])
