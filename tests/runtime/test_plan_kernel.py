@@ -25,7 +25,7 @@ from tests.conftest import ROOT, compiled
 
 pytest.importorskip("numba", reason="machine code is made by numba's LLVM")
 
-PLANTS = sorted(folder.name for folder in (ROOT / "plants").iterdir())
+PLANTS = sorted(folder.name for folder in (ROOT / "plants").iterdir() if folder.is_dir())
 MOST = 1200
 """Operations of a plan in a test; of longer ones the degrees of rules are left out."""
 BAD = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, -1e-300)
