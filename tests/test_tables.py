@@ -43,7 +43,7 @@ tables:
 observers:
   valve: {{component: valve, Q: Kv*sqrt(dp), source: IEC 60534-2-1}}
   flow:  {{component: line, Q: Q, source: flow meter}}
-faults: [blockage(Kv), slope(Q)]
+faults: [seat-deposit(Kv), slope(Q)]
 """  # noqa: E501
 
 
@@ -143,7 +143,7 @@ def test_plan_gives_the_curve_its_slope_and_its_uncertainty(plant: Path, between
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     (size,) = (p for p in ruleset.parameters if p.id == "A.Kv_size")
     assert (size.value, size.u, size.unit) == (1, 0.05, "m3/h/bar**0.5")
-    assert "A.blockage" in ruleset.fault_by_id
+    assert "A.seat-deposit" in ruleset.fault_by_id
 
 
 def test_simulation_follows_the_curve(plant: Path, between: str) -> None:
@@ -202,7 +202,7 @@ def test_controllers_get_the_curve(tmp_path: Path) -> None:
     (tmp_path / "kb").mkdir()
     text = VALVE.replace("between: line", "between: monotone-cubic")
     # The parser is slow: two pieces, and no code that undoes a fault of them.
-    text = text.replace(str(POINTS), str(POINTS[::2])).replace("blockage(Kv), ", "")
+    text = text.replace(str(POINTS), str(POINTS[::2])).replace("seat-deposit(Kv), ", "")
     (tmp_path / "kb" / "own-valve.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "plant.yaml").write_text("plant: p\ntitle: t\nmodules: {A: {type: own-valve}}\n")
     ruleset = compile_plant(tmp_path)

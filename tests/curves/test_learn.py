@@ -33,7 +33,7 @@ definitions:
 observers:
   valve: {component: valve, Q: Q_v, source: IEC 60534-2-1}
   flow:  {component: line, Q: Q, reference: true, source: flow meter}
-faults: [blockage(Kv), slope(Q)]
+faults: [seat-deposit(Kv), slope(Q)]
 """  # noqa: E501
 
 
@@ -109,7 +109,7 @@ def test_what_was_learnt_is_knowledge(plant: Path) -> None:
     assert [] == list(rulec.diagnose(plant, day).findings)
     blocked = {**day, "M.Q [m3/h]": 0.5 * day["M.Q [m3/h]"]}
     finding = rulec.diagnose(plant, blocked).findings[0]
-    assert finding.fault.id in {"M.blockage", "M.Q.low"}
+    assert finding.fault.id in {"M.seat-deposit", "M.Q.low"}
 
 
 def test_far_points_are_set_aside(plant: Path) -> None:
