@@ -120,17 +120,18 @@ def test_calibrations_on_either_half_agree_on_the_power(folder: Path) -> None:
 
 
 def test_diagnose_finds_rags_not_the_tolerance_of_the_sheet(folder: Path, tmp_path: Path) -> None:
-    """Pumps 1.4 and 2.4, on two occasions each: head and power are wrong together, which flow lost
-    inside the pump explains, or a flow meter that reads low. Nothing is left unexplained."""
+    """Pumps 1.4 and 2.4, on two occasions each, and smaller ones that come and go in 2.1 and 1.2:
+    head and power are wrong together, which flow lost inside the pump explains, or a flow meter
+    that reads low. Nothing is left unexplained."""
     target = tmp_path / "diagnosis.json"
     plant = ROOT / "plants" / "hsy-pumping"
     assert 0 == main(["diagnose", str(plant), str(folder / FILE), "--json", str(target)])
     diagnosis: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     findings = diagnosis["findings"]
     assert (407, []) == (diagnosis["judged"], diagnosis["unknown"])
-    assert ["P14", "P24", "P14", "P24"] == [f["module"] for f in findings]
-    assert ["recirculation"] * 4 == [f["fault"].partition(".")[2] for f in findings]
-    rivals = [{a["fault"] for a in f["alternatives"]} for f in findings]
+    assert ["P14", "P24", "P14", "P21", "P24", "P12"] == [f["module"] for f in findings]
+    assert ["recirculation"] * 6 == [f["fault"].partition(".")[2] for f in findings]
+    rivals = [{a["fault"] for a in f["alternatives"]} for f in findings if f["probability"] < 0.9]
     assert [{"P14.Q.low"}, {"P24.Q.low"}] * 2 == rivals
 
 

@@ -81,7 +81,8 @@ def complaints(right: Right, form: Form) -> list[str]:
     """What is wrong with an answer; nothing if it is right."""
     found = [*_faults(right, form), *_sensors(right, form), *_blind(right, form)]
     for pattern in right.states:
-        if not any(re.search(pattern, _words(f), re.IGNORECASE) for f in form["findings"]):
+        told = [*form["findings"], *form["regimes"]]
+        if not any(re.search(pattern, _words(f), re.IGNORECASE) for f in told):
             found.append(f"no finding says {pattern}")
     found += [f"surely wrong: {name}" for name in surely_wrong(right, form)]
     return found
@@ -154,7 +155,7 @@ def _blind(right: Right, form: Form) -> Iterator[str]:
 
 
 def _words(finding: Form) -> str:
-    return f"{finding['fault']} {finding.get('text', '')}"
+    return f"{finding.get('fault') or finding.get('regime')} {finding.get('text', '')}"
 
 
 def told(form: Form) -> str:

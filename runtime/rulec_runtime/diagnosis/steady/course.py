@@ -298,15 +298,13 @@ class Stack:
                 break
         if (rest := self._left(fault, degree, shapes)) is None:
             return None
-        left, count = rest
+        left, evidence, count = rest
         wide = max(left / count, 1.0) ** 0.5
         (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
         lowest = np.append(mean + limits.COVERAGE * u, now + limits.COVERAGE * u_now).min()
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
-        base = -0.5 * float(np.sum((white @ (residuals - slopes @ degree)) ** 2))
-        evidence = base + weighed.total
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
         told = _told_steps(self.time, weighed) if weighed is steps else ()
         later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
@@ -321,7 +319,7 @@ class Stack:
             steps=told,
             onset=onset,
             evidence=evidence,
-            gain=evidence + 0.5 * float(np.sum(self.sound[0] ** 2)),
+            gain=evidence - _log_density(*self.sound),
             left=left,
             residuals=count,
         )
@@ -361,15 +359,16 @@ class Stack:
             return None
         return residuals, table, white
 
-    def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, int] | None:
-        """Chi-square left with the tolerance of the fault's law, and the number of residuals."""
+    def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, float, int] | None:
+        """Chi-square left with the tolerance of the fault's law, the log-likelihood, and the number
+        of residuals."""
         if (undone := self._undone(fault, degree, lenient=True)) is None:
             return None
         residuals, slopes, white = undone
-        weighed = _better(
-            shapes, *_weighed(shapes, white @ slopes, white @ (residuals - slopes @ degree))
-        )
-        return float(weighed.left[int(np.argmax(weighed.gain))]), len(residuals)
+        without = white @ (residuals - slopes @ degree)
+        weighed = _better(shapes, *_weighed(shapes, white @ slopes, without))
+        evidence = _log_density(without, white) + weighed.total
+        return float(weighed.left[int(np.argmax(weighed.gain))]), evidence, len(residuals)
 
     def _in_columns(self, slopes: Array) -> Array:
         """Slopes of the residuals of each point, shape (m,), by the degree at each point."""
@@ -430,6 +429,11 @@ def _whitener(covariance: Array) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     return white if np.isfinite(white).all() else None
+
+
+def _log_density(residuals: Array, white: Array) -> float:
+    """Logarithm of the density of white residuals, shape (m,), but for a constant."""
+    return float(np.sum(np.log(np.diag(white)))) - 0.5 * float(residuals @ residuals)
 
 
 def _log_sum(values: Array) -> float:
