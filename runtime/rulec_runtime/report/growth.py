@@ -27,12 +27,17 @@ def grown(finding: Finding) -> str:
     In a terminal the same words stand beside `sparkline`.
     """
     growth = finding.growth
-    if growth is None or growth.rate is None or growth.rate[1] <= 0.0 <= growth.rate[2]:
+    if growth is None or growth.rate is None:
         return ""
     fault, (seconds, _) = finding.fault, growth.per
     each = "day" if seconds == DAY else "hour"
     low, high = (degree_in_words(fault, x) for x in (growth.lower, growth.upper))
     now = f"{degree_in_words(fault, growth.degree)} now ({low} to {high})"
+    peak = max(degree for _, degree, _ in growth.path)
+    if not growth.grows and peak > growth.upper:
+        return f"{now}; it was {degree_in_words(fault, peak)} before"
+    if growth.rate[1] <= 0.0 <= growth.rate[2]:
+        return ""
     middle, *ends = (degree_in_words(fault, x * seconds) for x in growth.rate)
     way = "grows by" if growth.rate[0] > 0.0 else "changes by"
     rate = f"{way} {middle} per {each} ({' to '.join(ends)})"

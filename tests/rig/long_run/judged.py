@@ -136,7 +136,10 @@ def _events(true: tuple[int, float], finding: Form, form: Form) -> Iterator[str]
 def _sensors(right: Right, form: Form) -> Iterator[str]:
     for start in right.sensors:
         names = [name for f in form["findings"] for name in names_of(f)]
-        if not any(name.startswith(start) for name in names):
+        by_sheet = (f"{p['text']} " for p in form["unknown"])
+        if not any(name.startswith(start) for name in names) and not any(
+            f"the sheet is right, {start.rstrip('.')} " in text for text in by_sheet
+        ):
             yield f"nothing is told of {start.rstrip('.')}"
 
 

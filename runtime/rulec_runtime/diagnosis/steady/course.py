@@ -306,7 +306,9 @@ class Stack:
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
-        told = _told_steps(self.time, weighed) if weighed is steps else ()
+        told: tuple[Moments, ...] = ()
+        if weighed is steps:
+            told, onset = _told_steps(self.time, weighed), _first_step(weighed)
         later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
         return Course(
             fault=fault,
@@ -457,6 +459,13 @@ def _ahead(shapes: Shapes, weighed: _Weighed, later: Array, wide: float) -> Arra
     """Times, s, with the degree then and its standard uncertainty, shape (3, times)."""
     mean, u = weighed.moments(shapes.table(later))
     return np.stack([later, mean, wide * u])
+
+
+def _first_step(weighed: _Weighed) -> int:
+    """The point of the first step that is one; a level near 0 from the beginning on is none."""
+    u = np.sqrt(np.diag(weighed.covariance[0]))
+    sure = np.abs(weighed.parts[0]) > limits.COVERAGE * u
+    return int(weighed.columns[0][sure if sure.any() else slice(None)].min())
 
 
 def _told_steps(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
