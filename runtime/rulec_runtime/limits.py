@@ -652,6 +652,10 @@ GAIN_AT_FIRST = 0.1
 first order in its degree, if it moves more than `ROWS_OF_A_FAULT` flows and is to be tried. Origin:
 assumed; readings act nearly in proportion to their errors, so the first order is nearly all."""
 
+ORDINARY_KELVIN = 10.0
+"""Kelvin by which a liquid may be warmer or colder than when its plant was calibrated, without that
+being a finding. Origin: assumed; halls over a year, tanks over a day."""
+
 LIQUID_AT_FIRST = 0.5
 """Share of what is left to explain of chi-square by which a change of the liquid lowers it at least
 to first order in its degree, if it is to be tried. Origin: assumed; its laws are powers, so that

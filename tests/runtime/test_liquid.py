@@ -66,6 +66,13 @@ def test_a_warm_liquid_is_thinner(rig: str) -> None:
         assert {"liquid.viscosity.low"} == named(said(rig, seed, friction=0.87, slip=1.25))
 
 
+def test_what_the_weather_makes_is_a_remark() -> None:
+    """A liquid thicker by a fifth, as 7 K make it: told, and no finding."""
+    found = said("abc", 0, friction=1.2**0.125**2, slip=1.2**-0.7)
+    assert ("ok", ()) == (found.status, found.findings)
+    assert any("the liquid is thicker" in note and "weather" in note for note in found.notes)
+
+
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("kind", ["clogging", "leakage", "P_el.high"])
 def test_what_one_module_has_is_not_the_liquid(rig: str, kind: str) -> None:

@@ -16,6 +16,7 @@ from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.liquid import is_ordinary
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
@@ -82,6 +83,9 @@ def assembled(
     """What sensors and physics say, put together and in order of time; `blind` where it is known
     already."""
     recording = health.recording
+    weather = [f for f in found.findings if is_ordinary(ruleset.liquid, f.fault.id, f.degree)]
+    found = replace(found, findings=[f for f in found.findings if f not in weather])
+    notes = (*notes, *dict.fromkeys(f"{f.text}: as a change of the weather does" for f in weather))
     missing = (f"{name} is not in the recording" for name in recording.missing)
     blind = blind_of(recording, ruleset) if blind is None else blind
     blind = tuple(one for b in blind if (one := b.but(found.without)).faults)

@@ -19,6 +19,15 @@ from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.seen import Seen
 
 
+def is_ordinary(changes: Sequence[LiquidSpec], fault: str, degree: float) -> bool:
+    """Is this a change of the liquid that weather makes?"""
+    return any(
+        change.fault.id == fault
+        and abs(degree) < -math.expm1(-abs(change.per_kelvin) * limits.ORDINARY_KELVIN)
+        for change in changes
+    )
+
+
 @dataclass(frozen=True)
 class Warming:
     """By how much thermometers, by name, rose between the baseline of a run and the run, K: the
