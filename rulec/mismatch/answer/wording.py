@@ -357,8 +357,8 @@ def explained_words(mismatch: Mismatch) -> str:
     what = f" ({listed(titles)})" if titles else ""
     unit = "" if fit.unit == "1" else f" {fit.unit}"
     return (
-        f"Errors are those of plants that can be written. With what no model may hold{what} the "
-        f"analysis reaches {number(fit.heldout.explained)}{unit}."
+        "The errors above are those of the plant that `rulec adopt` would write. With what a plant "
+        f"model cannot hold{what}, the error falls to {number(fit.heldout.explained)}{unit}."
     )
 
 
