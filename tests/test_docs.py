@@ -170,7 +170,9 @@ def test_pages_named_elsewhere_exist() -> None:
     named = {
         page
         for file in (*files, ROOT / "Makefile", ROOT / "CHANGELOG.md")
-        for page in re.findall(r"\bdocs/[\w-]+\.\w+", file.read_text("utf-8", "replace"))
+        for page in re.findall(
+            r"\bdocs/[\w-]+\.(?:md|yaml|svg|ipynb)\b", file.read_text("utf-8", "replace")
+        )
     }
     assert named
     assert [] == sorted(page for page in named if not (ROOT / page).exists())
