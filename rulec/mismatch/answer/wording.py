@@ -32,7 +32,7 @@ VERDICTS = {
     "named": ("M", "physics left out of the model"),
     "ambiguous": ("S", "a mismatch; several explanations fit about as well"),
     "unnamed": ("S", "a mismatch that nothing known explains"),
-    "unsure": ("S", "not sure that the model is complete"),
+    "unsure": ("S", "the model may be incomplete"),
     "fault": ("F", "a fault of the plant, not of the model"),
     "sensor": ("F", "an error of a sensor, not of the model"),
     "cannot judge": ("C", "cannot judge"),
