@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 FOLDER = ROOT / "docs" / "deploy"
 UNIT = (FOLDER / "rulec-watch@.service").read_text(encoding="utf-8")
 CONTAINER = (FOLDER / "Containerfile").read_text(encoding="utf-8")
-PAGE = (ROOT / "docs" / "deploy.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "watch-a-plant.md").read_text(encoding="utf-8")
 PACKAGE = tomllib.loads((ROOT / "runtime" / "pyproject.toml").read_text(encoding="utf-8"))[
     "project"
 ]

@@ -34,6 +34,8 @@ LATER = ("first.csv", "second.csv", "together.json", "swapped.csv")
 """Commands of the page about repairs about these files run in `make prove`, as each searches anew.
 In every run several recordings are asked about by plan-an-experiment, swapped columns in
 test_structure.py."""
+NAMING = (".py", ".yaml", ".json", ".md", ".txt")
+"""Kinds of files that may name a page."""
 PIP = ("--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", "site")
 
 
@@ -159,6 +161,30 @@ def test_links_of_pages_lead_somewhere() -> None:
             if target.startswith("reference/"):
                 continue
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_pages_named_elsewhere_exist() -> None:
+    """In code, knowledge, plants, tests and the Makefile."""
+    folders = ("rulec", "runtime", "kb", "plants", "tests")
+    files = [f for name in folders for f in (ROOT / name).rglob("*") if f.suffix in NAMING]
+    named = {
+        page
+        for file in (*files, ROOT / "Makefile", ROOT / "CHANGELOG.md")
+        for page in re.findall(
+            r"\bdocs/[\w-]+\.(?:md|yaml|svg|ipynb)\b", file.read_text("utf-8", "replace")
+        )
+    }
+    assert named
+    assert [] == sorted(page for page in named if not (ROOT / page).exists())
+
+
+def test_pages_stay_few_and_short() -> None:
+    """What is new replaces something; README and changelog take one screen."""
+    lines = {p.name: p.read_text(encoding="utf-8").count("\n") for p in PAGES}
+    assert lines.pop("README.md") <= 65
+    assert (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").count("\n") <= 60
+    assert len(lines) <= 20
+    assert sum(lines.values()) <= 3000
 
 
 def test_files_named_in_the_architecture_exist() -> None:

@@ -124,20 +124,30 @@ def test_page_of_errors_is_up_to_date() -> None:
 
 
 def _page() -> str:
-    """One section per code: its meaning, and each example as it is printed."""
+    """One row per code: its meaning, and what its first example says and advises."""
     lines = [
         "# Errors",
         "",
-        "What `rulec check` says, by code. This page is made from the examples in `tests/errors/`",
+        "What `rulec check` says, by code. Each message names file, line and column, shows the",
+        "line, and ends with a remedy. This page is made from the examples in `tests/errors/`",
         "(`RULEC_REMAKE=1 pytest tests/test_errors.py`); do not edit it.",
+        "",
+        "| code | meaning | example | remedy in the example |",
+        "|---|---|---|---|",
     ]
     for code, meaning in MEANINGS.items():
-        lines += ["", f"## {code}", "", meaning]
-        for name in EXAMPLES:
-            if name.startswith(code):
-                text = (ERRORS / name / "expected.txt").read_text(encoding="utf-8")
-                lines += ["", "```text", *text.splitlines()[:-1], "```"]
+        name = next(name for name in EXAMPLES if name.startswith(code))
+        text = (ERRORS / name / "expected.txt").read_text(encoding="utf-8")
+        said = re.sub(r"^\S+ \S+?: ", "", text.split("\n")[0])
+        remedy = re.search(r"\^+ (.+)$", text, re.MULTILINE)
+        cells = (code, meaning, said, remedy[1] if remedy else "")
+        lines.append(f"| {' | '.join(map(_cell, cells))} |")
     return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    """Text in a table of Markdown: nothing in it is markup."""
+    return re.sub(r"([\\|<>*_`\[\]])", r"\\\1", text)
 
 
 def _kb(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -15,6 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
@@ -31,7 +32,7 @@ def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
     """Servers of all modules play a simulated recording, and `rulec watch` finds its faults."""
     for package in ("asyncua", "sqlalchemy", "starlette", "uvicorn"):
         if find_spec(package) is None:
-            raise SourceRefused(f"demo --live needs '{package}': pip install 'rulec[watch]'")
+            raise SourceRefused(f"demo --live needs '{package}': {to_install('watch', 'rulec')}")
     if not 0 < options.speed <= limits.FASTEST:
         raise SourceRefused(f"--speed {options.speed:g}: give a number up to {limits.FASTEST:g}")
     with tempfile.TemporaryDirectory(prefix="rulec-demo-") as folder:

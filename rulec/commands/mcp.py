@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.output.open_file import FOLDERS, is_below, is_named
-from rulec_runtime.output.refusal import Misused, Refusal
+from rulec_runtime.output.refusal import Misused, Refusal, to_install
 from rulec_runtime.recordings.given import place_of
 
-LACKING = "to serve agents, install what it needs: pip install 'rulec[mcp]'"
+LACKING = f"to serve agents, install what it needs: {to_install('mcp', 'rulec')}"
 
 ABOUT = """\
 Fault diagnosis of modular hydraulic plants. A plant is a folder with a plant.yaml, a recording a

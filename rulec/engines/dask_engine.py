@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from importlib import import_module
 from typing import Any, TypeVar
 
-from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.refusal import Refusal, to_install
 
 from rulec.engines.call import Call, Engine
 from rulec.limits import SCHEDULER_CONNECT, WORK_AHEAD, WORKER_DEATHS
@@ -30,7 +30,9 @@ def run(
         dask: Any = import_module("dask")
         distributed: Any = import_module("distributed")
     except ModuleNotFoundError:
-        raise Refusal("--engine dask needs dask.distributed: pip install 'rulec[fleet]'") from None
+        raise Refusal(
+            f"--engine dask needs dask.distributed: {to_install('fleet', 'rulec')}"
+        ) from None
     settings = {
         "distributed.scheduler.allowed-failures": WORKER_DEATHS - 1,
         "distributed.worker.daemon": True,

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 from rulec_runtime.fleet.task import Task
 from rulec_runtime.output.open_file import check_address
-from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.refusal import Refusal, to_install
 from rulec_runtime.recordings.formats import is_called_recording
 
 from rulec.fleet.plan import Fleet
@@ -87,7 +87,7 @@ def _elsewhere(place: str) -> Iterator[Found]:
     except ModuleNotFoundError:
         raise Refusal(
             f"{place}: to read recordings from there, install what that needs: "
-            "pip install 'rulec[fleet]'"
+            f"{to_install('fleet', 'rulec')}"
         ) from None
     try:
         system, root = fsspec.core.url_to_fs(check_address(place))

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from rulec_runtime.fleet.plant_day import POINTS, Row
 from rulec_runtime.fleet.task import Task
-from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.refusal import Refusal, to_install
 from rulec_runtime.output.write_file import write_data
 
 DONE, HEALTH, FINDINGS, TRACE = "plant-days", "health", "findings", "trace"
@@ -31,7 +31,7 @@ class Store:
         except ModuleNotFoundError:
             raise Refusal(
                 "results of a fleet are Parquet files; install what they need: "
-                "pip install 'rulec[fleet]'"
+                f"{to_install('fleet', 'rulec')}"
             ) from None
         self._arrow = pyarrow
         text, number, whole = pyarrow.string(), pyarrow.float64(), pyarrow.int64()

@@ -206,7 +206,7 @@ class Fit:
     of the fall of the held-out error by the repair, as a share of the recalibrated error.
 
     `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
-    Errors are those of plants that were `simulated`, or else (and in the search) of the residual
+    The errors are those of `simulated` plants, or else (and in the search) of the residual
     with the id `relation`, solved for the signal; None where only simulation tells the signal.
     """
 

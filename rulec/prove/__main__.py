@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import say_aside
 
 NEEDS = ("sklearn", "pysindy")
@@ -16,7 +17,7 @@ def main() -> int:
     if absent:
         say_aside(
             f"rulec prove: {', '.join(absent)} not installed here; the suite needs "
-            "them: pip install 'rulec[prove]'"
+            f"them: {to_install('prove', 'rulec')}"
         )
         return 1
     from rulec.prove import command

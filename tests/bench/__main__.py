@@ -53,7 +53,7 @@ def main() -> int:
     for table in told(found):
         shown.print()
         shown.print(table)
-    shown.print("\nCPU time. What is the same in both, and what is not: docs/how-fast.md")
+    shown.print("\nCPU time. What is the same in both, and what is not: docs/compare.md")
     if options.json == "-":
         print(json.dumps(form, indent=1))
     elif options.json:

@@ -1,8 +1,7 @@
-"""The ledger of figures: `python -m tests.figures check|list|measure|mark`.
+"""The ledger of figures: `python -m tests.figures check|list|measure`.
 
 `check`: pages print what the ledger says, and no number that nobody answers for. `list`: all
-figures, stale ones first. `measure`: run the commands again, rewrite ledger and pages. `mark`:
-make docs/figures.md anew.
+figures, stale ones first. `measure`: run the commands again, rewrite ledger and pages.
 """
 
 from __future__ import annotations
@@ -20,9 +19,8 @@ from rich.table import Table
 from tests.conftest import ROOT, recordings_folder
 from tests.figures.change import write_figures, write_places
 from tests.figures.commands import output_of, picked, updated
-from tests.figures.content import content_of
+from tests.figures.content import content_of, state_of
 from tests.figures.ledger import Figure, Ledger, read_ledger
-from tests.figures.overview import PAGE, overview, state_of
 from tests.figures.pages import misprints, unclaimed
 from tests.figures.sources import write_sources
 
@@ -36,7 +34,7 @@ def main() -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("verb", choices=("check", "list", "measure", "mark"))
+    parser.add_argument("verb", choices=("check", "list", "measure"))
     parser.add_argument("--only", nargs="*", default=(), metavar="ID", help="or its first part")
     parser.add_argument("--stale", action="store_true", help="measure: only what is stale")
     options = parser.parse_args()
@@ -48,8 +46,6 @@ def main() -> int:
             show(ledger)
         case "measure":
             return measure(ledger, _chosen(ledger, options.only, options.stale))
-        case "mark":
-            PAGE.write_text(overview(ledger), encoding="utf-8")
     return 0
 
 
@@ -94,7 +90,6 @@ def measure(ledger: Ledger, chosen: Sequence[Figure]) -> int:
         ledger = read_ledger()
         for page in write_places(ledger, [f.id for f in changed]):
             OUT.print(f"  {page} changed")
-        PAGE.write_text(overview(ledger), encoding="utf-8")
     return 1 if failed else 0
 
 

@@ -22,6 +22,13 @@ def is_stale(figure: Figure, ledger: Ledger, root: Path = ROOT) -> bool:
     return figure.kind == "measured" and figure.content != content_of(figure, ledger, root)
 
 
+def state_of(figure: Figure, ledger: Ledger) -> str:
+    """`fresh`, `stale`, `sealed` or `quoted`."""
+    if figure.kind != "measured":
+        return figure.kind
+    return "stale" if is_stale(figure, ledger) else "fresh"
+
+
 def content_of(figure: Figure, ledger: Ledger, root: Path = ROOT) -> str:
     """Hash of all that a figure depends on, as it is now.
 

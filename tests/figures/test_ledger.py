@@ -17,7 +17,6 @@ from tests.figures.change import write_figures, write_places
 from tests.figures.commands import Measured, picked, quick_verdict, updated
 from tests.figures.content import content_of, is_stale
 from tests.figures.ledger import FILE, Figure, Ledger, mistakes, read_ledger
-from tests.figures.overview import PAGE, overview, without_states
 from tests.figures.pages import misprints, unclaimed
 from tests.figures.plain_code import plain_code
 from tests.figures.share import Share
@@ -53,12 +52,6 @@ def test_somebody_answers_for_every_number(ledger: Ledger) -> None:
     assert [] == [str(number) for number in unclaimed(ledger)]
 
 
-def test_the_overview_is_made_from_the_ledger(ledger: Ledger) -> None:
-    """`python -m tests.figures mark` was run; only what is stale may have changed since."""
-    printed = PAGE.read_text(encoding="utf-8")
-    assert without_states(overview(ledger)) == without_states(printed)
-
-
 def test_stale_figures_are_told(ledger: Ledger) -> None:
     """No failure, as every commit would be one: a warning with their number."""
     stale = [f.id for f in ledger.figures.values() if is_stale(f, ledger)]
@@ -73,13 +66,13 @@ def test_stale_figures_are_told(ledger: Ledger) -> None:
 
 def test_a_wrong_figure_on_a_page_is_told(ledger: Ledger, copy: Path) -> None:
     """Somebody writes another number than was measured."""
-    page = copy / "README.md"
+    page = copy / "docs" / "proof.md"
     text = page.read_text(encoding="utf-8")
     was = f"{100 * isolation(ledger).value:.0f}"
     row = next(line for line in text.splitlines() if "right fault named at degree" in line)
     page.write_text(text.replace(row, row.replace(was, "71", 1)), encoding="utf-8")
     told = misprints(ledger, copy)
-    assert [f"README.md: isolation.sound-start.0.1:.0%: prints 71, measured {was}"] == told
+    assert [f"docs/proof.md: isolation.sound-start.0.1:.0%: prints 71, measured {was}"] == told
 
 
 def test_a_new_number_is_told(ledger: Ledger, copy: Path) -> None:
@@ -102,10 +95,10 @@ def test_a_new_measurement_is_written_everywhere(ledger: Ledger, copy: Path) -> 
     assert (0.5, 90, 180, "abc1234", "2030-01-01", "f00") == written
     others = [f for name, f in again.figures.items() if name != found.id]
     assert others == [f for name, f in ledger.figures.items() if name != found.id]
-    assert ["README.md"] == write_places(again, [found.id], copy)
+    assert ["docs/proof.md"] == write_places(again, [found.id], copy)
     assert [] == misprints(again, copy)
-    changed = (copy / "README.md").read_text(encoding="utf-8").splitlines()
-    before = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    changed = (copy / "docs" / "proof.md").read_text(encoding="utf-8").splitlines()
+    before = (ROOT / "docs" / "proof.md").read_text(encoding="utf-8").splitlines()
     assert 1 == sum(a != b for a, b in zip(changed, before, strict=True))
 
 

@@ -453,7 +453,10 @@ def test_what_no_model_may_hold_is_told_apart() -> None:
         NAMED, fit=dataclasses.replace(NAMED.fit, heldout=held), left_out=((found.id, "why"),)
     )
     words = explained_words(told)
-    assert f"With what no model may hold ({found.title} in A) the analysis reaches 0.25" in words
+    assert (
+        f"With what a plant model cannot hold ({found.title} in A), the error falls to 0.25"
+        in words
+    )
 
 
 def test_several_recordings_are_told_with_what_each_changed() -> None:

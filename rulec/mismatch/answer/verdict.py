@@ -212,7 +212,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     most, signal = _farthest(fits)
     if most < common.FAR_OFF:
         return ""
-    return f" That is not all: {signal} is still off by {most:.0f} times its noise."
+    return f" However, {signal} is still off by {most:.0f} times its noise."
 
 
 def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
@@ -220,15 +220,13 @@ def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
     strained = "; ".join(map(str, doubt.unbelievable))
     if doubt.missing:
-        why = off or strained or f"{percent(doubt.nothing)} that nothing is"
-        said = f"Something is missing: {why}; what, this recording does not tell."
+        why = off or strained or f"only {percent(doubt.nothing)} that nothing is missing"
+        said = f"Something is missing, but this recording does not say what: {why}."
     else:
-        said = (
-            f"It is not sure that anything is missing ({percent(doubt.nothing)} that nothing is)."
-        )
+        said = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
     likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
     titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
-    return f"{said} What may be: {'; '.join(titles)}." if titles else said
+    return f"{said} Possible explanations: {'; '.join(titles)}." if titles else said
 
 
 def _nothing(most: float, signal: str) -> str:

@@ -32,7 +32,7 @@ VERDICTS = {
     "named": ("M", "physics left out of the model"),
     "ambiguous": ("S", "a mismatch; several explanations fit about as well"),
     "unnamed": ("S", "a mismatch that nothing known explains"),
-    "unsure": ("S", "not sure that the model is complete"),
+    "unsure": ("S", "the model may be incomplete"),
     "fault": ("F", "a fault of the plant, not of the model"),
     "sensor": ("F", "an error of a sensor, not of the model"),
     "cannot judge": ("C", "cannot judge"),
@@ -357,8 +357,8 @@ def explained_words(mismatch: Mismatch) -> str:
     what = f" ({listed(titles)})" if titles else ""
     unit = "" if fit.unit == "1" else f" {fit.unit}"
     return (
-        f"Errors are those of plants that can be written. With what no model may hold{what} the "
-        f"analysis reaches {number(fit.heldout.explained)}{unit}."
+        "The errors above are those of the plant that `rulec adopt` would write. With what a plant "
+        f"model cannot hold{what}, the error falls to {number(fit.heldout.explained)}{unit}."
     )
 
 

@@ -31,8 +31,8 @@ def headline(found: Experiment) -> str:
     before, after = found.certainty[0], found.certainty[-1]
     steps = counted(len(found.steps), "step")
     return (
-        f"{steps} in {duration(found.steps[-1].until)}: if one of these is true, it can be "
-        f"expected to be {percent(after)} sure, {percent(before)} without."
+        f"With {steps} in {duration(found.steps[-1].until)} the expected probability of the true "
+        f"explanation rises from {percent(before)} to {percent(after)}, if it is one of these."
     )
 
 
@@ -43,7 +43,7 @@ def _alone(found: Experiment) -> str:
     steps = counted(len(found.steps), "step")
     return (
         f"One explanation stands alone. {steps} in {duration(found.steps[-1].until)} test it: they "
-        "cover what may be set, and what it does not foretell shows there."
+        "explore the range that may be set, and show what it does not predict."
     )
 
 
@@ -84,15 +84,12 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     covers = [i for i, step in enumerate(found.steps, start=1) if step.covers]
     if covers and len(found.standing) > 1:
         yield (
-            f"{_steps_of(covers).capitalize()} cover what may be set: if none of these "
-            "explanations is true, that shows there. How sure the true one is then is not foretold."
+            f"{_steps_of(covers).capitalize()} explore the range that may be set: they show if "
+            "none of these explanations is true. No probability is predicted for them."
         )
     for first, second in found.alike:
         if found.telling:
-            yield (
-                f"{first + 1} and {second + 1} are not told apart by this: no set points within "
-                "these ranges make them differ by enough."
-            )
+            yield (f"No set points within these ranges tell {first + 1} and {second + 1} apart.")
         yield _sensor(found, (first, second))
     ranges = [
         f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
@@ -104,8 +101,8 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     yield f"Set points were chosen within {within}: {', '.join(ranges)}."
     for one in found.left_out:
         yield (
-            f"{in_words(one)} ({percent(one.probability)}) still stands too. What it does at other "
-            "set points is not known: it is not foretold."
+            f"{in_words(one)} ({percent(one.probability)}) remains possible, too. Its effect at "
+            "other set points is unknown, so nothing is predicted for it."
         )
     yield from _limits(found)
 
@@ -113,14 +110,13 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
 def _meaning(found: Experiment) -> str:
     """What a certainty says, and what it cannot."""
     listed = (
-        f" That none of these explanations is true ({percent(found.unlisted)}) counts as not sure."
+        f" The case that none of these is true ({percent(found.unlisted)}) counts as not sure."
         if found.unlisted >= limits.PLAUSIBLE
         else ""
     )
     return (
-        "Sure: the probability that the true explanation has then, on average over all that may be "
-        f"read.{listed} It is as right as the probabilities above: where the truth has too little "
-        "there, less is gained."
+        f"Sure: the expected probability of the true explanation after the step.{listed} It relies "
+        "on the probabilities above: if the truth has too little there, less is gained."
     )
 
 
@@ -130,13 +126,13 @@ def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
     told = next((advised for advised in found.sensors if advised.pair == pair), None)
     if told is None:
         return (
-            f"Nor does a second reading of anything, or a flow meter, tell {which} apart by enough."
+            f"A second reading of any signal, or a flow meter, would not tell {which} apart either."
         )
     sensor, own = told.sensor, [v / told.sensor.factor for v in (*told.values, told.u)]
     cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
     return (
-        f"What would tell {which}: {sensor.title}{cost}, {number(abs(own[0] - own[1]))} "
-        f"{sensor.unit} apart, where the sensor itself is known to {number(own[2])} {sensor.unit}."
+        f"To tell {which} apart, add: {sensor.title}{cost}, {number(abs(own[0] - own[1]))} "
+        f"{sensor.unit} apart, where the sensor is exact to {number(own[2])} {sensor.unit}."
     )
 
 

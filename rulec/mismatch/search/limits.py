@@ -286,8 +286,8 @@ SETS_STANDING = 6
 """Sets of explanations that an experiment is planned for. Origin: numerical."""
 
 LEAST_GAIN = 0.01
-"""Gain of what is told although a set without it is as likely, nats: shares need a number above
-nothing. Origin: numerical."""
+"""Gain of an explanation that is reported although a set without it is as likely, nats: shares need
+a number above zero. Origin: numerical."""
 
 LIKELIER = 0.5
 """Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger

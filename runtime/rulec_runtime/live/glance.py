@@ -1,7 +1,7 @@
 """A glance: only the parts of a plant whose readings moved are judged, by their latest rows.
 
-What the other parts said stands, and so do the noise of readings and what was found of sensors. The
-next look at everything sets right what a glance leaves open.
+Verdicts on the other parts stay, and so do the noise of readings and the findings about sensors.
+The next look at everything corrects what a glance leaves open.
 """
 
 from __future__ import annotations

@@ -18,5 +18,10 @@ class Refusal(Exception):
         return one_line(f"rulec: {self}")
 
 
+def to_install(extra: str, package: str = "rulec-runtime") -> str:
+    """What to type to add an extra to a package that is installed; it needs no index for ours."""
+    return f"pip install '{package}[{extra}]'"
+
+
 class Misused(ValueError):
     """An argument makes no sense, whatever the files hold; the message says what to give."""

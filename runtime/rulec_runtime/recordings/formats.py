@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
+from rulec_runtime.output.refusal import to_install
 from rulec_runtime.recordings.arrange import arrange
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
 from rulec_runtime.recordings.given import opened, place_of
@@ -155,8 +156,7 @@ def _reader(kind: Format, path: Path) -> Reader:
         if error.name is None or error.name.partition(".")[0] == "rulec_runtime":
             raise
         raise RecordingRefused(
-            f"{path}: to read {kind.name} files, install what they need: "
-            f"pip install 'rulec-runtime[{kind.extra}]'"
+            f"{path}: to read {kind.name} files, install what they need: {to_install(kind.extra)}"
         ) from None
     return reader
 

@@ -99,13 +99,13 @@ BLOCK = re.compile(r"^```yaml\n(.*?)^```", re.MULTILINE | re.DOTALL)
 def test_maps_of_the_page_are_read(
     tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each map that docs/connect-a-source.md shows; the part on security joined to one."""
+    """Each map that docs/read-recordings.md shows; the part on security joined to one."""
     monkeypatch.setenv("PLANT_PASSWORD", "x")
     for name in ("watch.der", "watch.pem", "plant.der"):
         (tmp_path / name).touch()
-    one, several, secured, broker, sparkplug = BLOCK.findall(
-        (ROOT / "docs" / "connect-a-source.md").read_text(encoding="utf-8")
-    )
+    page = (ROOT / "docs" / "read-recordings.md").read_text(encoding="utf-8")
+    _, _, connect = page.partition("## Connect a running plant")
+    one, several, secured, broker, sparkplug = BLOCK.findall(connect)
     assert len(read(tmp_path, abc, one).channels) == 3
     assert [s.name for s in read(tmp_path, abc, several).servers] == ["A", "B"]
     assert read(tmp_path, abc, one + secured).servers[0].access.policy == "Basic256Sha256"

@@ -165,7 +165,7 @@ def planned(ambiguous: Path) -> Path:
     files = ["-o", str(ambiguous / "in.csv"), "--report", str(ambiguous / "e.html")]
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert main(["experiment", file, "--json", str(form), *files]) == 0
-    assert "can be expected to be" in out.getvalue()
+    assert "the expected probability of the true" in out.getvalue()
     return form
 
 

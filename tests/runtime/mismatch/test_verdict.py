@@ -111,7 +111,7 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
 @pytest.mark.parametrize(
     ("verdict", "noise", "expected"),
     [
-        ("named", 0.1, " That is not all: A.Q is still off by 4 times its noise."),
+        ("named", 0.1, " However, A.Q is still off by 4 times its noise."),
         ("named", 0.2, ""),
         ("named", 0.0, ""),
         ("unnamed", 0.1, ""),  # says already that something is missing
@@ -167,8 +167,8 @@ def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
     assert "unsure" == verdict_of((), False, doubt)
     said = headline_of("unsure", (), (), doubt, [fit_at(0.3)], standing)
     assert said == (
-        "It is not sure that anything is missing (30\u00a0% that nothing is). "
-        "What may be: relief valve in A (60\u00a0%)."
+        "Perhaps nothing is missing (30\u00a0%). "
+        "Possible explanations: relief valve in A (60\u00a0%)."
     )
     assert "`rulec experiment`" in next_step("unsure", (), None, (), standing=standing)
     assert "`rulec experiment`" in next_step("ambiguous", (UNSURE,), None, (), standing=standing)
@@ -182,14 +182,14 @@ STRAINED = Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h/bar**0.5")
     [
         (Doubt(1.0, (), (STRAINED,)), "V.Kv 6.8 m3/h/bar**0.5, sheet 33 ± 6: 4.4 u"),
         (Doubt(1.0, ((FAR, 0.36),), ()), "A.Q is off by 36\u00a0%"),
-        (Doubt(0.01, (), ()), "1\u00a0% that nothing is"),
+        (Doubt(0.01, (), ()), "only 1\u00a0% that nothing is missing"),
     ],
 )
 def test_no_tick_where_something_speaks_against_it(doubt: Doubt, said: str) -> None:
     """A strained parameter, an error beyond accuracy, or odds: what, is not known, and told."""
     assert "unsure" == verdict_of((), False, doubt)
     headline = headline_of("unsure", (), (), doubt)
-    assert headline == f"Something is missing: {said}; what, this recording does not tell."
+    assert headline == f"Something is missing, but this recording does not say what: {said}."
     assert "Do not adopt" in next_step("unsure", (), None, ())
 
 

@@ -22,7 +22,7 @@ def batches(count: int) -> Iterator[slice]:
 
 
 def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told]) -> Told:
-    """What is told of all points, put together of what is told of each batch.
+    """The results for all points, joined from the results for each batch.
 
     `axis` says along which axis of a table the points lie; what has none is as in the first batch.
     """

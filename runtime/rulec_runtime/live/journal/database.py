@@ -15,6 +15,7 @@ from sqlalchemy import exc
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.open_file import begin_of
+from rulec_runtime.output.refusal import to_install
 
 READING = {"rulec_reading": True}
 """Execution options of a transaction that only reads."""
@@ -134,8 +135,7 @@ def _server(url: sa.URL) -> tuple[sa.Engine, str]:
         )
     except ImportError:
         raise JournalRefused(
-            "a journal in PostgreSQL needs the package 'psycopg': "
-            "pip install 'rulec-runtime[postgres]'"
+            f"a journal in PostgreSQL needs the package 'psycopg': {to_install('postgres')}"
         ) from None
 
     @sa.event.listens_for(engine, "connect")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.output.refusal import Refusal, to_install
 
 
 class JournalRefused(Refusal):
@@ -22,6 +22,4 @@ def needs(package: str, extra: str) -> None:
     Raises `JournalRefused` if it is not installed.
     """
     if find_spec(package) is None:
-        raise JournalRefused(
-            f"this needs the package '{package}': pip install 'rulec-runtime[{extra}]'"
-        )
+        raise JournalRefused(f"this needs the package '{package}': {to_install(extra)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
+from rulec_runtime.output.refusal import to_install
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 
@@ -19,6 +20,5 @@ def extra(name: str, of: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         raise SourceRefused(
-            f"this source needs the package '{name.partition('.')[0]}': "
-            f"pip install 'rulec-runtime[{of}]'"
+            f"this source needs the package '{name.partition('.')[0]}': {to_install(of)}"
         ) from None
