@@ -70,7 +70,7 @@ ROOMS = (
     "rulec.fleet",
     "rulec.mismatch.limits",
     "rulec.mismatch.refused",
-    "rulec.mismatch.standing",
+    "rulec.mismatch.candidate_sets",
     "rulec.mismatch.result",
     "rulec.mismatch.evidence",
     "rulec.mismatch.evidence.steady",

@@ -18,8 +18,8 @@ from rulec.knowledge import fingerprint
 from rulec.knowledge.read import read_plant
 from rulec.language.diagnostics import Refused
 from rulec.passes import pipeline
-from rulec.passes.kept import kept_of_plant, ruleset_of_plant
-from rulec.passes.opened import open_plant, sources_of_plant
+from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
+from rulec.passes.deferred_compilation import open_plant, sources_of_plant
 from tests.conftest import ROOT, compiled
 from tests.test_imports import HEAVY, loaded
 

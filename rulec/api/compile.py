@@ -104,7 +104,7 @@ def compile(plant: AnyPath) -> CompileResult:
     >>> print(rulec.compile("plants/abc"))
     ✓ abc: 3 modules, 9 residuals, 18 faults, 76 rules
     """
-    from rulec.passes.kept import ruleset_of_plant
+    from rulec.passes.compile_cache import ruleset_of_plant
 
     path = Path(plant)
     return CompileResult(path=path, ruleset=ruleset_of_plant(path))

@@ -56,7 +56,7 @@ def ruleset_of(plant: Plant) -> Ruleset:
     path = Path(plant)
     if path.suffix == ".json":
         return read_ruleset(path)
-    from rulec.passes.kept import ruleset_of_plant
+    from rulec.passes.compile_cache import ruleset_of_plant
 
     return ruleset_of_plant(path)
 

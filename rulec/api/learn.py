@@ -15,7 +15,7 @@ from rulec_runtime.output.write_file import write_text
 from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath, Plant, Recorded, folder_of, names_given, recording_given
 from rulec.api.result import Result
-from rulec.passes.opened import open_plant
+from rulec.passes.deferred_compilation import open_plant
 
 if TYPE_CHECKING:
     from rulec.curves.learn import Learnt

@@ -31,7 +31,7 @@ from rulec.api.given import (
 from rulec.api.result import Result
 from rulec.effects.made_from import basis_of
 from rulec.mismatch.refused import MismatchRefused
-from rulec.passes.opened import open_plant
+from rulec.passes.deferred_compilation import open_plant
 
 if TYPE_CHECKING:
     from rulec.effects.model_builder import ModelBuilder

@@ -17,7 +17,7 @@ from rulec.api.given import AnyPath, recording_given
 from rulec.api.mismatch import MismatchResult
 from rulec.effects.made_from import AGAIN, check_plant_unchanged, check_unchanged
 from rulec.effects.repair import Basis, Proven, Repair, proven_of, read_form, repair_of
-from rulec.passes.opened import OpenedPlant, open_plant
+from rulec.passes.deferred_compilation import OpenedPlant, open_plant
 
 if TYPE_CHECKING:
     from rulec.effects.model_builder import ModelBuilder

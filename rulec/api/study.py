@@ -21,7 +21,7 @@ from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath, Plant, folder_of
 from rulec.api.result import Result
 from rulec.engines.engine import chosen
-from rulec.passes.opened import open_plant
+from rulec.passes.deferred_compilation import open_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors
 from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of

@@ -18,7 +18,7 @@ from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares, lsq_linear
 
 from rulec.calibration.calibrated_range import CalibratedRange, range_of
-from rulec.calibration.known import Known
+from rulec.calibration.sheet_priors import Known
 from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
 from rulec.knowledge.plant import Module
 from rulec.limits import (

@@ -17,7 +17,7 @@ from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec.commands.check_formats import json_form, sarif_form
 from rulec.knowledge.layers import PLANT, version_of_rulec, yaml_files_in
 from rulec.language.diagnostics import Diagnostic, render_all
-from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.commands.recording_facts import Facts

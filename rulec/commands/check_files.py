@@ -15,8 +15,8 @@ from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.passes.derive_residuals import derive_residuals
 from rulec.passes.link import Network, link
+from rulec.passes.observed_modules import seen_through_states
 from rulec.passes.put_balances import dynamics_of
-from rulec.passes.reach import seen_through_states
 
 _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 

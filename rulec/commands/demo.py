@@ -13,7 +13,7 @@ from rulec_runtime.report.terminal_story import explain
 from rulec.commands.demo_live import run_live
 from rulec.commands.matrix import show
 from rulec.knowledge.layers import shipped
-from rulec.passes.kept import ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant
 
 
 def run(options: argparse.Namespace) -> int:

@@ -24,7 +24,7 @@ from rulec.demo import limits
 from rulec.demo.beside import Process, Servers, servers, watch, write_map
 from rulec.demo.compare import matched, tell
 from rulec.demo.stage import planted, write_inputs, write_played
-from rulec.passes.kept import ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.simulation.prediction import Injected
 
 

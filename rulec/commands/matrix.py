@@ -22,7 +22,7 @@ from rulec_runtime.report.made import made_now
 from rulec_runtime.report.matrix import ANY_ERROR
 
 from rulec.commands.matrix_page import left_out, matrix_page
-from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 from rulec.study.without import Without, show_without, without_each
 
 if TYPE_CHECKING:  # what separates pairs is loaded where it is asked for

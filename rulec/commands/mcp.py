@@ -126,7 +126,7 @@ class Desk:
         """Which fault moves which residual, how far; which faults cannot be told apart, and which
         further sensor would help."""
         from rulec.commands.matrix import json_form
-        from rulec.passes.kept import ruleset_of_plant
+        from rulec.passes.compile_cache import ruleset_of_plant
 
         return json_form(ruleset_of_plant(self._path(plant)))
 

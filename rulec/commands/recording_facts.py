@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
-from rulec_runtime.diagnosis.steady.seen import judgeable
+from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import Header, assign
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of, form_of
 
 from rulec.limits import FAR_READING
-from rulec.passes.kept import kept_of_plant, ruleset_of_plant
+from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.effects.candidate import Candidate

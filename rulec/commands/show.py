@@ -10,7 +10,7 @@ from pathlib import Path
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.output.refusal import Misused
 
-from rulec.passes.kept import kept_of_plant
+from rulec.passes.compile_cache import kept_of_plant
 
 KNOWLEDGE = "knowledge"
 

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.optimize import least_squares
 
-from rulec.calibration.known import Known
+from rulec.calibration.sheet_priors import Known
 from rulec.curves.laws import Law, laws_of, plan_of
 from rulec.curves.match import Points, explained, wanted_by
 from rulec.curves.refused import CurveRefused

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate, Unknown
-from rulec.effects.gathering import Gathering
+from rulec.effects.downstream_readings import Gathering
 from rulec.effects.hold_back import held_back
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair

@@ -13,12 +13,12 @@ from typing import Any
 
 from rulec.effects.binding import Binder, Binding, drivers_of
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
+from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import thermometer
 from rulec.effects.join_places import matching
 from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.effects.places import Site, Survey, sites_of, survey
-from rulec.effects.spots import unit_of
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
 from rulec.knowledge.fluid import property_at, reading_of
 from rulec.knowledge.knowledge import FaultType, Variant

@@ -8,11 +8,11 @@ from dataclasses import replace
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.json_file import DIGEST
 
+from rulec.export.correction_routine import undo_routine
 from rulec.export.identifiers import Identifiers
 from rulec.export.observe import observe_routine
 from rulec.export.program import ModuleCode
 from rulec.export.specialised import listed_undo
-from rulec.export.undo import undo_routine
 
 
 def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:

@@ -13,8 +13,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
-from rulec_runtime.diagnosis.steady.seen import judgeable
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.module_results import KINDS
 from rulec_runtime.recordings.recording import Recording, RecordingRefused

@@ -16,8 +16,8 @@ from rulec.knowledge.belief import Strain, strain_of
 from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Blind, Explained
+from rulec.mismatch.answer.findings import findings_of, location_of, untested
 from rulec.mismatch.answer.public import checks_of, refusal
-from rulec.mismatch.answer.tell import findings_of, location_of, untested
 from rulec.mismatch.answer.verdict import (
     Doubt,
     headline_of,
@@ -34,11 +34,11 @@ from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, SelfProof, Series
-from rulec.mismatch.structure import told as structure
+from rulec.mismatch.structure import structure_findings as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
-from rulec.mismatch.structure.look import Evidence as StructureEvidence
-from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
+from rulec.mismatch.structure.structure_search import Evidence as StructureEvidence
+from rulec.mismatch.structure.structure_search import structure_of
 
 NO_CLOCK = (
     "these {what} have no common time: nothing that changes with time, and no fault that comes and "

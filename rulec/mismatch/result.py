@@ -12,7 +12,7 @@ from rulec_runtime.recordings.mending import Mending
 from rulec.effects.candidate import Changed, Repair
 from rulec.effects.repair import why_refused
 from rulec.knowledge.belief import Strain
-from rulec.mismatch.standing import Standing
+from rulec.mismatch.candidate_sets import Standing
 
 __all__ = ["Changed", "Repair"]
 

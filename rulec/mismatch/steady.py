@@ -17,8 +17,8 @@ from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
+from rulec.mismatch.answer.findings import location_of_spot, shares_of
 from rulec.mismatch.answer.public import Plants, file_of
-from rulec.mismatch.answer.tell import location_of_spot, shares_of
 from rulec.mismatch.answer.together import of_recordings, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
@@ -45,9 +45,9 @@ from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.as_written import as_written, clear_states
+from rulec.mismatch.search.settled.best_set import Search, search
 from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
-from rulec.mismatch.search.settled.standing import standing_of
-from rulec.mismatch.search.settled.told import Search, search
+from rulec.mismatch.search.settled.candidate_sets import standing_of
 from rulec.simulation.predict import predict
 
 SHOWN = 4

@@ -19,8 +19,8 @@ from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
+from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
 from rulec.mismatch.answer.public import Plants
-from rulec.mismatch.answer.tell import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
@@ -39,7 +39,7 @@ from rulec.mismatch.inference.series import Predicted, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.stores.told import Found, search
+from rulec.mismatch.search.stores.best_set import Found, search
 from rulec.mismatch.search.stores.unnamed import followed
 
 

@@ -23,7 +23,7 @@ from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Sensor
-from rulec.passes.reach import seen_through_states
+from rulec.passes.observed_modules import seen_through_states
 
 
 @dataclass(frozen=True)

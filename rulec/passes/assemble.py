@@ -19,10 +19,10 @@ from rulec_runtime.contract.ruleset import MISFIT
 from rulec.algebra.graph import Graph, Node
 from rulec.algebra.recipe import lower, lower_all
 from rulec.knowledge.plant import Module
+from rulec.passes.corrected_observers import liquid_affects, undo_graph
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
 from rulec.passes.link import Network
-from rulec.passes.undo import liquid_affects, undo_graph
 
 Gradient = Mapping[str, Node]
 

@@ -13,8 +13,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Plan
 
 from rulec.knowledge.plant import Module
+from rulec.passes.corrected_observers import undo_graph
 from rulec.passes.types import Compilation
-from rulec.passes.undo import undo_graph
 
 
 def true_plan(models: Compilation, faults: Iterable[str], random: np.random.Generator) -> Plan:

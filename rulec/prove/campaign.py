@@ -21,9 +21,9 @@ from rulec.engines.engine import in_order
 from rulec.prove.aligned import driver_text
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.judge import judge
-from rulec.prove.kept import CASES, SEALS, tool_digest
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Judged
+from rulec.prove.run_folder import CASES, SEALS, tool_digest
 from rulec.prove.truth.sealed import Case, Request
 
 OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"

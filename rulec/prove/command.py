@@ -26,10 +26,10 @@ from rulec.engines.engine import chosen
 from rulec.prove import contacts
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
-from rulec.prove.kept import unusable
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Run
+from rulec.prove.run_folder import unusable
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled

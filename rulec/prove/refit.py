@@ -49,9 +49,9 @@ from rulec.prove.analyst import FORM
 from rulec.prove.attainable import named
 from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
-from rulec.prove.kept import CASES
 from rulec.prove.limits import CERTAIN, CLEAR, LIKELY
 from rulec.prove.nonparametric_term import course_at
+from rulec.prove.run_folder import CASES
 from rulec.prove.truth.sealed import Planted
 
 Laws = Sequence[Planted]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.stores.freed import freed, nominal_starts
+from rulec_runtime.diagnosis.stores.free_balances import freed, nominal_starts
 from rulec_runtime.diagnosis.stores.sighted import swinging
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.simulation.balances import RanAway

@@ -63,7 +63,7 @@ def begun(code=0):
 
 if arguments[0] in ("study", "adopt"):
     from rulec.api.reread import Reread
-    from rulec.passes.opened import OpenedPlant
+    from rulec.passes.deferred_compilation import OpenedPlant
     part = OpenedPlant.models if arguments[0] == "study" else Reread.builder
     build = part.func
     def models(self):

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from rulec_runtime.live import state
-from rulec_runtime.live.caught_up import CaughtUp, caught_up
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.journal.lines import LinesFile
+from rulec_runtime.live.journal_replay import CaughtUp, caught_up
 from rulec_runtime.live.rows import Notice, Rows
 
 from tests.live.test_follower import followed, part_of, recording_of

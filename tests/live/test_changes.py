@@ -10,7 +10,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Episode
-from rulec_runtime.live.sight import Sight
+from rulec_runtime.live.horizon import Sight
 from rulec_runtime.recordings.recording import read_recording
 
 from tests.conftest import ROOT, compiled

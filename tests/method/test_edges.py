@@ -10,11 +10,11 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.evaluated_points import see_part
 from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.parts import parts_of
-from rulec_runtime.diagnosis.steady.seen import see_part
 from rulec_runtime.diagnosis.steady.verdict import why_blind
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording

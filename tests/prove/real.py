@@ -17,7 +17,7 @@ from typing import Any
 from rulec.engines.call import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OnProgress, asked, owned
-from rulec.prove.kept import CASES
+from rulec.prove.run_folder import CASES
 from tests.conftest import recordings_folder as recordings_folder
 from tests.rig.mismatch import esp, hsy, zema
 from tests.rig.mismatch.case import Case, copy_plant, copy_rows

@@ -16,7 +16,7 @@ import pytest
 from rulec.prove import __main__ as prove
 from rulec.prove.campaign import Changed, owned
 from rulec.prove.command import main
-from rulec.prove.kept import CASES, SEALS, unusable
+from rulec.prove.run_folder import CASES, SEALS, unusable
 from tests.conftest import SOURCES
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")

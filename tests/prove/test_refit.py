@@ -11,7 +11,6 @@ import pytest
 from rulec.engines.call import Engine
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OPENED, judged, sealed
-from rulec.prove.kept import CASES
 from rulec.prove.partition import Partition
 from rulec.prove.refit import (
     EVIDENCE,
@@ -22,6 +21,7 @@ from rulec.prove.refit import (
     lost_in,
     refitted,
 )
+from rulec.prove.run_folder import CASES
 
 FIRST = Partition("development", 1, quick=True, only="single-static-head-0")
 """The first case of one effect."""

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.stores.freed import freed, start_of
+from rulec_runtime.diagnosis.stores.free_balances import freed, start_of
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant

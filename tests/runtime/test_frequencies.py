@@ -21,11 +21,11 @@ from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores import judge
-from rulec_runtime.diagnosis.stores.spells import _cause
+from rulec_runtime.diagnosis.stores.joined_windows import _cause
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.live.horizon import Sight, episodes_of
 from rulec_runtime.live.rows import Rows
-from rulec_runtime.live.sight import Sight, episodes_of
 from rulec_runtime.recordings.module_results import ModuleResults, read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.report.html_story import told

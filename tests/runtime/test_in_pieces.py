@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose, told_of
-from rulec_runtime.diagnosis.steady.seen import judgeable, see_stretches
+from rulec_runtime.diagnosis.steady.evaluated_points import judgeable, see_stretches
 from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.piecewise import (
     differences,

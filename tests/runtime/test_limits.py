@@ -36,7 +36,7 @@ LAYOUT = {
     "rulec_runtime.recordings.long_table": "units of time",
     "rulec_runtime.recordings.zone": "units of time",
     "rulec_runtime.recordings.readers": "bytes at a time, and numbers of file formats",
-    "rulec_runtime.diagnosis.steady.seen": "samples at a time: memory alone",
+    "rulec_runtime.diagnosis.steady.evaluated_points": "samples at a time: memory alone",
     "rulec_runtime.simulation.integrator": "compiled in: numba's cache sees no other file",
     "rulec_runtime.machine_code.code": "numbers at a time: speed alone",
     "rulec_runtime.commands.journal": "exit code",

@@ -17,10 +17,10 @@ from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.headers import Misread
 from rulec_runtime.diagnosis.sensors.judge import dead_of
+from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.observe import estimate
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
-from rulec_runtime.diagnosis.steady.seen import judgeable
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rulec_runtime.report.text import number
 
-from rulec.mismatch.answer.drawn import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
+from rulec.mismatch.answer.picture_data import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
 from rulec.mismatch.result import Curves, Mismatch, Region
 from tests.runtime.mismatches import (
     ALL,

@@ -12,9 +12,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.evaluated_points import (
+    residuals_seen,
+    see_samples,
+    see_stretches,
+)
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import points_of_samples
-from rulec_runtime.diagnosis.steady.seen import residuals_seen, see_samples, see_stretches
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.stationary import settle

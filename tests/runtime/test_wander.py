@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.evaluated_points import see_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
-from rulec_runtime.diagnosis.steady.seen import see_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, settle
 

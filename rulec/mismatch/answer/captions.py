@@ -10,7 +10,7 @@ from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.text import counted, degree, number, percent
 from rulec_runtime.report.time_axis import told
 
-from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
+from rulec.mismatch.answer.picture_data import Drawn, middle_by, rms, span
 from rulec.mismatch.answer.wording import growth_words
 from rulec.mismatch.result import HiddenDriver, Period, Shape
 

@@ -13,6 +13,7 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.answer.public import Plants
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.inference.prove import Proof
@@ -29,7 +30,6 @@ from rulec.mismatch.result import (
 )
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.settled.sets import Posterior
-from rulec.mismatch.standing import Standing
 
 F = TypeVar("F")
 

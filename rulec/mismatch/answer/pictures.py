@@ -22,7 +22,7 @@ from rulec.mismatch.answer.captions import (
     say_shape,
     say_time,
 )
-from rulec.mismatch.answer.drawn import (
+from rulec.mismatch.answer.picture_data import (
     Drawn,
     curves_of,
     detail_of,

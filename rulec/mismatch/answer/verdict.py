@@ -12,8 +12,8 @@ from rulec.knowledge.belief import Strain
 from rulec.mismatch import limits as common
 from rulec.mismatch.answer import limits
 from rulec.mismatch.answer.wording import onset, region_words
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
-from rulec.mismatch.standing import Standing
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."

@@ -13,29 +13,29 @@ from rulec_runtime.limits import SETTLING
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.cover import covering
-from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.hold import Best, best_within
-from rulec.mismatch.experiment.reach import (
+from rulec.mismatch.experiment.admissible_points import (
     Reach,
     limited_reach,
     places_in,
     present_inputs,
     usual_reach,
 )
+from rulec.mismatch.experiment.certainty import expected_certainty
+from rulec.mismatch.experiment.covering_points import covering
+from rulec.mismatch.experiment.dwell_times import Best, best_within
+from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.limits_of_points import Within, within
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
-from rulec.mismatch.experiment.within import Within, within
 from rulec.mismatch.refused import ExperimentRefused
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.standing import Again, refitted_again
-from rulec.mismatch.standing import Standing
+from rulec.mismatch.search.settled.candidate_sets import Again, refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
 
 

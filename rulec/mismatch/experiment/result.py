@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.sensors import Advised
-from rulec.mismatch.standing import Standing
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.claims import Claims, Quantity, claims_of
+from rulec.mismatch.experiment.predicted_quantities import Claims, Quantity, claims_of
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from rulec.effects.made_from import AGAIN
+from rulec.mismatch.candidate_sets import Presence, Standing
 from rulec.mismatch.refused import ExperimentRefused
-from rulec.mismatch.standing import Presence, Standing
 
 
 def standing_of(data: Mapping[str, Any], file: Path) -> tuple[Standing, ...]:

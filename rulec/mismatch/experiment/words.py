@@ -9,8 +9,8 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.report.text import counted, number, percent
 
 from rulec.mismatch import limits
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.experiment.result import Experiment, Reading
-from rulec.mismatch.standing import Standing
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 7
 """Digits of what is read."""

@@ -21,12 +21,12 @@ from rulec.mismatch.result import Seen, SelfProof
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.best_set import titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.nested import places_of
 from rulec.mismatch.search.settled.scan import Column, columns, id_of
 from rulec.mismatch.search.settled.sets import Posterior
-from rulec.mismatch.search.settled.told import titled_with_module
 from rulec.mismatch.search.stores import nameless
 from rulec.mismatch.search.stores import sets as of_stores
 from rulec.mismatch.search.stores.geometry import StoresGeometry

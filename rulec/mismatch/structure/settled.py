@@ -28,7 +28,7 @@ from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
-from rulec.mismatch.structure.clock import shifts_of, taken_of
+from rulec.mismatch.structure.clock_offset import shifts_of, taken_of
 from rulec.mismatch.structure.connections import Rewiring, rewirings
 from rulec.mismatch.structure.hypotheses import Taken
 from rulec.mismatch.structure.moving import moving_of

@@ -20,7 +20,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
-from rulec.mismatch.structure.clock import Shift, longest, nearest, pace_of, sizes_of
+from rulec.mismatch.structure.clock_offset import Shift, longest, nearest, pace_of, sizes_of
 
 Judge = Callable[[Recording, int], Agreement]
 """How well a recording agrees with the plain model, refitted in so many steps."""

@@ -28,7 +28,7 @@ from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
-from rulec.mismatch.structure.clock import taken_of
+from rulec.mismatch.structure.clock_offset import taken_of
 from rulec.mismatch.structure.connections import Rewiring
 from rulec.mismatch.structure.hypotheses import Taken
 from rulec.mismatch.structure.stored_clock import shifts_against_cause

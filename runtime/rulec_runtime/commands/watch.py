@@ -19,7 +19,7 @@ from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, concluded, nothing_yet
 from rulec_runtime.live.look_process import LookProcess
-from rulec_runtime.live.warmed_up import warm_up
+from rulec_runtime.live.warm_up import warm_up
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -66,7 +66,7 @@ def _watch(what: Opened, ruleset: Ruleset, until_end: bool, looks: Looks | None)
             what.screen.show(present.now())
             for sink in what.sinks:
                 sink.show(present.now())
-        # Nothing more will come: what was seen at a glance is judged with everything else.
+        # Nothing more will come: what was seen by partial updates is judged with everything else.
         if not what.screen.quit and (last := concluded(ruleset, memory)) is not None:
             memory = last.memory
             present.update(memory, last.events, last.diagnosis)

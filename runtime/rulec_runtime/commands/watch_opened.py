@@ -16,9 +16,9 @@ from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
-from rulec_runtime.live.caught_up import CaughtUp, caught_up
 from rulec_runtime.live.follower import Memory, nothing_yet
 from rulec_runtime.live.journal.sinks import WatchSink
+from rulec_runtime.live.journal_replay import CaughtUp, caught_up
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra

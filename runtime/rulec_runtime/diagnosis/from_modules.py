@@ -18,10 +18,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind, blind_between
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
 from rulec_runtime.diagnosis.steady.batch_means import Halves
+from rulec_runtime.diagnosis.steady.evaluated_points import see_observed
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
 from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.seen import see_observed
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import ModuleResults
 from rulec_runtime.recordings.piecewise import runs_where

@@ -9,7 +9,12 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_samples, see_stretches
+from rulec_runtime.diagnosis.steady.evaluated_points import (
+    Seen,
+    judgeable,
+    see_samples,
+    see_stretches,
+)
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
 from rulec_runtime.recordings.recording import Recording

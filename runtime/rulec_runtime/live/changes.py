@@ -17,7 +17,7 @@ from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.sight import Sight, episodes_of
+from rulec_runtime.live.horizon import Sight, episodes_of
 
 
 def changes(

@@ -7,8 +7,8 @@ diagnosis of the whole recording to the last digit.
 
 A large plant is looked at so when there are three times as many rows, when there is no room for
 more, when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing
-new needs no look (`levels.py`), and where readings move only their part gets a glance
-(`glance.py`). Such a look may go on beside the rows that come meanwhile (`beside.py`).
+new needs no look (`levels.py`), and where readings move only their part gets a partial update
+(`partial_update.py`). Such a look may go on beside the rows that come meanwhile (`beside.py`).
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
 from rulec_runtime.live.beside import Due, Looks, asked_by
 from rulec_runtime.live.changes import changes
+from rulec_runtime.live.condensed_history import reference_and_latest, without_first
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.forgetting import reference_and_latest, without_first
-from rulec_runtime.live.glance import glance, settled_until
-from rulec_runtime.live.known import Known
-from rulec_runtime.live.look import sight_of
+from rulec_runtime.live.full_update import sight_of
+from rulec_runtime.live.last_evaluation import Known
 from rulec_runtime.live.looked import Looked, UnderWay
 from rulec_runtime.live.memory import Memory, appended, nothing_yet
+from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.live.whole import looked
 from rulec_runtime.recordings.mending import mended
@@ -83,14 +83,15 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
 
 
 def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> Told:
-    """Judge rows at a glance; all that is remembered where nothing is known yet, or much is new."""
+    """Judge rows by a partial update; all that is remembered where nothing is known yet, or much
+    is new."""
     known, way = memory.known, memory.under_way
     if known is None or new > limits.ROWS_AT_A_GLANCE:
         return _looked(ruleset, memory)
     if memory.recent.values.keys() - set(known.levels.names):
         return _looked(ruleset, memory)
     if looks is None:
-        return _glanced_or_looked(ruleset, memory, known, new)
+        return _partly_or_fully(ruleset, memory, known, new)
     if way is not None:
         found = way.asked.found(wait=len(memory.recent) >= limits.MOST_ROWS)
         if found is not None:
@@ -102,7 +103,7 @@ def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> 
         memory = replace(memory, under_way=way.doubted(due.doubt))
     else:
         memory = _begun_if_due(ruleset, memory, known, looks, due)
-    return _glanced(ruleset, memory, known, due.places)
+    return _partly(ruleset, memory, known, due.places)
 
 
 def _looked(ruleset: Ruleset, memory: Memory) -> Told:
@@ -128,22 +129,22 @@ def _remembered(memory: Memory, found: Looked, known: Known | None) -> Memory:
     return replace(memory, recent=recent, before=found.before, known=known)
 
 
-def _glanced_or_looked(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
+def _partly_or_fully(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
     read = mended(memory.recent, known.health.mendings)
     levels, moved, odd = known.levels.after_rows(read, new)
     if odd or _is_due(memory, known):
         return _looked(ruleset, memory)
     places = sorted(known.moved(moved) | known.due(memory.count))
-    return _glanced(ruleset, memory, replace(known, levels=levels), places)
+    return _partly(ruleset, memory, replace(known, levels=levels), places)
 
 
-def _glanced(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -> Told:
+def _partly(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -> Told:
     """Judge some parts, by their places."""
     if not places:
         diagnosis = replace(known.diagnosis, samples=memory.count)
         return Told(replace(memory, known=known), (), diagnosis)
-    known = glance(ruleset, memory.recent, known, places, memory.count)
+    known = partial_update(ruleset, memory.recent, known, places, memory.count)
     way = None if memory.under_way is None else memory.under_way.with_seen(places)
     memory = replace(memory, known=known, under_way=way)
     return _told(ruleset, memory, known.diagnosis, settled_until(known))
@@ -162,7 +163,7 @@ def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> 
     known, due = asked_by(found.known, memory, memory.count - way.count)
     due = replace(due, doubt=due.doubt or way.doubt)
     if places := sorted(way.seen.union(due.places)):
-        known = glance(ruleset, memory.recent, known, places, memory.count)
+        known = partial_update(ruleset, memory.recent, known, places, memory.count)
         told = _told(ruleset, memory, known.diagnosis, settled_until(known))
     else:
         # Nothing was told meanwhile: the look says it as of its own rows.

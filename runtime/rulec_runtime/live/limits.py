@@ -31,13 +31,13 @@ assumed; a course that has lasted for a day is followed every half an hour.
 """
 
 DUE_AT_ONCE = 3
-"""Parts that get a glance with one row while nothing of them has moved, where looks go on beside
-the rows. Origin: assumed; that takes less than half of a tenth of a second.
+"""Parts that get a partial update with one row while nothing of them has moved, where looks go on
+beside the rows. Origin: assumed; that takes less than half of a tenth of a second.
 """
 
 PATIENCE = 30
-"""Rows that a look beside them may take before a large part that moves gets a glance, for which
-rows wait. Origin: assumed; several times what a look takes that doubts no header.
+"""Rows that a look beside them may take before a large part that moves gets a partial update, for
+which rows wait. Origin: assumed; several times what a look takes that doubts no header.
 """
 
 ROWS_AT_A_GLANCE = 60

@@ -18,9 +18,9 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live.handed_over import read, written
 from rulec_runtime.live.looked import Looked
 from rulec_runtime.live.memory import Memory
+from rulec_runtime.live.process_messages import read, written
 from rulec_runtime.live.whole import looked
 from rulec_runtime.output.interrupts import interrupts_held
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live.history import History
-from rulec_runtime.live.known import Known
+from rulec_runtime.live.last_evaluation import Known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class Looked:
     ----------
     diagnosis : what is to be told.
     settled : time of the last settled row, s; None where nothing settled.
-    known : what glances go on from; None where rows get looks alone.
+    known : what partial updates go on from; None where rows get looks alone.
     cut : rows there is no room for: so many at the beginning become operating points.
     before : operating points of the rows before all others then.
     """
@@ -50,7 +50,7 @@ class UnderWay:
     ----------
     asked : the look.
     count : rows that had come; `kept` is how many of them were remembered.
-    seen : places of the parts that got a glance since.
+    seen : places of the parts that got a partial update since.
     doubt : whether a sensor came into doubt since, so that another look is due.
     """
 
@@ -61,7 +61,7 @@ class UnderWay:
     doubt: bool = False
 
     def with_seen(self, places: Collection[int]) -> UnderWay:
-        """The same when some parts have got a glance."""
+        """The same when some parts have got a partial update."""
         return replace(self, seen=self.seen.union(places))
 
     def doubted(self, doubt: bool) -> UnderWay:

@@ -10,7 +10,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
-from rulec_runtime.live.known import Known
+from rulec_runtime.live.last_evaluation import Known
 from rulec_runtime.live.looked import UnderWay
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording

@@ -5,9 +5,9 @@ from __future__ import annotations
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.live import limits
-from rulec_runtime.live.forgetting import oldest
-from rulec_runtime.live.known import known_after
-from rulec_runtime.live.look import look
+from rulec_runtime.live.condensed_history import oldest
+from rulec_runtime.live.full_update import look
+from rulec_runtime.live.last_evaluation import known_after
 from rulec_runtime.live.looked import Looked
 from rulec_runtime.live.memory import Memory
 

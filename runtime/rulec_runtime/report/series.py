@@ -12,8 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.observe import Observed, observe
-from rulec_runtime.diagnosis.steady.seen import (
+from rulec_runtime.diagnosis.steady.evaluated_points import (
     Seen,
     judgeable,
     residuals_seen,
@@ -21,6 +20,7 @@ from rulec_runtime.diagnosis.steady.seen import (
     see_stretches,
     usable_seen,
 )
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar

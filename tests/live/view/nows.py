@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.episode import Episode, Event, What
+from rulec_runtime.live.horizon import Sight, episodes_of
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.sight import Sight, episodes_of
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 

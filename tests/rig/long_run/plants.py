@@ -20,7 +20,7 @@ from rulec_runtime.report.json_form import diagnosis_form
 
 from rulec.api.given import recording_given
 from rulec.cli import main
-from rulec.passes.kept import ruleset_of_plant
+from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.prove.truth import RIGS, TABLE_1, Plant, record, write_csv
 from rulec.prove.truth.plant import Operation
 from rulec.prove.truth.runs import HIGHEST, LOWEST, Run

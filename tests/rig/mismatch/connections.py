@@ -17,8 +17,8 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
-from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
+from rulec.mismatch.structure.structure_search import structure_of
 from rulec.prove.analyst import calibrate
 from rulec.prove.truth.settled.plan import SettledCase
 from rulec.prove.truth.settled.suite import planned

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.experiment.result import Experiment, Reading, Step
-from rulec.mismatch.standing import Standing
 
 
 def made_by_hand() -> Experiment:

@@ -10,7 +10,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.result import Mismatch
-from rulec.mismatch.search.settled.told import search
+from rulec.mismatch.search.settled.best_set import search
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.runtime.mismatch.made import rows_at
 

@@ -17,9 +17,9 @@ from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.refit import refitted
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.stores.afar import from_afar
 from rulec.mismatch.search.stores.geometry import StoresGeometry
 from rulec.mismatch.search.stores.sets import begun
+from rulec.mismatch.search.stores.starting_values import from_afar
 from tests.runtime.mismatch.dynamic import benches
 from tests.runtime.mismatch.made import USUAL, Sure, alone, recorded, rows_at, tour, warming
 from tests.runtime.mismatch.nested import Integral

@@ -20,16 +20,21 @@ from scipy.stats import qmc
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.experiment.admissible_points import (
+    Reach,
+    places_in,
+    present_inputs,
+    usual_reach,
+)
 from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.choose import certain, chosen
-from rulec.mismatch.experiment.cover import covering
+from rulec.mismatch.experiment.covering_points import covering
 from rulec.mismatch.experiment.divergence import divergences
 from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
 from rulec.mismatch.experiment.growing import known_with_onsets
+from rulec.mismatch.experiment.limits_of_points import Within
 from rulec.mismatch.experiment.page import experiment_page
-from rulec.mismatch.experiment.reach import Reach, places_in, present_inputs, usual_reach
 from rulec.mismatch.experiment.surroundings import surroundings
-from rulec.mismatch.experiment.within import Within
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned

@@ -10,16 +10,16 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.hold import best_within
-from rulec.mismatch.experiment.reach import (
+from rulec.mismatch.experiment.admissible_points import (
     Reach,
     limited_reach,
     places_in,
     present_inputs,
     usual_reach,
 )
-from rulec.mismatch.experiment.within import Within, within
+from rulec.mismatch.experiment.dwell_times import best_within
+from rulec.mismatch.experiment.foretell import Foretold, Places
+from rulec.mismatch.experiment.limits_of_points import Within, within
 from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 

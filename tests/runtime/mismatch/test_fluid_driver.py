@@ -12,6 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -20,7 +21,6 @@ from rulec.mismatch.evidence.steady.system import with_properties
 from rulec.mismatch.experiment.foretell import Places, data_at
 from rulec.mismatch.experiment.plan import planned
 from rulec.mismatch.experiment.written import inputs_csv
-from rulec.mismatch.standing import Standing
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
     alone,

@@ -9,7 +9,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.search.latent_input import described, reconstruct
-from rulec.mismatch.search.settled.told import search
+from rulec.mismatch.search.settled.best_set import search
 from tests.runtime.mismatch.made import (
     USUAL,
     alone,

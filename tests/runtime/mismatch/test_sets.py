@@ -10,9 +10,9 @@ from rulec.language import expression
 from rulec.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search.settled.best_set import with_term
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain
-from rulec.mismatch.search.settled.told import with_term
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import USUAL, alone, recorded, rows_at, tour, warming
 

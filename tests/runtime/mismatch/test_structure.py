@@ -12,9 +12,9 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT, Taken
-from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.stores import Stores
+from rulec.mismatch.structure.structure_search import structure_of
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import opened
 from tests.runtime.tanks import made

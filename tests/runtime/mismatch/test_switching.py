@@ -13,8 +13,8 @@ from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import HiddenDriver
+from rulec.mismatch.search.settled.candidate_sets import refitted_again, standing_of
 from rulec.mismatch.search.settled.sets import Posterior, explain, with_terms
-from rulec.mismatch.search.settled.standing import refitted_again, standing_of
 from rulec.mismatch.search.settled.switching import Switching, price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at

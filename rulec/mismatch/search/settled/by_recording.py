@@ -22,9 +22,9 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search import limits
+from rulec.mismatch.search.settled.best_set import titled_with_module
 from rulec.mismatch.search.settled.scan import id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
-from rulec.mismatch.search.settled.told import titled_with_module
 
 NOTHING = "nothing"
 """Id of the set in which nothing is left out."""

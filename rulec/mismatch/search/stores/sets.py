@@ -24,9 +24,9 @@ from rulec.mismatch.search.settled.sets import (
     grown,
     join_terms,
 )
-from rulec.mismatch.search.stores.afar import from_afar, nearest
 from rulec.mismatch.search.stores.geometry import StoresGeometry, usual
 from rulec.mismatch.search.stores.nameless import terms
+from rulec.mismatch.search.stores.starting_values import from_afar, nearest
 
 
 def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:

@@ -14,9 +14,9 @@ from rulec.mismatch.evidence.stores.ends import Ends
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.curve_found import CurveFound, Lost
+from rulec.mismatch.search.stores.best_set import Found
 from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
 from rulec.mismatch.search.stores.posterior_curve import axis_of, course_of, curve_of
-from rulec.mismatch.search.stores.told import Found
 
 
 @dataclass(frozen=True)

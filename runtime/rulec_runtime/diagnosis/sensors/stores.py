@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
-from rulec_runtime.diagnosis.stores.freed import freed, nominal_starts, start_of
+from rulec_runtime.diagnosis.stores.free_balances import freed, nominal_starts, start_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u

@@ -11,9 +11,9 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
-from rulec_runtime.diagnosis.steady.seen import Seen
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from rulec_runtime.diagnosis.steady.baseline import Baselines, nothing_learned
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
 from rulec_runtime.diagnosis.steady.course import Course, Stack, stack_of
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.diagnosis.steady.findings import (
     Finding,
     Found,
@@ -27,7 +28,6 @@ from rulec_runtime.diagnosis.steady.growth import Growth, growth_of
 from rulec_runtime.diagnosis.steady.isolate import accepted, shares
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.steady.screen import may_fit
-from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.recordings.stationary import Timeline
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen, see_part
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, findings_of
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.points import (
@@ -24,7 +25,6 @@ from rulec_runtime.diagnosis.steady.points import (
     points_of_samples,
     points_of_stretches,
 )
-from rulec_runtime.diagnosis.steady.seen import Seen, see_part
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
 from rulec_runtime.recordings.when import ENDED

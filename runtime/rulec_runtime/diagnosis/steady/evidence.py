@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.contract.threshold import sign_of, threshold_of
-from rulec_runtime.diagnosis.steady.seen import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.recordings.stationary import Timeline
 
 

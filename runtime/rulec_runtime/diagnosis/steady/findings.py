@@ -12,6 +12,7 @@ from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
@@ -20,7 +21,6 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
-from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import (
     Off,
     Verdict,

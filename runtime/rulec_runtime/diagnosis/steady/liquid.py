@@ -16,7 +16,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import LiquidSpec
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits
-from rulec_runtime.diagnosis.steady.seen import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 
 
 def is_ordinary(changes: Sequence[LiquidSpec], fault: str, degree: float) -> bool:

@@ -12,10 +12,10 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import slope_names
-from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 from rulec_runtime.diagnosis.steady.verdict import disagreeing
 from rulec_runtime.recordings.stationary import Timeline

@@ -9,8 +9,8 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.threshold import threshold_of
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen
 from rulec_runtime.diagnosis.steady.observe import reason
-from rulec_runtime.diagnosis.steady.seen import Seen
 
 Off = tuple[str, float, float]
 """A residual with its size and its threshold, as shares of a flow."""

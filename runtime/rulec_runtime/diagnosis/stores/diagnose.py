@@ -17,9 +17,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores.edges import edge_of
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
+from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
-from rulec_runtime.diagnosis.stores.spells import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED

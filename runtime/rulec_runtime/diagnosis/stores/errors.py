@@ -14,7 +14,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.steady.baseline import remembered
-from rulec_runtime.diagnosis.stores.freed import error_of
+from rulec_runtime.diagnosis.stores.free_balances import error_of
 from rulec_runtime.recordings.stationary import systematic_u
 
 

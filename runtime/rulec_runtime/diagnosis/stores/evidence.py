@@ -15,8 +15,8 @@ from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, windows_needed
 from rulec_runtime.diagnosis.stores.judge import Judge, Judged
-from rulec_runtime.diagnosis.stores.spells import Cause, Spell, windows_needed
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
 from rulec_runtime.simulation.balances import RanAway

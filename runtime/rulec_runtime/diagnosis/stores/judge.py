@@ -18,7 +18,7 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.errors import Known, nothing_known
-from rulec_runtime.diagnosis.stores.freed import nominal_starts
+from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
 

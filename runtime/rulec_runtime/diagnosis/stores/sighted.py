@@ -17,7 +17,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
-from rulec_runtime.diagnosis.stores.freed import nominal_starts
+from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.recordings.stationary import systematic_u

@@ -14,7 +14,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.stores.errors import Known, LastingError
-from rulec_runtime.diagnosis.stores.freed import freed, start_of
+from rulec_runtime.diagnosis.stores.free_balances import freed, start_of
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import Balances, RanAway
 

@@ -8,9 +8,9 @@ import re
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.event_forms import form_of
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused
-from rulec_runtime.live.told import form_of
 from rulec_runtime.output.terminal import SHOWN_INSTEAD, machine_text
 from rulec_runtime.recordings.wall_clock import Calendar
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from rich.text import Text
 
+from rulec_runtime.live.event_forms import line_of
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.told import line_of
 from rulec_runtime.live.view.words import lead, link, overall
 from rulec_runtime.output.terminal import styled
 

@@ -17,8 +17,8 @@ from rulec_runtime.live.view.arrival import Arrival
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.lines import closing_line, event_lines, last_number
-from rulec_runtime.live.view.look import Look, after, place_of
 from rulec_runtime.live.view.screen import Screen, screen
+from rulec_runtime.live.view.view_state import Look, after, place_of
 from rulec_runtime.live.view.words import listed, news
 from rulec_runtime.output.terminal import terminal
 

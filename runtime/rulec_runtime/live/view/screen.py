@@ -12,7 +12,7 @@ from rich.text import Text
 
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view import blocks
-from rulec_runtime.live.view.look import Look, place_of
+from rulec_runtime.live.view.view_state import Look, place_of
 from rulec_runtime.output.terminal import shown, styled
 
 Line = list[Segment]

@@ -9,8 +9,8 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import worst
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.event_forms import QUIET
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.told import QUIET
 from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import moment
 from rulec_runtime.report.blindness import told_else

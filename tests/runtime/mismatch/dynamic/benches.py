@@ -16,9 +16,9 @@ from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.settled.sets import join_terms
+from rulec.mismatch.search.stores.best_set import Found
 from rulec.mismatch.search.stores.nameless import terms
 from rulec.mismatch.search.stores.sets import begun, grow
-from rulec.mismatch.search.stores.told import Found
 from tests.conftest import ROOT
 
 STEP = 4.0

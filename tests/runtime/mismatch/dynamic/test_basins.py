@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rulec.mismatch.search.stores.told import search
+from rulec.mismatch.search.stores.best_set import search
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 LAG = "pump.lag-flow@pump"

@@ -10,14 +10,14 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.answer.tell import findings_of
+from rulec.mismatch.answer.findings import findings_of
 from rulec.mismatch.answer.verdict import Doubt, headline_of, verdict_of
 from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.stores.told import search
+from rulec.mismatch.search.stores.best_set import search
 from rulec.mismatch.stores import explanation
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import NOISE, STEP, voltage

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.answer.tell import findings_of, location_of
+from rulec.mismatch.answer.findings import findings_of, location_of
 from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.ends import kept, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
+from rulec.mismatch.search.stores.best_set import search as searched
 from rulec.mismatch.search.stores.sets import begun, grow, prune
-from rulec.mismatch.search.stores.told import search as searched
 from rulec.mismatch.stores import explanation, until_of
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,

@@ -11,8 +11,8 @@ from rulec.mismatch.evidence.stores.ends import kept, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.locate import suspects
 from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.search.stores.best_set import search as searched
 from rulec.mismatch.search.stores.sets import begun, grow
-from rulec.mismatch.search.stores.told import search as searched
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     OVERFLOW,

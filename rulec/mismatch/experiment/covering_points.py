@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.experiment.within import Within
+from rulec.mismatch.experiment.limits_of_points import Within
 
 
 def covering(

@@ -13,8 +13,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.limits import SAME_FLOW
 from rulec.mismatch.experiment import limits
+from rulec.mismatch.experiment.admissible_points import Reach
 from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.reach import Reach
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from rulec.mismatch.evidence.stores.ends import Ends, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.settled.best_set import accepted_of, told_of
 from rulec.mismatch.search.settled.sets import Posterior, Progress
-from rulec.mismatch.search.settled.told import accepted_of, told_of
 from rulec.mismatch.search.stores.sets import explain
 
 

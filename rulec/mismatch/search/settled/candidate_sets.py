@@ -9,16 +9,16 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits as common
+from rulec.mismatch.candidate_sets import Presence, Standing
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nameless import smooth, terms
 from rulec.mismatch.search.settled.sets import Names, Posterior, begun
-from rulec.mismatch.search.settled.told import candidates_of, titled_with_module
-from rulec.mismatch.standing import Presence, Standing
 
 
 def standing_of(posterior: Posterior) -> tuple[Standing, ...]:

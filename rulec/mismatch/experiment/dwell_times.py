@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.experiment import limits
 from rulec.mismatch.experiment.choose import Choice, chosen
 from rulec.mismatch.experiment.foretell import Foretold
-from rulec.mismatch.experiment.within import Within
+from rulec.mismatch.experiment.limits_of_points import Within
 
 
 @dataclass(frozen=True)

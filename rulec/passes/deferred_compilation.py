@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.sources_form import sources_form, sources_from
-from rulec.passes.kept import kept_of_plant, known_print, ruleset_of_plant
+from rulec.passes.compile_cache import kept_of_plant, known_print, ruleset_of_plant
 
 if TYPE_CHECKING:
     from rulec.passes.types import Compilation

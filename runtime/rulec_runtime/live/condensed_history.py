@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
+from rulec_runtime.live.full_update import Judged
 from rulec_runtime.live.history import History, some
-from rulec_runtime.live.look import Judged
 from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.recording import Recording
 

@@ -13,11 +13,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.courses import found_of
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen, judgeable, see_points
 from rulec_runtime.diagnosis.steady.findings import Found, Period
-from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_points
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined
-from rulec_runtime.live.sight import Sight
+from rulec_runtime.live.horizon import Sight
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 

@@ -1,7 +1,8 @@
-"""A glance: only the parts of a plant whose readings moved are judged, by their latest rows.
+"""A partial update: only the parts of a plant whose readings moved are judged, by their latest
+rows.
 
 Verdicts on the other parts stay, and so do the noise of readings and the findings about sensors.
-The next look at everything corrects what a glance leaves open.
+The next look at everything corrects what a partial update leaves open.
 """
 
 from __future__ import annotations
@@ -15,20 +16,20 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, joined
 from rulec_runtime.diagnosis.steady.courses import found_again, found_of
+from rulec_runtime.diagnosis.steady.evaluated_points import see_points
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Found
-from rulec_runtime.diagnosis.steady.seen import see_points
 from rulec_runtime.live import limits
+from rulec_runtime.live.full_update import unsettled
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
-from rulec_runtime.live.known import Known, PartKnown
-from rulec_runtime.live.look import unsettled
+from rulec_runtime.live.last_evaluation import Known, PartKnown
 from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 
 
-def glance(
+def partial_update(
     ruleset: Ruleset, recent: Recording, known: Known, moved: Collection[int], count: int
 ) -> Known:
     """What is known when some parts, by their places, have been judged anew after so many rows."""

@@ -1,4 +1,4 @@
-"""What the last look at everything found, and what has been seen at a glance since."""
+"""What the last look at everything found, and what has been seen by a partial update since."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.live import limits
+from rulec_runtime.live.full_update import Judged
 from rulec_runtime.live.history import History, only
 from rulec_runtime.live.levels import Levels, levels_of
-from rulec_runtime.live.look import Judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class PartKnown:
     Attributes
     ----------
     part : the part.
-    closed : its operating points of rows before those that a glance judges anew.
+    closed : its operating points of rows before those that a partial update judges anew.
     found : what it says.
     settled : time of its last settled row, s.
     due : number of the row with which it is looked at again, whatever its readings do.
@@ -41,8 +41,8 @@ class PartKnown:
     followed: int
 
     def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
-        """After a glance, with so many rows: the next one is due when what was judged has twice as
-        many rows, or with the next row while the part does not stand still."""
+        """After a partial update, with so many rows: the next one is due when what was judged has
+        twice as many rows, or with the next row while the part does not stand still."""
         timeline = whole.timeline
         return replace(
             self,
@@ -60,7 +60,7 @@ class Known:
     ----------
     diagnosis : as it was told last.
     health, noise : of the sensors and of readings, SI, by the last look at everything.
-    count : rows that had come then; those from number `cut` on are judged anew at a glance.
+    count : rows that had come then; those from number `cut` on are judged anew by a partial update.
     parts : of each part.
     levels : the readings.
     """
@@ -84,7 +84,7 @@ class Known:
 
     @property
     def large(self) -> set[int]:
-        """Places of the parts of which a glance takes longer than until the next row."""
+        """Places of the parts of which a partial update takes longer than until the next row."""
         sizes = ((i, len(one.part.ruleset.observed)) for i, one in enumerate(self.parts))
         return {i for i, size in sizes if size > limits.SMALL_PLANT}
 
