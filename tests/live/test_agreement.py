@@ -1,4 +1,4 @@
-"""What is told in the end is the diagnosis of the whole, also of a plant that gets glances."""
+"""What is told in the end is the diagnosis of the whole, also where parts alone are updated."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ LEAK = Planted("L1A.leakage", 0.3, 80, 120)
 
 
 @pytest.fixture
-def glances(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
-    """Plants count as large; the parts that got each glance."""
+def updates(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
+    """Plants count as large; the parts that got each partial update."""
     monkeypatch.setattr(limits, "SMALL_PLANT", 5)
     seen: list[list[int]] = []
 
@@ -46,8 +46,8 @@ def glances(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
         seen.append(list(given[3]))  # type: ignore[call-overload]
         return known(*given)  # type: ignore[arg-type]
 
-    known = follower.glance
-    monkeypatch.setattr(follower, "glance", noted)
+    known = follower.partial_update
+    monkeypatch.setattr(follower, "partial_update", noted)
     return seen
 
 
@@ -67,31 +67,31 @@ def by_rows(rules: Ruleset, recording: Recording, known: int) -> list[Event]:
 @pytest.mark.parametrize(
     ("plant", "name"), [("abc", "leakage_A.csv"), ("abc", "swapped.csv"), ("abc", "warm_A.csv")]
 )
-def test_examples_agree_row_by_row(plant: str, name: str, glances: list[list[int]]) -> None:
+def test_examples_agree_row_by_row(plant: str, name: str, updates: list[list[int]]) -> None:
     rules = compiled(plant)
     recording = read_recording(ROOT / "plants" / plant / "examples" / name, rules)
     assert differences(rules, first_rows(recording, 25), 1) == []
-    assert glances != []
+    assert updates != []
 
 
-def test_only_the_part_that_moves_is_judged(glances: list[list[int]]) -> None:
+def test_only_the_part_that_moves_is_judged(updates: list[list[int]]) -> None:
     """Once all rows of a first look have been judged; a fault begins and ends in its part."""
     rules, recording = three_lines(), with_faults([LEAK], 130)
     events = by_rows(rules, recording, LEAK.first)
     told = [(e.what, e.episode.subject) for e in events if e.episode.kind == "fault"]
     assert told == [("began", LEAK.fault), ("ended", LEAK.fault)]
     assert events[0].time - recording.time[LEAK.first] <= 0.5
-    assert glances.count([1]) > 5
-    assert glances.count([1]) == len(glances)
+    assert updates.count([1]) > 5
+    assert updates.count([1]) == len(updates)
 
 
-def test_a_row_that_says_nothing_new_gets_no_look(glances: list[list[int]]) -> None:
+def test_a_row_that_says_nothing_new_gets_no_look(updates: list[list[int]]) -> None:
     rules, recording = three_lines(), with_faults([])
     assert by_rows(rules, recording, 100) == []
-    assert len(glances) < 10
+    assert len(updates) < 10
 
 
-def test_a_sensor_that_fails_is_looked_at(glances: list[list[int]]) -> None:
+def test_a_sensor_that_fails_is_looked_at(updates: list[list[int]]) -> None:
     """A reading that stands still needs a look at everything, which finds it stuck."""
     rules, recording = three_lines(), with_faults([])
     column = recording.values["L2B.dp"].copy()
