@@ -13,10 +13,13 @@ from tests.conftest import ROOT, compiled
 from tests.live.test_watch import LEAKAGE, environment
 
 WATCH = """
+import signal
 import sys
 from rulec_runtime.live import limits
 
 if __name__ == "__main__":
+    # Whoever runs the tests in the background has interrupts ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     limits.SMALL_PLANT = 5
     from rulec_runtime.cli import main
 
