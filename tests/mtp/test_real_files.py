@@ -9,7 +9,7 @@ import pytest
 
 from rulec.cli import main
 from rulec.commands.check_files import collect
-from tests.rig.mtp import compared, files, folder, seconds
+from tests.rig.mtp import compared, files, folder, plain_seconds, seconds
 
 pytestmark = pytest.mark.skipif(not files(), reason=f"no real packages in {folder()}")
 
@@ -38,6 +38,11 @@ def test_skeletons_pass_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert len(capsys.readouterr().out.splitlines()) < 80
 
 
-def test_twenty_files_take_less_than_a_second() -> None:
-    """Of CPU time, with all that is written."""
-    assert seconds([file for file in files() if not file.name.startswith("broken")]) < 1.0
+def test_import_costs_a_few_readings_of_the_xml() -> None:
+    """CPU time as a ratio to the plain walk of the same files in the same run.
+
+    Alone the import takes some three times the walk; a limit in seconds fails
+    on a machine that is busy.
+    """
+    good = [file for file in files() if not file.name.startswith("broken")]
+    assert seconds(good) < 6.0 * plain_seconds(good)
