@@ -39,10 +39,8 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     for row in range(10):
         for part in follow(rules, memory, part_of(recording, row, row + 1)):
             memory, told = part.memory, [*told, *part.events]
-    assert [(e.what, e.episode.subject) for e in told[:2]] == [
-        ("began", "B.leakage"),
-        ("began", "C.clogging"),
-    ]
+    final = {f.subject for f in followed(rules, recording, 1000)[0].episodes if f.active}
+    assert {e.episode.subject for e in told if e.what == "began"} - final
     file = LinesFile(tmp_path / "events.jsonl")
     file.commit("abc", told, None, dated=False)
     # Killed here: the state is that before the first row.
@@ -68,8 +66,8 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     active = {e.id for e in again.episodes if e.active}
     last = {e.episode.id: e for e in every}
     assert {name for name, e in last.items() if e.what in ("began", "changed")} == active
-    assert {e.subject for e in again.episodes if e.active} == {
-        f.subject for f in followed(rules, recording, 1000)[0].episodes if f.active
-    }
-    began = [e.episode.id for e in every if e.what == "began"]
-    assert len(began) == len(set(began))
+    assert {e.subject for e in again.episodes if e.active} == final
+    there = set[str]()
+    for event in every:
+        assert event.what != "began" or event.episode.id not in there
+        (there.discard if event.what in ("ended", "withdrawn") else there.add)(event.episode.id)

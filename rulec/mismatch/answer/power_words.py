@@ -43,12 +43,13 @@ def _told(seen: Seen, replays: int) -> str:
     if seen.seen_from is None:
         parts.append("at no size that it may have it is told in half of them")
     else:
-        parts.append(f"seen from about {_amount(seen.seen_from, seen.unit)} on")
+        # So many replays tell no more than one digit of it.
+        parts.append(f"seen from about {_amount(seen.seen_from, seen.unit, 1)} on")
     other = [f"{title} was told in {count}" for title, count in list(seen.other.items())[:SHOWN]]
     if other:
         parts.append(f"instead of it {listed(other)}")
     return "; ".join(parts)
 
 
-def _amount(value: float, unit: str) -> str:
-    return number(value, 2) if unit == "1" else f"{number(value, 2)} {unit}"
+def _amount(value: float, unit: str, digits: int = 2) -> str:
+    return number(value, digits) if unit == "1" else f"{number(value, digits)} {unit}"
