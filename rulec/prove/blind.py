@@ -1,0 +1,139 @@
+"""A blind test on somebody's own plant: every effect of the catalogue concealed in their recording.
+
+The plant's own model replays the recording with its noise, the classes of its sensors and the
+accuracies of its laws: with nothing missing, and with each effect in turn at its usual size. What
+would `rulec mismatch` have told? The answer belongs to this plant and this recording alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.document import Head, document, section
+from rulec_runtime.report.made import Made
+from rulec_runtime.report.tables import columns, table
+from rulec_runtime.report.text import counted, number, safe
+
+from rulec.api.mismatch import mismatch
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.result import Seen, SelfProof
+
+OFTEN, SOMETIMES = 0.9, 0.1
+"""Shares of the replays from which on an effect counts as told, and as told at times."""
+
+COLUMNS = ("effect", "usual size", "told", "told from", "told instead")
+
+
+@dataclass(frozen=True)
+class Blind:
+    """What replays say of each effect, those told most often first."""
+
+    plant: str
+    recording: str
+    proof: SelfProof
+
+    @property
+    def groups(self) -> tuple[tuple[str, list[Seen]], ...]:
+        """Effects by how often they are told at their usual size."""
+        least = (OFTEN, SOMETIMES, 0.0)
+        titles = ("Told as a rule", "Told at times", "Told at larger sizes, or not at all")
+        ends = [share * self.proof.replays for share in (*least, 0.0)]
+        found = []
+        for i, title in enumerate(titles):
+            below = ends[i - 1] if i else float("inf")
+            own = [e for e in self.proof.effects if ends[i] <= e.told_usual < below]
+            found.append((title, sorted(own, key=lambda e: (-e.told_usual, e.id))))
+        return tuple(found)
+
+    @property
+    def headline(self) -> str:
+        """The answer in one sentence."""
+        often, count = len(self.groups[0][1]), len(self.proof.effects)
+        return (
+            f"This recording would tell {often} of {counted(count, 'effect')} at their usual size; "
+            f"with nothing missing it would tell something in {self.proof.called_missing} of "
+            f"{self.proof.replays} replays"
+        )
+
+    def form(self) -> dict[str, Any]:
+        """Machine form; sizes in the unit beside them."""
+        return {
+            "plant": self.plant,
+            "recording": self.recording,
+            "replays": self.proof.replays,
+            "nothing": {"called_missing": self.proof.called_missing},
+            "effects": [vars(seen) for seen in self.proof.effects],
+        }
+
+
+def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind:
+    """Conceal every effect that a plant may have in replays of a recording.
+
+    Raises what `rulec.mismatch` raises: the plant or the recording is refused.
+    """
+    _, builder = open_builder(plant)
+    ids = list(dict.fromkeys(c.id for c in builder.candidates))
+    found = mismatch(plant, recording, power=ids, progress=progress).found
+    proof = found.power or SelfProof(replays=0, called_missing=0, effects=())
+    return Blind(found.plant, found.recording, proof)
+
+
+def cells(seen: Seen, replays: int) -> tuple[str, ...]:
+    """One effect as a row of the table.
+
+    >>> cells(Seen(id="a", title="Leak in A", usual=10.0, unit="%", told_usual=3), 200)
+    ('Leak in A', '10 %', '3 of 200', 'no size', '')
+    >>> cells(Seen(id="b", title="Slip in B"), 200)[1:3]
+    ('', 'does not show')
+    """
+    if not seen.usual > 0.0:
+        return (seen.title, "", "does not show", "", "")
+    unit = "" if seen.unit == "1" else f" {seen.unit}"
+    least = "no size" if seen.seen_from is None else f"{number(seen.seen_from, 1)}{unit}"
+    instead = [f"{title} ({count})" for title, count in list(seen.other.items())[:2]]
+    usual = f"{number(seen.usual, 2)}{unit}"
+    return (seen.title, usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
+
+
+def show(out: Console, found: Blind) -> None:
+    """The finding, then one table per group."""
+    out.print(styled("[bold]{}[/]", found.headline))
+    for title, effects in found.groups:
+        if not effects:
+            continue
+        shown = Table(*COLUMNS, title=f"\n{title}", title_justify="left", box=None, pad_edge=False)
+        for seen in effects:
+            shown.add_row(*(styled("{}", c) for c in cells(seen, found.proof.replays)))
+        out.print(shown)
+    out.print(styled("[dim]{}[/]", MEANING))
+
+
+MEANING = (
+    "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
+    "the size that half of the replays tell; told instead: in how many replays. Replays are made "
+    "by the model of this plant: what it leaves out itself is not in them."
+)
+
+
+def page(found: Blind, made: Made | None = None) -> str:
+    """One page to hand on; the same answer gives the same text."""
+    parts = (section(t, _rows(t, effects, found)) for t, effects in found.groups if effects)
+    head = Head(
+        kind="Blind test of a recording",
+        verdict=found.headline,
+        meaning=MEANING,
+        facts=(("Plant", found.plant), ("Recording", found.recording)),
+        made=made,
+    )
+    return document(head, "".join(parts))
+
+
+def _rows(title: str, effects: Sequence[Seen], found: Blind) -> str:
+    rows = ([safe(c) for c in cells(seen, found.proof.replays)] for seen in effects)
+    return table(title, columns(*COLUMNS), rows)
