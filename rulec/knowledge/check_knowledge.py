@@ -3,6 +3,7 @@ fluids, in SI."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
+from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
 from rulec.knowledge.module_type import Frequency
 from rulec.knowledge.sources import Sources
@@ -18,20 +20,24 @@ from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
 from rulec.language.document import Document
 from rulec.language.reader import Reader
-from rulec.language.units import NONE
+from rulec.language.units import NONE, UnitTable
+from rulec.limits import KEPT_DOCUMENTS
 
 
 def check_knowledge(sources: Sources) -> Knowledge:
     """Check the meaning of all knowledge documents; raises `Refused` with every mistake."""
     found: list[Diagnostic] = []
-    units = table_of(sources.units, found)
+    units = _units(tuple(sources.units)) or table_of(sources.units, found)
     table = {
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
     faults = {d.data["fault"]: check_fault(Reader(d, units, found)) for d in table["fault"]}
     sensors = {d.data["sensor"]: _sensor(Reader(d, units, found), faults) for d in table["sensor"]}
-    effects = {d.data["effect"]: EffectReader(d, units, found).read() for d in table["effect"]}
+    effects = {
+        d.data["effect"]: _effect(d, units) or EffectReader(d, units, found).read()
+        for d in table["effect"]
+    }
     fluids = {d.data["fluid"]: FluidReader(d, units, found).read() for d in table["fluid"]}
     modules = {
         d.data["module"]: ModuleReader(d, units, found, sensors, faults).read()
@@ -46,6 +52,22 @@ def check_knowledge(sources: Sources) -> Knowledge:
     return Knowledge(
         units=units, sensors=sensors, faults=faults, modules=modules, fluids=fluids, effects=effects
     )
+
+
+@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
+def _units(documents: tuple[Document, ...]) -> UnitTable | None:
+    """The units of some documents; None where there is a mistake."""
+    found: list[Diagnostic] = []
+    units = table_of(documents, found)
+    return None if found else units
+
+
+@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
+def _effect(document: Document, units: UnitTable) -> Effect | None:
+    """An effect; None where there is a mistake. Whoever checks many plants reads it once."""
+    found: list[Diagnostic] = []
+    effect = EffectReader(document, units, found).read()
+    return None if found else effect
 
 
 def _refuse_twins(

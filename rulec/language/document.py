@@ -7,9 +7,10 @@ numbers beyond reason and more than one document are refused.
 from __future__ import annotations
 
 import codecs
+import functools
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,13 @@ import yaml
 from rulec_runtime.output.open_file import begin_of
 
 from rulec.language.diagnostics import Diagnostic, Place, is_ours, no_file_of_ours, split_lines
-from rulec.limits import MAX_FILE_BYTES, MAX_FILE_NUMBER, MAX_INTEGER_DIGITS, MAX_NESTING
+from rulec.limits import (
+    KEPT_DOCUMENTS,
+    MAX_FILE_BYTES,
+    MAX_FILE_NUMBER,
+    MAX_INTEGER_DIGITS,
+    MAX_NESTING,
+)
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -41,9 +48,9 @@ _WORDS |= {"false": False, "False": False, "FALSE": False}
 Path_ = tuple[str | int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Document:
-    """A YAML file as plain data plus where each part stands.
+    """A YAML file as plain data plus where each part stands; nobody changes its data.
 
     `path` is how the user names the file, `label` how a ruleset does: with its last folders, so
     that a ruleset does not depend on where it was compiled. `data` holds dict, list, str, int,
@@ -109,7 +116,13 @@ def _decoded(name: str, raw: bytes) -> tuple[Document | None, list[Diagnostic]]:
 
 
 def parse_document(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
-    """Parse YAML text that is already in memory."""
+    """Parse YAML text that is already in memory; the same text gives the same document."""
+    document, found = _parsed(name, text)
+    return document, list(found)
+
+
+@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
+def _parsed(name: str, text: str) -> tuple[Document | None, Sequence[Diagnostic]]:
     bad = _CONTROL.search(text)
     if bad is not None:
         before = split_lines(text[: bad.start()])

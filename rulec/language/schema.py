@@ -14,7 +14,7 @@ import jsonschema
 
 from rulec.language.diagnostics import KINDS, Diagnostic, did_you_mean, nearest
 from rulec.language.document import Document, Path_
-from rulec.limits import MAX_UNKNOWN_KEYS
+from rulec.limits import KEPT_DOCUMENTS, MAX_UNKNOWN_KEYS
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
 """Keys that name a kind of file, but that a plant has too, with another type."""
@@ -32,7 +32,8 @@ def kind_of(document: Document) -> str | None:
     return None
 
 
-def check_schema(document: Document, kind: str, schema_folder: Path) -> list[Diagnostic]:
+@functools.lru_cache(maxsize=KEPT_DOCUMENTS)
+def check_schema(document: Document, kind: str, schema_folder: Path) -> tuple[Diagnostic, ...]:
     """All schema violations of a document, with their places; one for each mistake."""
     errors = list(_validator(schema_folder / f"{kind}.schema.json").iter_errors(document.data))
     seen = {(error.validator, tuple(error.absolute_path)) for error in errors}
@@ -43,7 +44,7 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> list[Dia
         misspelt = error.validator == "oneOf" and ("additionalProperties", path) in seen
         if not empty and not misspelt:
             found += _diagnose(document, kind, error)
-    return found
+    return tuple(found)
 
 
 @functools.cache

@@ -85,7 +85,7 @@ class Unit:
         return (value - self.offset) / self.factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnitTable:
     """The accepted spellings and the quantities signals may have.
 
