@@ -12,8 +12,8 @@ from rulec_runtime.report.verdict import verdict
 
 from rulec.commands.matrix_page import matrix_page
 from rulec.commands.matrix_page import verdict as matrix_verdict
-from rulec.mismatch.answer.page import report as mismatch_report
-from rulec.mismatch.answer.summary import verdict as mismatch_verdict
+from rulec.mismatch.answer.shown import report as mismatch_report
+from rulec.mismatch.answer.shown import verdict as mismatch_verdict
 from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.result import Mismatch
 from rulec.prove.page import headline as prove_headline
