@@ -108,6 +108,30 @@ FAR_OFF = 3.0
 """Errors of the repaired model, in noise of the reading, from which on the headline tells them.
 Origin: assumed."""
 
+MAJOR = 0.5
+"""Share of what could be explained that names must have, beside a driver that nobody recorded.
+Origin: assumed."""
+
+SPOILED = 0.05
+"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used.
+Origin: assumed."""
+
+SAME_ERROR = 1e-6
+"""Share by which an error may exceed another and still be the same: digits of files and solvers.
+Origin: numerical."""
+
+CURVE_CLEAR = 3.0
+"""Standard uncertainties by which a curve must rise or fall, or its branches differ, to be told so:
+it is looked at between all of its points. Origin: distribution (normal, 1 of 400, some ten
+independent points)."""
+
+CURVE_COUNTS = 0.2
+"""Share of the height of a curve below which a rise, a fall or a gap between branches is not told.
+Origin: assumed."""
+
+CURVE_FLAT = 0.1
+"""Share of a rise at either end of it that counts as flat. Origin: assumed."""
+
 # Experiments.
 
 CORNERED = 4

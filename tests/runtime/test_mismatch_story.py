@@ -11,10 +11,10 @@ import pytest
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.knowledge.belief import Strain
+from rulec.mismatch.answer.findings import told_of as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.shown import report, tell
 from rulec.mismatch.answer.story import explained_words
-from rulec.mismatch.answer.together import told as updated
 from rulec.mismatch.answer.wording import region_words, value_and_u
 from rulec.mismatch.result import (
     Errors,

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
@@ -15,10 +17,25 @@ from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period, Shape
+from rulec.mismatch.result import (
+    Alternative,
+    Estimate,
+    Finding,
+    Location,
+    Moved,
+    OfRecording,
+    Period,
+    Shape,
+    Update,
+)
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve_found import CurveFound
+from rulec.mismatch.search.settled.by_recording import ByRecording
+
+MOVED = 3
+"""Explanations in the sentence on a further recording."""
 
 
 def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ...]:
@@ -222,3 +239,46 @@ def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
                 low, high = variable.shown(np.nanquantile(variable.course, [0.0, 1.0]))
                 told[f"{name} below {low:.4g} or above {high:.4g} {variable.unit}"] = None
     return tuple(told)
+
+
+def of_recordings(recording: Recording, rows: Rows, found: ByRecording) -> tuple[OfRecording, ...]:
+    """Each recording in the order given, with its rows and what it says alone."""
+    source = recording.source
+    assert source is not None
+    data = rows.system.data
+    serves = np.zeros(len(data), dtype=bool)
+    serves[rows.group_point] = True
+    used = (data.sample >= 0) & serves[np.maximum(data.sample, 0)]
+    return tuple(
+        OfRecording(
+            name=recording.sources[alone.number],
+            rows=int((source == alone.number).sum()),
+            used=int((used & (source == alone.number)).sum()),
+            verdict=alone.verdict,
+            alone=alone.likely,
+        )
+        for alone in found.alone
+    )
+
+
+def updates_of(names: Sequence[str], found: ByRecording) -> tuple[Update, ...]:
+    """What each further recording changed."""
+    return tuple(
+        Update(names[number], told_of(names[number], moved), moved)
+        for number, moved in found.moved.items()
+    )
+
+
+def told_of(name: str, moved: Sequence[Moved]) -> str:
+    """What a further recording changed, in one sentence.
+
+    >>> told_of("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "friction", 0.25, 0.02)])
+    'With b.csv: slip 50\xa0% -> 97\xa0%; friction 25\xa0% -> 2\xa0%'
+    """
+    shown = [f"{m.title} {_share(m)}" for m in moved[:MOVED]]
+    return f"With {name}: {'; '.join(shown)}"
+
+
+def _share(moved: Moved) -> str:
+    after = percent(moved.after)
+    return after if moved.before is None else f"{percent(moved.before)} -> {after}"

@@ -9,8 +9,7 @@ from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.belief import Strain
-from rulec.mismatch import limits as common
-from rulec.mismatch.answer import limits
+from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words
 from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
@@ -71,7 +70,7 @@ class Doubt:
     @property
     def is_there(self) -> bool:
         """Does anything speak against it?"""
-        return self.nothing < common.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
+        return self.nothing < limits.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
 
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
@@ -81,7 +80,7 @@ class Doubt:
     @property
     def missing(self) -> bool:
         """Is it sure that something is missing, if not what?"""
-        sure = self.nothing < common.MENTIONED
+        sure = self.nothing < limits.MENTIONED
         return sure or bool(self.beyond) or bool(self.unbelievable)
 
 
@@ -96,7 +95,7 @@ def verdict_of(findings: Sequence[Finding], left: bool, doubt: Doubt) -> str:
         return "unsure" if doubt.is_there else "none"
     physics = [f for f in named if f.sort in OF_THE_MODEL]
     deciding = physics or named
-    if deciding[0].class_probability < common.CERTAIN:
+    if deciding[0].class_probability < limits.CERTAIN:
         return "ambiguous"
     if physics:
         return "named"
@@ -129,7 +128,7 @@ def headline_of(
             f"explains.{follows}"
         )
     pairs = list(zip(told, names, strict=True))
-    sure = [(f.sort, n) for f, n in pairs if f.class_probability >= common.CERTAIN]
+    sure = [(f.sort, n) for f, n in pairs if f.class_probability >= limits.CERTAIN]
     if verdict == "ambiguous":
         beside = f" Sure beside that: {_joined([n for _, n in sure])}." if sure else ""
         return _open(*_deciding(pairs)) + beside
@@ -141,7 +140,7 @@ def headline_of(
     if verdict in ("fault", "sensor"):
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
-    doubtful = [n for f, n in pairs if f.class_probability < common.CERTAIN]
+    doubtful = [n for f, n in pairs if f.class_probability < limits.CERTAIN]
     said += [f"Not sure: {_joined(doubtful)}"] if doubtful else []
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
 
@@ -153,7 +152,7 @@ def _deciding(pairs: Sequence[tuple[Finding, str]]) -> tuple[Finding, str]:
 
 def _open(finding: Finding, name: str) -> str:
     """What is likeliest, alone or with all that are about as likely."""
-    if any(a.probability >= common.MENTIONED for a in finding.alternatives):
+    if any(a.probability >= limits.MENTIONED for a in finding.alternatives):
         return f"Several explanations fit about equally: {name}."
     probability = percent(finding.probability)
     return f"Not sure enough to be named: {name} ({probability})."
@@ -172,9 +171,9 @@ def _with_others(finding: Finding) -> str:
     others = [
         _inside(a.title)
         for a in finding.alternatives
-        if a.same or a.probability >= common.MENTIONED
+        if a.same or a.probability >= limits.MENTIONED
     ]
-    shapeless = ["a curve like it"] if finding.shapeless >= common.MENTIONED else []
+    shapeless = ["a curve like it"] if finding.shapeless >= limits.MENTIONED else []
     return " or ".join([name, *others, *shapeless])
 
 
@@ -210,7 +209,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     if verdict in ("none", "unnamed", "unsure", "cannot judge"):
         return ""
     most, signal = _farthest(fits)
-    if most < common.FAR_OFF:
+    if most < limits.FAR_OFF:
         return ""
     return f" However, {signal} is still off by {most:.0f} times its noise."
 
@@ -224,14 +223,14 @@ def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
         said = f"Something is missing, but this recording does not say what: {why}."
     else:
         said = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
-    likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
+    likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
     titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
     return f"{said} Possible explanations: {'; '.join(titles)}." if titles else said
 
 
 def _nothing(most: float, signal: str) -> str:
     """No explanation is likely; a law that is not exact may all the same be off by much."""
-    if most < common.FAR_OFF:
+    if most < limits.FAR_OFF:
         return "Nothing is missing: what recalibration leaves is noise."
     return (
         f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, no more "
@@ -309,13 +308,3 @@ def _look_at(location: Location) -> str:
         )
     told.append("Where you know the law, write it as an effect and run again.")
     return " ".join(told)
-
-
-def is_spoiled(fit: Fit) -> bool:
-    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
-    held = fit.heldout
-    rise = held.repaired - held.recalibrated
-    beyond_chance = fit.gain_interval[1] < 0.0
-    return (
-        beyond_chance and rise > limits.SPOILED * held.recalibrated and held.repaired > held.noise
-    )
