@@ -58,7 +58,7 @@ def test_every_verdict_gives_a_sound_page(case: str) -> None:
     ("mismatch", "expected"),
     [
         (NAMED, ["driver0", "time", "driver1"]),
-        (FAULT, ["time", "driver0", "driver1", "periods0"]),
+        (FAULT, ["time", "driver0", "driver1"]),
         (UNNAMED, ["driver0", "time", "driver1", "hidden"]),
         (NONE, ["time", "driver0", "driver1"]),
         (CANNOT_JUDGE, []),
@@ -66,7 +66,7 @@ def test_every_verdict_gives_a_sound_page(case: str) -> None:
     ids=["named", "fault", "unnamed", "none", "cannot judge"],
 )
 def test_pictures_are_those_the_comparison_allows(mismatch: Mismatch, expected: list[str]) -> None:
-    """What it depends on is first; a fault has its periods, what is not recorded its course."""
+    """What it depends on is first; what is not recorded has its course."""
     assert expected == figures(report(mismatch))
 
 

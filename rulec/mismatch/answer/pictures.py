@@ -1,4 +1,4 @@
-"""Pictures of a comparison: over time, over what drives it, periods of faults, hidden courses.
+"""Pictures of a comparison: over time, over what drives it, and courses that nobody recorded.
 
 The sentence below each is computed from what is drawn.
 """
@@ -6,7 +6,6 @@ The sentence below each is computed from what is drawn.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,19 +13,17 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.figure import Figure, plot
-from rulec_runtime.report.text import counted, degree, number, percent
+from rulec_runtime.report.text import counted, number, percent
 from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
-from rulec_runtime.report.time_axis import over, time_plot, told
+from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.wording import growth_words, is_repaired, titled
+from rulec.mismatch.answer.wording import is_repaired
 from rulec.mismatch.result import (
     Curves,
-    Finding,
     HiddenDriver,
     Location,
     Mismatch,
-    Period,
     Shape,
 )
 
@@ -172,10 +169,6 @@ def pictures_of(
         followed, others = _drivers(mismatch, drawn)
         for i, title in enumerate([*followed, *others][:DRIVERS]):
             (first if i == 0 and followed else then).append(_over_driver(drawn, i, title))
-    for i, finding in enumerate(mismatch.findings):
-        periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
-        if periods:
-            then.append(_periods(finding, periods, i, calendar))
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
         then.append(_course(mismatch.hidden, calendar))
     return first, then
@@ -301,41 +294,6 @@ def _over_driver(drawn: Drawn, index: int, title: str) -> Figure:
         body="".join(parts),
         caption=said,
         narrow=True,
-    )
-
-
-def _periods(
-    finding: Finding, found: Sequence[Period], index: int, calendar: Calendar | None
-) -> Figure:
-    """Degree of a fault over time with its 95 % bounds; what grows begins at nothing."""
-    periods = sorted(found, key=lambda p: p.since)
-    time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
-    begun = [0.0 if p.growth else 1.0 for p in periods]
-    course = np.array(
-        [d for p, b in zip(periods, begun, strict=True) for d in (b * p.degree, p.degree, np.nan)]
-    )
-    spread = np.array(
-        [2 * u for p, b in zip(periods, begun, strict=True) for u in (b * p.u, p.u, p.u)]
-    )
-    across = over(time, calendar)
-    panel = Panel(across, _holding(course - spread, course + spread, np.zeros(1)), 150)
-    band = panel.band(time, course - spread, course + spread, "s0")
-    name = f"{finding.module}.{finding.name}"
-    lines = [band, panel.curve(time, course, "s0")]
-    worst = max(periods, key=lambda p: abs(p.degree))
-    said = (
-        f"{counted(len(periods), 'period')}; the largest degree is "
-        f"{degree(worst.degree, worst.unit)}, {told(calendar, worst.since, worst.until)}."
-    )
-    if any(p.growth for p in periods):
-        said = f"It {growth_words(found[0])}."
-    svg = panel.drawn(name, f"{name}, degree [1]", lines, [], True)
-    return Figure(
-        name=f"periods{index}",
-        title=titled(finding),
-        key="band: 95 % bounds",
-        body=time_plot(svg, True, across, calendar),
-        caption=said,
     )
 
 
