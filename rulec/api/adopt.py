@@ -157,7 +157,7 @@ def _check_errors(ruleset: Ruleset, readings: Recording, proven: Proven) -> None
     lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
     if lacking:
         raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
-    from rulec.mismatch.answer.public import row_errors, simulated
+    from rulec.mismatch.answer.written import row_errors, simulated
 
     readings = mended(readings, proven.misread)
     try:

@@ -43,13 +43,13 @@ class ExperimentResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """The experiment as `rulec experiment --json` writes it; units of the signals, times in
         s."""
-        from rulec.mismatch.experiment.written import experiment_form
+        from rulec.mismatch.experiment.result import experiment_form
 
         return experiment_form(self.found, self.ruleset)
 
     def inputs_csv(self) -> str:
         """A recording of what is to be set, for `rulec.simulate`; a header alone without steps."""
-        from rulec.mismatch.experiment.written import inputs_csv
+        from rulec.mismatch.experiment.result import inputs_csv
 
         return inputs_csv(self.found, self.ruleset)
 
@@ -59,7 +59,7 @@ class ExperimentResult(Result):
 
     def page(self) -> str:
         """The recipe, one page of HTML with pictures."""
-        from rulec.mismatch.experiment.page import experiment_page
+        from rulec.mismatch.experiment.recipe import experiment_page
 
         return experiment_page(self.found, self.ruleset, made_now("rulec"))
 
@@ -123,7 +123,7 @@ def experiment(
     >>> import rulec
     >>> rulec.experiment("day.json", hours=2.0).write_inputs("inputs.csv")  # doctest: +SKIP
     """
-    from rulec.mismatch.experiment.standing_file import standing_of
+    from rulec.mismatch.experiment.result import standing_of
 
     source = reread(mismatch, recalibrated=True)
     standing = standing_of(source.data, source.file)

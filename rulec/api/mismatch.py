@@ -100,7 +100,7 @@ class MismatchResult(Result):
 
     def page(self) -> str:
         """The report, one page of HTML with pictures."""
-        from rulec.mismatch.answer.page import report
+        from rulec.mismatch.answer.shown import report
 
         return report(self.found, self.subject, made_now("rulec"))
 
@@ -116,7 +116,7 @@ class MismatchResult(Result):
 
     def tell(self, out: Console) -> None:
         """Print the whole story."""
-        from rulec.mismatch.answer.terminal_story import tell
+        from rulec.mismatch.answer.shown import tell
 
         tell(out, self.found)
 

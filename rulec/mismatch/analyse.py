@@ -17,7 +17,6 @@ from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
 from rulec.mismatch.answer.explained import Blind, Explained
 from rulec.mismatch.answer.findings import findings_of, location_of, untested
-from rulec.mismatch.answer.public import checks_of, refusal
 from rulec.mismatch.answer.verdict import (
     Doubt,
     headline_of,
@@ -26,7 +25,7 @@ from rulec.mismatch.answer.verdict import (
     verdict_of,
     with_misread,
 )
-from rulec.mismatch.answer.writable import Told, told, writable
+from rulec.mismatch.answer.written import Told, checks_of, refusal, told, writable
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR

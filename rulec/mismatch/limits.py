@@ -108,6 +108,82 @@ FAR_OFF = 3.0
 """Errors of the repaired model, in noise of the reading, from which on the headline tells them.
 Origin: assumed."""
 
+MAJOR = 0.5
+"""Share of what could be explained that names must have, beside a driver that nobody recorded.
+Origin: assumed."""
+
+SPOILED = 0.05
+"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used.
+Origin: assumed."""
+
+SAME_ERROR = 1e-6
+"""Share by which an error may exceed another and still be the same: digits of files and solvers.
+Origin: numerical."""
+
+CURVE_CLEAR = 3.0
+"""Standard uncertainties by which a curve must rise or fall, or its branches differ, to be told so:
+it is looked at between all of its points. Origin: distribution (normal, 1 of 400, some ten
+independent points)."""
+
+CURVE_COUNTS = 0.2
+"""Share of the height of a curve below which a rise, a fall or a gap between branches is not told.
+Origin: assumed."""
+
+CURVE_FLAT = 0.1
+"""Share of a rise at either end of it that counts as flat. Origin: assumed."""
+
+# Experiments.
+
+CORNERED = 4
+"""Inputs of which the ends are combined in all ways. Origin: numerical."""
+
+PLACES_DOUBLED = 7
+"""Doublings of the number of operating points that are tried. Origin: numerical."""
+
+HELD_SAMPLES = 10
+"""Settled samples of a step at least. Origin: assumed."""
+
+SHORTEST_STEP = 60.0
+"""How long a step lasts where a recording does not tell, s. Origin: assumed."""
+
+WORTH_A_STEP = 0.002
+"""By how much a step must raise the probability of the truth. Origin: numerical."""
+
+WORTH_COST = 0.01
+"""By how much the probability of the truth must rise to be worth twice the time, or a loss of
+product. Origin: assumed."""
+
+SCATTER_NODES = 5
+"""Values of a deviate over which the probability of the truth is averaged. Origin: numerical."""
+
+TELLING_STEPS = 6
+"""Most steps that tell explanations apart; all others cover what may be set. Origin: assumed."""
+
+COVERING_HELD = 4
+"""How many times as long as the shortest step one that covers is held. Origin: assumed."""
+
+TOLD_APART = 3.0
+"""Expected log Bayes factor from which on two explanations are told apart, nats: 20 to 1. Origin:
+source (Kass and Raftery 1995, strong evidence)."""
+
+FORETELL_STEPS = 8
+"""Steps in which readings are found that obey a model. Origin: numerical."""
+
+FORETELL_STEP = 0.5
+"""Largest share by which a reading moves in such a step. Origin: numerical."""
+
+FORETOLD_WELL = 0.01
+"""By how much readings that are foretold may miss their model, in units of the noise. Origin:
+numerical."""
+
+COVERED = 2.0
+"""Standard deviations of what is foretold that must stay within the limits of a reading. Origin:
+standard (coverage factor of an expanded uncertainty, JCGM 100:2008)."""
+
+CLAIM_STEP = 0.1
+"""Step of a number, in its standard deviations, in which the slope of what an explanation says is
+taken. Origin: numerical."""
+
 # Displays with coarse steps.
 
 FORM_U = 0.5
@@ -124,10 +200,6 @@ zero may have been set in between, its slope and curvature hardly. Origin: assum
 
 LOST_TOLD = 3
 """Effects that lost against a term without a name that are told. Origin: assumed."""
-
-DRAWN = 2000
-"""Draws of what is read, for the certainty that an experiment can be expected to give: to a percent
-or two. Origin: numerical."""
 
 ACCURACY_STEPS = 3
 """Refits in which it shows how exact laws are. Origin: numerical."""

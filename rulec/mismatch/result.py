@@ -1,4 +1,7 @@
-"""What a comparison of simulation and recording found; the terminal, JSON and report show it."""
+"""What a comparison of simulation and recording found; terminal, JSON and page show it.
+
+Values are as shown, in their `unit`, times in s; arrays have shape (n,) where nothing else is said.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,13 @@ from rulec.mismatch.candidate_sets import Standing
 
 __all__ = ["Changed", "Repair"]
 
+NAN = float("nan")
+
 
 @dataclass(frozen=True)
 class Region:
-    """Where a mismatch shows: readings of `variable` between `low` and `high` (None: open).
-
-    Numbers are in `unit`, as shown; `share` of the mismatch at that place lies inside.
-    """
+    """Readings of `variable` between `low` and `high` (None: open), where `share` of the mismatch
+    at a place lies."""
 
     variable: str
     low: float | None
@@ -44,14 +47,13 @@ class Beaten:
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """What is left out at a place over its driver, as shown.
+    """What is left out at a place over its driver.
 
-    `at`, `value` and `u`, shape (n,), are the driver in `driver_unit`, what the law of that place
-    would have to add in `unit`, from the level at which it begins, and its standard uncertainty.
-    `means`, shape (m, 3), are the same of single operating states. `text` tells the shape in words;
-    `monotone` whether it turns back nowhere. `memory` is ``yes``, ``no`` or ``cannot be told``:
-    whether it matters from which side the driver came; `memory_text` says how far that is sure.
-    `beaten` are names that were tried in its place, the nearest first.
+    `at`, `value` and `u` are the driver, what the law would have to add, from the level at which it
+    begins, and its standard uncertainty; `means`, shape (m, 3), the same of single operating
+    states. `monotone`: it turns back nowhere. `memory` is ``yes``, ``no`` or ``cannot be told``:
+    whether it matters from which side the driver came. `beaten` are names that were tried in its
+    place, the nearest first.
     """
 
     driver: str
@@ -70,11 +72,8 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Location:
-    """A place that is wrong: `share` of the whole mismatch, where and when (periods in s).
-
-    `title` tells the place in words; `also` lists places that no residual tells from it. `shape` is
-    that of what has no name, where it follows a driver.
-    """
+    """A place that has `share` of the whole mismatch, where and when; `also` are places that no
+    residual tells from it. What has no name and follows a driver has a `shape`."""
 
     module: str
     place: str
@@ -88,7 +87,7 @@ class Location:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter as shown: value, standard uncertainty, 95 % profile interval, in `unit`."""
+    """A parameter: value, standard uncertainty, and the ends of its 95 % profile interval."""
 
     title: str
     value: float
@@ -119,8 +118,8 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True)
 class Growth:
-    """How a degree grows from nothing: by `rate` per hour, with its standard uncertainty and 95 %
-    bounds; `u_since` (s) is that of the onset."""
+    """How a degree grows from nothing: `rate` per hour with standard uncertainty and 95 % bounds;
+    `u_since` is that of the onset."""
 
     rate: float
     u: float
@@ -131,10 +130,8 @@ class Growth:
 
 @dataclass(frozen=True)
 class Period:
-    """A fault was there from `since` to `until` (s) at a degree: a share, or a size in `unit`.
-
-    One with a `growth` was nothing at `since` and reached its degree at `until`.
-    """
+    """A fault was there at a degree: a share, or a size in `unit`. One with a `growth` was nothing
+    at `since` and reached its degree at `until`."""
 
     since: float
     until: float
@@ -146,14 +143,14 @@ class Period:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or
-    ``structure`` (a column is not what its header says, or a pipe not as the plant file does;
-    `place` then holds ids of signals or outlets).
+    """An explanation.
 
-    `id` is that of the candidate; `gain` its own gain in log likelihood, prices paid (in settled
-    plants on blocks that it was not fitted to, in plants that store on those it was), and `rivals`
-    those that lost. `closed` is its share of the gains of all explanations.
-    `members` lists all modules where it acts alike, empty for one module alone.
+    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or ``structure`` (a column is
+    not what its header says, or a pipe not as the plant file does; `place` then holds ids of
+    signals or outlets). `gain` is its own in log likelihood, prices paid (of settled plants on
+    blocks that it was not fitted to, of plants that store on those it was); `rivals` lost. `closed`
+    is its share of the gains of all explanations. `members` are all modules where it acts alike,
+    empty for one alone. A curve of its shape without a name has the probability `shapeless`.
     """
 
     id: str
@@ -185,7 +182,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Root mean square errors of the predicted signal, as shown.
+    """Root mean square errors of a predicted signal.
 
     `repaired` is that of the plant that `rulec adopt` writes; `explained` that of the whole
     explanation, with what no model may hold (faults, sensors, courses in time), NaN where it was
@@ -197,17 +194,17 @@ class Errors:
     repaired: float
     noise: float
     points: int
-    explained: float = float("nan")
+    explained: float = NAN
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """How well the predicted signal is met; `gain_interval` is the 95 % block-bootstrap interval
-    of the fall of the held-out error by the repair, as a share of the recalibrated error.
+    """How well a predicted signal is met.
 
-    `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
-    The errors are those of `simulated` plants, or else (and in the search) of the residual
-    with the id `relation`, solved for the signal; None where only simulation tells the signal.
+    `gain_interval` is the 95 % block-bootstrap interval of the fall of the held-out error by the
+    repair, as a share of the recalibrated error; `closed` the share of the explainable mismatch (in
+    squares) that is gone, held out. Errors are those of `simulated` plants, or else (and in the
+    search) of the residual with the id `relation`, solved for the signal.
     """
 
     signal: str
@@ -240,11 +237,8 @@ class Likely:
 
 @dataclass(frozen=True)
 class OfRecording:
-    """One of several recordings that were judged together.
-
-    `rows` are those of it, of which `used` served for something. `verdict` is what it says alone,
-    `alone` are the explanations that may be right by it, the likeliest first.
-    """
+    """One of several recordings that were judged together: of its rows so many were used; what it
+    says alone, and which explanations may be right by it, the likeliest first."""
 
     name: str
     rows: int
@@ -266,8 +260,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Update:
-    """What a further recording, by its name, changed of the probabilities before it, in words too;
-    those first that are likeliest, before or after."""
+    """What a further recording changed; those first that are likeliest, before or after."""
 
     recording: str
     text: str
@@ -284,8 +277,8 @@ class Misread:
 
 @dataclass(frozen=True, kw_only=True)
 class Rewired:
-    """A connection as `stated` in the plant file (None: it is not) and as it `fits` the readings
-    (None: there is none), as ``A -> M1``; `edit` says what to change, with file and line."""
+    """A connection as the plant file has it and as it fits the readings, such as ``A -> M1`` (None:
+    there is none); `edit` says what to change, with file and line."""
 
     stated: str | None
     fits: str | None
@@ -303,11 +296,8 @@ class Confounded:
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenDriver:
-    """Course of something that drives a mismatch and is not recorded.
-
-    `time` (s) and `course` have shape (n,), `course` in `unit` (of the place that it moves). One
-    that `switches` does so with what the plant is set to.
-    """
+    """Course of something that drives a mismatch and is not recorded, in `unit` of the place that
+    it moves; one that `switches` does so with what the plant is set to."""
 
     module: str
     place: str
@@ -322,11 +312,9 @@ class HiddenDriver:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What anybody finds who simulates the written plant over the recording, as shown.
-
-    `error` is the root mean square over the `rows` of the held-out spans that have a reading and a
-    prediction; `plain` that of the recalibrated plant over the same rows.
-    """
+    """What anybody finds who simulates the written plant over the recording: root mean square
+    errors of the repaired and of the recalibrated plant over the `rows` of the held-out spans that
+    have a reading and a prediction."""
 
     signal: str
     rows: int
@@ -336,12 +324,8 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
-
-    `residual_before` is measured less recalibrated, `residual_after` measured less repaired;
-    `drivers` maps titles (with unit) to readings, `inside` flags points whose errors count: those
-    outside of periods of faults.
-    """
+    """For pictures: what was measured and predicted. `heldout` flags points that nothing was fitted
+    to, `inside` those whose errors count; `drivers` maps titles with unit to readings."""
 
     time: Array
     measured: Array
@@ -355,10 +339,8 @@ class Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """What the three models predict of a signal; arrays of shape (n,), in `unit`, NaN: nothing.
-
-    Where nothing was found `repaired` is `recalibrated`.
-    """
+    """What the three models predict of a signal, NaN: nothing; where nothing was found `repaired`
+    is `recalibrated`."""
 
     signal: str
     unit: str
@@ -370,7 +352,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Series:
-    """Courses of all predicted signals; `time`, s, and flags `heldout` have shape (n,)."""
+    """Courses of all predicted signals."""
 
     time: Array
     heldout: np.ndarray
@@ -381,19 +363,19 @@ class Series:
 class Seen:
     """How often an effect is told that is concealed in replays of the recording.
 
-    Of all replays it is `told` at its `size`, in `unit`: the one that was `found`, else the usual
-    one; and `told_usual` at its `usual` size. `other` maps titles of what was told instead at its
-    size to how often. `seen_from` is the smallest size that is told in half of the replays; None
-    where none is. What no reading shows has no size (NaN).
+    Of all replays it is `told` at its `size`: the one that was `found`, else the usual one; and
+    `told_usual` at its `usual` size. `other` maps titles of what was told instead at its size to
+    how often. `seen_from` is the smallest size that half of the replays tell. What no reading shows
+    has no size (NaN).
     """
 
     id: str
     title: str
-    size: float = float("nan")
+    size: float = NAN
     unit: str = ""
     told: int = 0
     other: Mapping[str, int] = field(default_factory=dict)
-    usual: float = float("nan")
+    usual: float = NAN
     told_usual: int = 0
     seen_from: float | None = None
     found: bool = False
@@ -401,10 +383,8 @@ class Seen:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfProof:
-    """What replays of the recording by the plant's own model say of the answer.
-
-    In `called_missing` of the `replays` with nothing missing something was said to be missing.
-    """
+    """What replays of the recording by the plant's own model say; with nothing missing something
+    was said to be missing in `called_missing` of them."""
 
     replays: int
     called_missing: int
@@ -421,17 +401,14 @@ class Mismatch:
 
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous``, ``unsure``
     or ``cannot judge``. `strain` are parameters far from their data sheets. `fits` has one for each
-    predicted signal, `fit` is the first. `split` says in
-    words which blocks served for what, `digest` is its hash. `noise` says where the size of the
-    noise comes from, `tried` how many explanations were tried. `repair` is the plant that `rulec
-    adopt` writes, `plain` the recalibrated one, which can be written at any time. `left_out` are
-    explanations that no model may hold, with the reason, `refused` says why nothing is to be
-    written, empty where it may be. `checks` are for whoever writes a plant. `series` holds the
-    courses of all `fits`; None where nothing was split. `evidence` counts every row of the
-    recording once. `misread` are columns that were read otherwise than their header says: all that
-    is told holds for the recording read so. Where several recordings were judged together,
-    `recordings` has each, and `changed` what each further one changed. `seconds` is how long it
-    took. `power` says what replays show, where that was asked for.
+    predicted signal, `fit` is the first. `split` says which blocks served for what, `digest` is its
+    hash. `tried` is how many explanations were tried. `repair` is the plant that `rulec adopt`
+    writes, `plain` the recalibrated one. `left_out` are explanations that no model may hold, with
+    the reason; `refused` says why nothing is to be written, empty where it may be. `checks` are for
+    whoever writes a plant. `evidence` counts every row once. `misread` are columns that were read
+    otherwise than their header says: all that is told holds for the recording read so.
+    `recordings` are those that were judged together, `changed` what each further one changed.
+    `power` says what replays show, where that was asked for.
     """
 
     plant: str

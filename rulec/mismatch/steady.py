@@ -16,11 +16,10 @@ from rulec_runtime.report.text import counted, fixed, listed
 from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
-from rulec.mismatch.answer.findings import location_of_spot, shares_of
-from rulec.mismatch.answer.public import Plants, file_of
-from rulec.mismatch.answer.together import of_recordings, updates_of
+from rulec.mismatch.answer.explained import Blind, Explained, Plants, Reading, Refits
+from rulec.mismatch.answer.findings import location_of_spot, of_recordings, shares_of, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
+from rulec.mismatch.answer.written import file_of
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
 from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration

@@ -18,9 +18,8 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
+from rulec.mismatch.answer.explained import Blind, Explained, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
-from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of

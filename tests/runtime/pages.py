@@ -12,10 +12,9 @@ from rulec_runtime.report.verdict import verdict
 
 from rulec.commands.matrix_page import matrix_page
 from rulec.commands.matrix_page import verdict as matrix_verdict
-from rulec.mismatch.answer.page import report as mismatch_report
-from rulec.mismatch.answer.summary import verdict as mismatch_verdict
-from rulec.mismatch.experiment.page import experiment_page
-from rulec.mismatch.experiment.words import headline
+from rulec.mismatch.answer.shown import report as mismatch_report
+from rulec.mismatch.answer.shown import verdict as mismatch_verdict
+from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.result import Mismatch
 from rulec.prove.page import headline as prove_headline
 from rulec.prove.page import page as prove_page
@@ -72,7 +71,7 @@ def every_page() -> dict[str, tuple[str, str]]:
         },
         "experiment": (
             experiment_page(experiment, abc, MADE),
-            headline(experiment).removesuffix("."),
+            experiment.headline.removesuffix("."),
         ),
         "study": (study_page(abc, TYPES, points, Settings(), study, MADE), study_verdict(study)),
         "matrix": (matrix_page(abc, MADE), matrix_verdict(abc)),

@@ -9,10 +9,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
@@ -42,6 +42,31 @@ class Blind:
     next: str
     samples: Samples | None
     evidence: tuple[Evidence, ...]
+
+
+@dataclass(frozen=True)
+class Plants:
+    """Readings by the shipped, the recalibrated and the repaired plant, per row of the recording.
+
+    Each is a table by signal, shape (rows,), SI; the last is None where it cannot be written or
+    simulated, which `refused` tells.
+    """
+
+    shipped: Mapping[str, Array]
+    recalibrated: Mapping[str, Array]
+    repaired: Mapping[str, Array] | None
+    rulesets: tuple[Ruleset, Ruleset, Ruleset]
+    refused: str = ""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What all of them predict."""
+        return tuple(n for n in self.shipped if n in self.recalibrated and n in self.last)
+
+    @property
+    def last(self) -> Mapping[str, Array]:
+        """Readings by the repaired plant, else by the recalibrated one, shape (rows,), SI."""
+        return self.recalibrated if self.repaired is None else self.repaired
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.answer.shapes import shape_of
 from rulec.mismatch.answer.wording import quantity
-from rulec.mismatch.evidence.model import Model
+from rulec.mismatch.evidence.model import Model, Variable
 from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period, Shape
+from rulec.mismatch.result import (
+    Alternative,
+    Estimate,
+    Finding,
+    Location,
+    Moved,
+    OfRecording,
+    Period,
+    Update,
+)
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve_found import CurveFound
+from rulec.mismatch.search.settled.by_recording import ByRecording
+
+MOVED = 3
+"""Explanations in the sentence on a further recording."""
 
 
 def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ...]:
@@ -127,69 +144,39 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
 
     What has no name has a shape besides.
     """
-    candidate, term = _joined(model, finding.id), model.term(_joined(model, finding.id))
-    variables = model.variables(finding.module)
-    drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
-    periods = tuple((p.since, p.until) for p in finding.periods)
+    candidate = _joined(model, finding.id)
     curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
-    elsewhere = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
-    shape = None if curve is None else shape_of(model, curve)
-    size = term if shape is None else _size_of(model, shape, term)
-    told = None if shape is None else model.variable(shape.driver)
-    if shape is not None and told is not None:
-        drivers = {shape.driver: told}
-    return Location(
-        module=finding.module,
-        place=finding.place,
-        title=model.ruleset.modules.get(finding.module, finding.module),
-        share=finding.closed,
-        region=() if periods else region_of(size, drivers) or region_of(size, variables),
-        periods=periods or _when(model, term),
-        also=elsewhere if curve is None else curve.elsewhere,
-        shape=shape,
-    )
-
-
-def _size_of(model: Model, shape: Shape, term: Array) -> Array:
-    """What a shape adds at each sample, squared, shape (n,); `term` where its driver is none."""
-    driver = model.variable(shape.driver)
-    if driver is None:
-        return term
-    # From its own level: the fit to all points has no level, but that of its middle.
-    size: Array = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
-    return size
+    title = model.ruleset.modules.get(finding.module, finding.module)
+    spot = (finding.module, finding.place, title)
+    term = model.term(candidate)
+    if curve is not None:
+        return _of_curve(model, spot, curve, finding.closed, term)
+    variables = model.variables(finding.module)
+    periods = tuple((p.since, p.until) for p in finding.periods)
+    also = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
+    drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
+    found = _location(model, spot, finding.closed, term, drivers, also)
+    return replace(found, region=(), periods=periods) if periods else found
 
 
 def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location:
     """A place whose error follows something in a way without a name."""
-    spot = curve.place
+    spot = (curve.place.module, curve.place.place, curve.place.title)
     over_time = np.interp(model.samples.time, curve.at, curve.value) ** 2
+    return _of_curve(model, spot, curve, share, over_time)
+
+
+def _of_curve(
+    model: Model, spot: tuple[str, str, str], curve: CurveFound, share: float, size: Array
+) -> Location:
+    """A place with the shape of what has no name; `size`, shape (n,), is what each sample has of
+    the mismatch there, for a shape over time."""
     shape, driver = shape_of(model, curve), model.variable(curve.driver)
-    size = over_time if shape is None else _size_of(model, shape, over_time)
-    own = {} if driver is None else {curve.driver: driver}
-    return Location(
-        module=spot.module,
-        place=spot.place,
-        title=spot.title,
-        share=share,
-        region=region_of(size, own) or region_of(size, model.variables(spot.module)),
-        periods=_when(model, size),
-        also=curve.elsewhere,
-        shape=shape,
-    )
-
-
-def _elsewhere(model: Model, finding: Finding) -> tuple[str, ...]:
-    """Places of alternatives, each once, the likeliest first."""
-    known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
-    places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
-    return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
-
-
-def _when(model: Model, contribution: Array) -> tuple[tuple[float, float], ...]:
-    """Spans of time, s, that hold most of a mismatch; none without a clock."""
-    samples = model.samples
-    return periods_of(samples.time, contribution) if samples.timed else ()
+    if shape is not None and driver is not None:
+        # From its own level: the fit to all points has no level, but that of its middle.
+        size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
+    drivers = {} if driver is None else {curve.driver: driver}
+    return replace(_location(model, spot, share, size, drivers, curve.elsewhere), shape=shape)
 
 
 def location_of_spot(
@@ -199,15 +186,36 @@ def location_of_spot(
 
     `contribution`, shape (n,), is what each sample has of the mismatch there, not negative.
     """
+    others = tuple(f"{s.module}.{s.place}" for s in also)
+    return _location(model, (spot.module, spot.place, spot.title), share, contribution, {}, others)
+
+
+def _location(
+    model: Model,
+    spot: tuple[str, str, str],
+    share: float,
+    size: Array,
+    drivers: Mapping[str, Variable],
+    also: tuple[str, ...],
+) -> Location:
+    """A place by module, place and title; in the region of a driver, else of any reading."""
+    samples = model.samples
     return Location(
-        module=spot.module,
-        place=spot.place,
-        title=spot.title,
+        module=spot[0],
+        place=spot[1],
+        title=spot[2],
         share=share,
-        region=region_of(contribution, model.variables(spot.module)),
-        periods=_when(model, contribution),
-        also=tuple(f"{s.module}.{s.place}" for s in also),
+        region=region_of(size, drivers) or region_of(size, model.variables(spot[0])),
+        periods=periods_of(samples.time, size) if samples.timed else (),
+        also=also,
     )
+
+
+def _elsewhere(model: Model, finding: Finding) -> tuple[str, ...]:
+    """Places of alternatives, each once, the likeliest first."""
+    known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
+    places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
+    return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
 
 
 def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
@@ -222,3 +230,46 @@ def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
                 low, high = variable.shown(np.nanquantile(variable.course, [0.0, 1.0]))
                 told[f"{name} below {low:.4g} or above {high:.4g} {variable.unit}"] = None
     return tuple(told)
+
+
+def of_recordings(recording: Recording, rows: Rows, found: ByRecording) -> tuple[OfRecording, ...]:
+    """Each recording in the order given, with its rows and what it says alone."""
+    source = recording.source
+    assert source is not None
+    data = rows.system.data
+    serves = np.zeros(len(data), dtype=bool)
+    serves[rows.group_point] = True
+    used = (data.sample >= 0) & serves[np.maximum(data.sample, 0)]
+    return tuple(
+        OfRecording(
+            name=recording.sources[alone.number],
+            rows=int((source == alone.number).sum()),
+            used=int((used & (source == alone.number)).sum()),
+            verdict=alone.verdict,
+            alone=alone.likely,
+        )
+        for alone in found.alone
+    )
+
+
+def updates_of(names: Sequence[str], found: ByRecording) -> tuple[Update, ...]:
+    """What each further recording changed."""
+    return tuple(
+        Update(names[number], told_of(names[number], moved), moved)
+        for number, moved in found.moved.items()
+    )
+
+
+def told_of(name: str, moved: Sequence[Moved]) -> str:
+    """What a further recording changed, in one sentence.
+
+    >>> told_of("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "friction", 0.25, 0.02)])
+    'With b.csv: slip 50\xa0% -> 97\xa0%; friction 25\xa0% -> 2\xa0%'
+    """
+    shown = [f"{m.title} {_share(m)}" for m in moved[:MOVED]]
+    return f"With {name}: {'; '.join(shown)}"
+
+
+def _share(moved: Moved) -> str:
+    after = percent(moved.after)
+    return after if moved.before is None else f"{percent(moved.before)} -> {after}"

@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import is_dataclass
 from typing import Any
 
+import numpy as np
 from rulec_runtime.output.csv_cell import row_of
 
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import (
-    Estimate,
+    Alternative,
     Finding,
     Fit,
     HiddenDriver,
     Location,
     Mismatch,
+    Period,
     Region,
     Repair,
-    SelfProof,
     Shape,
 )
+
+SAME = (
+    *("plant", "recording", "recordings", "changed", "verdict", "headline", "locations", "fit"),
+    *("fits", "confounded", "untested", "next", "evidence", "noise", "tried", "standing", "notes"),
+    "seconds",
+)
+"""What of a comparison has the same name there."""
 
 
 def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None) -> dict[str, Any]:
@@ -30,56 +40,20 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
     plant_file : of the plant as given, from which ``rulec adopt`` rebuilds the model.
     series : file with the course of the hidden driver, beside the JSON; None without one.
     """
-    form: dict[str, Any] = {
-        "plant": mismatch.plant,
-        "recording": mismatch.recording,
-        "recordings": [
-            {**vars(part), "alone": [vars(likely) for likely in part.alone]}
-            for part in mismatch.recordings
-        ],
-        "changed": [
-            {**vars(update), "moved": [vars(moved) for moved in update.moved]}
-            for update in mismatch.changed
-        ],
-        "verdict": mismatch.verdict,
-        "headline": mismatch.headline,
-        "locations": [_location(location) for location in mismatch.locations],
-        "effects": [_finding(finding) for finding in mismatch.findings],
-        "fit": _fit(mismatch.fit) if mismatch.fit is not None else None,
-        "fits": [_fit(fit) for fit in mismatch.fits],
-        "confounded": [vars(pair) for pair in mismatch.confounded],
+    courses, power = mismatch.series, mismatch.power
+    spans = heldout_spans(courses.time, courses.heldout) if courses is not None else []
+    form = {name: getattr(mismatch, name) for name in SAME} | {
+        "effects": mismatch.findings,
         "strain": [{**vars(s), "distance": s.distance} for s in mismatch.strain],
         "hidden_driver": _hidden(mismatch.hidden, series) if mismatch.hidden else None,
-        "untested": list(mismatch.untested),
-        "next": mismatch.next,
-        "split": {
-            "text": mismatch.split,
-            "hash": mismatch.digest,
-            "heldout": _heldout(mismatch),
-        },
-        "evidence": [vars(part) for part in mismatch.evidence],
-        "noise": mismatch.noise,
-        "tried": mismatch.tried,
-        "standing": [
-            {**vars(one), "periods": [vars(period) for period in one.periods]}
-            for one in mismatch.standing
-        ],
-        "notes": list(mismatch.notes),
+        "split": {"text": mismatch.split, "hash": mismatch.digest, "heldout": spans},
         "repair": _repair(mismatch, plant_file),
-        "seconds": mismatch.seconds,
     }
-    if mismatch.power is not None:
-        form["power"] = _power(mismatch.power)
-    result: dict[str, Any] = _finite(form)
+    if power is not None:
+        nothing = {"called_missing": power.called_missing}
+        form["power"] = {"replays": power.replays, "nothing": nothing, "effects": power.effects}
+    result: dict[str, Any] = _form(form)
     return result
-
-
-def _power(power: SelfProof) -> dict[str, Any]:
-    return {
-        "replays": power.replays,
-        "nothing": {"called_missing": power.called_missing},
-        "effects": [vars(seen) for seen in power.effects],
-    }
 
 
 def hidden_csv(hidden: HiddenDriver) -> str:
@@ -90,121 +64,60 @@ def hidden_csv(hidden: HiddenDriver) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _heldout(mismatch: Mismatch) -> list[list[float]]:
-    """Spans of time, s."""
-    series = mismatch.series
-    spans = heldout_spans(series.time, series.heldout) if series is not None else []
-    return [list(span) for span in spans]
+def _form(data: Any) -> Any:
+    """Data as JSON has it; a dataclass by its fields, where nothing else is agreed."""
+    match data:
+        case Region():
+            data = _renamed(data, low="from", high="to")
+        case Alternative():
+            data = _renamed(data, name="effect")
+        case Location(shape=None):
+            data = _renamed(data, shape="")
+        case Location(shape=Shape() as shape):
+            data = _renamed(data, shape="") | _shape(shape)
+        case Fit():
+            heldout = {**vars(data.heldout), "gain_interval": data.gain_interval}
+            data = _renamed(data, gain_interval="") | {"heldout": heldout}
+        case Finding():
+            data = _renamed(data, name="effect", members="", shapeless="") | {
+                "modules": data.members or (data.module,),
+                "class_probability": data.class_probability,
+            }
+        case Period(growth=growth):
+            # What most periods do not have is left out.
+            data = _renamed(data, growth="", **({} if data.unit else {"unit": ""}))
+            data |= {"grows": {**vars(growth), "per": "h"}} if growth else {}
+        case _ if is_dataclass(data):
+            data = vars(data)
+    if isinstance(data, Mapping):
+        return {key: _form(value) for key, value in data.items()}
+    if isinstance(data, np.ndarray | np.generic):
+        data = data.tolist()
+    if isinstance(data, list | tuple):
+        return [_form(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
-def _location(location: Location) -> dict[str, Any]:
-    form = {**vars(location), "region": [_region(region) for region in location.region]}
-    shape = form.pop("shape")
-    return form if shape is None else {**form, **_shape(shape)}
+def _renamed(data: Any, **names: str) -> dict[str, Any]:
+    """The fields of a dataclass, some by other names; without those whose name is empty."""
+    found = {names.get(name, name): value for name, value in vars(data).items()}
+    found.pop("", None)
+    return found
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
     """The shape of what has no name; rows are driver, value and standard uncertainty."""
+    same = ("driver", "driver_unit", "unit", "means", "text", "monotone")
+    points = np.column_stack([shape.at, shape.value, shape.u])
     return {
-        "shape": {
-            "driver": shape.driver,
-            "driver_unit": shape.driver_unit,
-            "unit": shape.unit,
-            "points": [list(row) for row in zip(shape.at, shape.value, shape.u, strict=True)],
-            "means": [list(row) for row in shape.means],
-            "text": shape.text,
-            "monotone": shape.monotone,
-        },
+        "shape": {name: getattr(shape, name) for name in same} | {"points": points},
         "memory": {"answer": shape.memory, "text": shape.memory_text},
-        "beaten": [
-            {
-                "effect": beaten.effect,
-                "title": beaten.title,
-                "nats": beaten.nats,
-                "region": None if beaten.region is None else _region(beaten.region),
-            }
-            for beaten in shape.beaten
-        ],
-    }
-
-
-def _region(region: Region) -> dict[str, Any]:
-    return {
-        "variable": region.variable,
-        "from": region.low,
-        "to": region.high,
-        "unit": region.unit,
-        "share": region.share,
-    }
-
-
-def _finding(finding: Finding) -> dict[str, Any]:
-    return {
-        "effect": finding.name,
-        "id": finding.id,
-        "sort": finding.sort,
-        "title": finding.title,
-        "module": finding.module,
-        "modules": list(finding.members or (finding.module,)),
-        "place": finding.place,
-        "parameters": {name: _estimate(e) for name, e in finding.parameters.items()},
-        "equation": finding.equation,
-        "text": finding.text,
-        "action": finding.action,
-        "source": finding.source,
-        "probability": finding.probability,
-        "class_probability": finding.class_probability,
-        "alternatives": [
-            {
-                "effect": a.name,
-                "id": a.id,
-                "title": a.title,
-                "probability": a.probability,
-                "same": a.same,
-            }
-            for a in finding.alternatives
-        ],
-        "gain": finding.gain,
-        "rivals": [vars(rival) for rival in finding.rivals],
-        "periods": [
-            {"since": p.since, "until": p.until, "degree": p.degree, "u": p.u}
-            | ({"unit": p.unit} if p.unit else {})
-            | ({"grows": {**vars(p.growth), "per": "h"}} if p.growth else {})
-            for p in finding.periods
-        ],
-        "closed": finding.closed,
-    }
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    """The title last."""
-    form = dict(vars(estimate))
-    title = form.pop("title")
-    return {**form, "title": title}
-
-
-def _fit(fit: Fit) -> dict[str, Any]:
-    return {
-        "signal": fit.signal,
-        "unit": fit.unit,
-        "relation": fit.relation,
-        "simulated": fit.simulated,
-        "estimation": vars(fit.estimation),
-        "heldout": {**vars(fit.heldout), "gain_interval": list(fit.gain_interval)},
-        "closed": fit.closed,
+        "beaten": shape.beaten,
     }
 
 
 def _hidden(hidden: HiddenDriver, series: str | None) -> dict[str, Any]:
-    return {
-        "text": hidden.text,
-        "series": series,
-        "module": hidden.module,
-        "place": hidden.place,
-        "unit": hidden.unit,
-        "candidates": list(hidden.candidates),
-        "sensor": hidden.sensor,
-    }
+    return _renamed(hidden, time="", course="", switches="") | {"series": series}
 
 
 def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
@@ -215,28 +128,26 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     """
     plain, repair = mismatch.plain, mismatch.repair
     found = {finding.id: finding for finding in mismatch.findings}
-    joined = []
-    for name in repair.joined:
-        finding, mark = found.get(name), f"{name}."
-        joined.append(
-            {
-                "id": name,
-                "effect": finding.name if finding else None,
-                "module": finding.module if finding else None,
-                "place": finding.place if finding else None,
-                "unknowns": {p.id: p.value for p in repair.parameters if p.id.startswith(mark)},
-                "fixed": {k: v for k, v in repair.fixed.items() if k.startswith(mark)},
-            }
-        )
+    joined = [
+        {
+            "id": name,
+            "effect": found[name].name if name in found else None,
+            "module": found[name].module if name in found else None,
+            "place": found[name].place if name in found else None,
+            "unknowns": {p.id: p.value for p in repair.parameters if p.id.startswith(f"{name}.")},
+            "fixed": {k: v for k, v in repair.fixed.items() if k.startswith(f"{name}.")},
+        }
+        for name in repair.joined
+    ]
     return {
         "plant": plant_file,
         "joined": joined,
         **_values(repair),
         "misread": [{"kind": m.kind, **vars(m.mending)} for m in mismatch.misread],
-        "rewired": [vars(one) for one in mismatch.rewired],
+        "rewired": mismatch.rewired,
         "left_out": [{"id": name, "reason": reason} for name, reason in mismatch.left_out],
         "refused": mismatch.refused or None,
-        "checks": [vars(check) for check in mismatch.checks],
+        "checks": mismatch.checks,
         "recalibrated": None if plain is None else _values(plain),
     }
 
@@ -246,19 +157,7 @@ def _values(found: Repair) -> dict[str, Any]:
     return {
         "parameters": [p.id for p in found.parameters],
         "values": [p.value for p in found.parameters],
-        "covariance": [[float(value) for value in row] for row in found.covariance],
-        "misfit": dict(found.misfit),
-        "range": {name: list(ends) for name, ends in found.ranges.items()},
+        "covariance": found.covariance,
+        "misfit": found.misfit,
+        "range": found.ranges,
     }
-
-
-def _finite(data: Any) -> Any:
-    """The same data, None in the place of numbers that JSON has no word for."""
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    if isinstance(data, float) or hasattr(data, "dtype"):
-        number = data.item() if hasattr(data, "item") else data
-        return None if isinstance(number, float) and not math.isfinite(number) else number
-    return data

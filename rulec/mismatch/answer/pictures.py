@@ -1,37 +1,37 @@
-"""Pictures of a comparison: over time, over what drives it, predicted against measured."""
+"""Pictures of a comparison: over time, over what drives it, and courses that nobody recorded.
+
+The sentence below each is computed from what is drawn.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.text import counted, number, percent
 from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
 from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.captions import (
-    say_agreement,
-    say_detail,
-    say_driver,
-    say_hidden,
-    say_periods,
-    say_shape,
-    say_time,
+from rulec.mismatch.answer.wording import is_repaired
+from rulec.mismatch.result import (
+    Curves,
+    HiddenDriver,
+    Location,
+    Mismatch,
+    Shape,
 )
-from rulec.mismatch.answer.picture_data import (
-    Drawn,
-    curves_of,
-    detail_of,
-    followed_by,
-    middle_by,
-    telling_drivers,
-)
-from rulec.mismatch.answer.wording import titled
-from rulec.mismatch.result import Finding, HiddenDriver, Location, Mismatch, Period, Shape
+
+BINS = 24
+"""Parts of a driver's range of which each has its own median."""
+
+FEWEST = 3
+"""Points that a median needs."""
 
 DRIVERS = 4
 """Drivers drawn."""
@@ -42,8 +42,117 @@ CELLS = (160, 60)
 LOUDEST = 0.2
 """Percent of the points at either end that may lie beyond a panel where there are many."""
 
-MODELS = (("repaired", "s0"), ("recalibrated", "s1"), ("shipped", "s5"))
+MODELS = (("shipped", "s5"), ("recalibrated", "s1"), ("repaired", "s0"))
 """Curves and their styles; the number of a style is that of its label."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """Curves in order of time, in the unit of the signal; `repaired` is NaN without a repair.
+
+    `located`, shape (n,), flags the region or the periods in which the mismatch was found.
+    """
+
+    signal: str
+    unit: str
+    curves: Curves
+    located: np.ndarray
+
+    def error(self, model: str) -> Array:
+        """Measured less predicted, shape (n,), NaN where it does not count."""
+        c = self.curves
+        return np.where(c.inside, c.measured - getattr(c, model), np.nan)
+
+    @property
+    def in_unit(self) -> str:
+        """The unit in brackets, for an axis."""
+        return _bracketed(self.unit)
+
+
+def curves_of(mismatch: Mismatch) -> Drawn | None:
+    """The curves of a comparison; None where there are none to draw."""
+    curves, fit = mismatch.curves, mismatch.fit
+    if curves is None or not np.isfinite(curves.measured + curves.time).any():
+        return None
+    order = np.argsort(curves.time, kind="stable")
+    order = order[np.isfinite(curves.time[order])]
+    repaired = curves.repaired if is_repaired(mismatch) else np.full(len(curves.time), np.nan)
+    arrays = {n: v[order] for n, v in vars(curves).items() if isinstance(v, np.ndarray)}
+    return Drawn(
+        signal=fit.signal if fit is not None else "predicted signal",
+        unit=fit.unit if fit is not None else "",
+        curves=Curves(
+            **{**arrays, "repaired": repaired[order]},
+            drivers={title: readings[order] for title, readings in curves.drivers.items()},
+        ),
+        located=_located(mismatch, curves)[order],
+    )
+
+
+def _located(mismatch: Mismatch, curves: Curves) -> np.ndarray:
+    """Points in the region of some location or, where it has none, in its periods."""
+    located = np.zeros(len(curves.time), dtype=bool)
+    readings = {title.partition(" [")[0]: values for title, values in curves.drivers.items()}
+    for location in mismatch.locations:
+        known = [r for r in location.region if r.variable in readings]
+        spans = [(readings[r.variable], r.low, r.high) for r in known]
+        inside = np.full(len(located), bool(known))
+        for values, low, high in spans:
+            inside &= values >= (-np.inf if low is None else low)
+            inside &= values <= (np.inf if high is None else high)
+        for since, until in () if known else location.periods:
+            inside |= (curves.time >= since) & (curves.time <= until)
+        located |= inside
+    return located
+
+
+def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
+    """Median of values in parts of a driver's range: centres and medians, shape (parts,).
+
+    NaN where there are too few values.
+    """
+    sound = np.isfinite(driver) & np.isfinite(values)
+    x, y = driver[sound], values[sound]
+    if not len(x) or x.min() == x.max():
+        return np.array([]), np.array([])
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
+    parts = [y[place == i] for i in range(BINS)]
+    medians = [float(np.median(own)) if len(own) >= FEWEST else np.nan for own in parts]
+    return (edges[:-1] + edges[1:]) / 2, np.array(medians)
+
+
+def _drivers(mismatch: Mismatch, drawn: Drawn) -> tuple[list[str], list[str]]:
+    """Titles of drivers that the mismatch depends on, and of all others; of either first that over
+    which the error moves most.
+
+    It depends on the drivers of what has no name, on readings by which it was located, and on those
+    in the equations of findings.
+    """
+    drivers = drawn.curves.drivers
+
+    def moved(title: str) -> float:
+        return span(middle_by(drivers[title], drawn.error("recalibrated"))[1])
+
+    titles = {t.partition(" [")[0]: t for t in sorted(drivers, key=moved, reverse=True)}
+    shapes = [at.shape.driver for at in mismatch.locations if at.shape is not None]
+    regions = [part.variable for at in mismatch.locations for part in at.region]
+    words = {f"{f.module}.{w}" for f in mismatch.findings for w in re.findall(r"\w+", f.equation)}
+    names = dict.fromkeys([*shapes, *regions, *(name for name in titles if name in words)])
+    followed = [titles[name] for name in names if name in titles]
+    return followed, [title for title in titles.values() if title not in followed]
+
+
+def span(values: Array) -> float:
+    """Distance from the smallest to the largest known value, shape (n,); 0 without any."""
+    sound = values[np.isfinite(values)]
+    return float(np.ptp(sound)) if len(sound) else 0.0
+
+
+def rms(values: Array) -> float:
+    """Root mean square of what is known, shape (n,); NaN where nothing is."""
+    sound = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(sound**2))) if len(sound) else np.nan
 
 
 def pictures_of(
@@ -56,23 +165,10 @@ def pictures_of(
     first = [_left_out(location, shape, i) for i, (location, shape) in enumerate(shapes)]
     then: list[Figure] = []
     if drawn is not None:
-        then.append(
-            _over_time(drawn, "time", f"{drawn.signal} over time", say_time(drawn), calendar)
-        )
-        if len(drawn.time) > 2 * COLUMNS:
-            part = detail_of(drawn)
-            title = f"{drawn.signal} in detail"
-            then.append(_over_time(part, "detail", title, say_detail(part, calendar), calendar))
-        followed = followed_by(mismatch, drawn)
-        titles = [*followed, *(t for t in telling_drivers(drawn) if t not in followed)]
-        for i, title in enumerate(titles[:DRIVERS]):
-            one = _over_driver(drawn, i, title, drawn.drivers[title])
-            (first if i == 0 and followed else then).append(one)
-        then.append(_agreement(drawn))
-    for i, finding in enumerate(mismatch.findings):
-        periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
-        if periods:
-            then.append(_periods(drawn, finding, periods, i, calendar))
+        then.append(_over_time(drawn, calendar))
+        followed, others = _drivers(mismatch, drawn)
+        for i, title in enumerate([*followed, *others][:DRIVERS]):
+            (first if i == 0 and followed else then).append(_over_driver(drawn, i, title))
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
         then.append(_course(mismatch.hidden, calendar))
     return first, then
@@ -90,56 +186,76 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
         panel.curve(at, shape.value, "s0"),
     ]
     place = f"{location.module}.{location.place}"
-    unit, of_driver = ("" if own == "1" else f" [{own}]" for own in (shape.unit, shape.driver_unit))
     title = f"What is left out at {place} over {shape.driver}"
     marks = [panel.marks(z, v, "disc", "s1")]
-    svg = panel.drawn(title, f"missing in {place}{unit}", lines, marks, True)
+    svg = panel.drawn(title, f"missing in {place}{_bracketed(shape.unit)}", lines, marks, True)
+    matters = {"yes": "It matters", "no": "It does not matter"}
+    memory = f"{matters.get(shape.memory, 'It is open whether it matters')} from which side"
     return Figure(
         name=f"shape{index}",
         title=title,
         key="blue: what the law would have to add, with its 95 % band; orange: means of "
         "operating states, with their 95 % bars",
-        body=plot(svg, True, f"{shape.driver}{of_driver}"),
-        caption=say_shape(shape),
+        body=plot(svg, True, f"{shape.driver}{_bracketed(shape.driver_unit)}"),
+        caption=f"Over {shape.driver} {shape.text}. {memory} the driver came: {shape.memory_text}.",
         narrow=True,
     )
 
 
-def _over_time(
-    drawn: Drawn, name: str, title: str, caption: str, calendar: Calendar | None
-) -> Figure:
+def _over_time(drawn: Drawn, calendar: Calendar | None) -> Figure:
     """Measured against the models, and below it what each leaves."""
-    errors = [drawn.measured - drawn.repaired, drawn.measured - drawn.recalibrated]
-    across = over(drawn.time, calendar)
-    upper = Panel(across, _holding(drawn.measured, drawn.recalibrated), 240)
-    lower = Panel(across, _holding(drawn.repaired_error, drawn.recalibrated_error), 130)
-    lines: list[str] = []
+    curves = drawn.curves
+    across = over(curves.time, calendar)
+    upper = Panel(across, _holding(curves.measured, curves.recalibrated), 240)
+    lower = Panel(across, _holding(drawn.error("repaired"), drawn.error("recalibrated")), 130)
+    above, below = _shades(drawn, upper), _shades(drawn, lower)
     ends: list[float | None] = [None] * 6
-    for model, style in reversed(MODELS):
-        values = getattr(drawn, model)
-        lines.append(upper.curve(*thin_series(drawn.time, values), style))
+    for model, style in MODELS:
+        values = getattr(curves, model)
+        above.append(upper.curve(*thin_series(curves.time, values), style))
         ends[int(style[1:])] = _end(upper, values)
-    lines.append(upper.curve(*thin_series(drawn.time, drawn.measured), "plain"))
+        if model != "shipped":
+            below.append(lower.curve(*thin_series(curves.time, curves.measured - values), style))
+    above.append(upper.curve(*thin_series(curves.time, curves.measured), "plain"))
     names = labels_apart(upper, ends, ["repaired", "recalibrated", "", "", "", "as shipped"])
-    left = [
-        lower.curve(*thin_series(drawn.time, values), style)
-        for values, style in zip(errors[::-1], ("s1", "s0"), strict=True)
+    title, error = f"{drawn.signal} over time", f"error of {drawn.signal}"
+    plots = [
+        upper.drawn(title, f"{drawn.signal}{drawn.in_unit}", above, [names], False),
+        lower.drawn(error, f"measured less predicted{drawn.in_unit}", below, [], True),
     ]
-    shades = [_shades(drawn, panel) for panel in (upper, lower)]
-    titles = (f"{drawn.signal}{drawn.in_unit}", f"measured less predicted{drawn.in_unit}")
-    above = upper.drawn(title, titles[0], [*shades[0], *lines], [names], False)
-    error = f"error of {drawn.signal}"
-    below = lower.drawn(error, titles[1], [*shades[1], *left], [], True)
-    body = time_plot(above, False, across, calendar) + time_plot(below, True, across, calendar)
     key = ["thin: measured"]
     key += ["shaded: where the mismatch was located"] if drawn.located.any() else []
-    key += ["grey at the foot: held out"] if drawn.heldout.any() else []
-    return Figure(name=name, title=title, key="; ".join(key), body=body, caption=caption)
+    key += ["grey at the foot: held out"] if curves.heldout.any() else []
+    return Figure(
+        name="time",
+        title=title,
+        key="; ".join(key),
+        body="".join(time_plot(svg, i == 1, across, calendar) for i, svg in enumerate(plots)),
+        caption=_say_time(drawn),
+    )
+
+
+def _say_time(drawn: Drawn) -> str:
+    """Errors inside the located region and outside it."""
+
+    def off(flags: np.ndarray) -> str:
+        before, after = (rms(drawn.error(m)[flags]) for m in ("recalibrated", "repaired"))
+        words = f"the recalibrated model is off by {_amount(before, drawn.unit)} rms"
+        if np.isfinite(after):
+            words += f", the repaired one by {_amount(after, drawn.unit)}"
+        return words
+
+    judged = drawn.curves.inside
+    inside, outside = drawn.located & judged, judged & ~drawn.located
+    if not (inside.any() and outside.any()):
+        return f"Over {counted(int(judged.sum()), 'point')} {off(judged)}."
+    shaded = percent(float(inside.sum() / judged.sum()))
+    return f"In the shaded {shaded} {off(inside)}; outside it {off(outside)}."
 
 
 def _shades(drawn: Drawn, panel: Panel) -> list[str]:
     """Where the mismatch was located, and what was held out."""
-    time, flags = drawn.time, [drawn.located, drawn.heldout]
+    time, flags = drawn.curves.time, [drawn.located, drawn.curves.heldout]
     if len(time) > 2 * COLUMNS:
         columns = columns_of(time)
         time = columns.centre
@@ -150,94 +266,35 @@ def _shades(drawn: Drawn, panel: Panel) -> list[str]:
     ]
 
 
-def _over_driver(drawn: Drawn, index: int, title: str, readings: Array) -> Figure:
+def _over_driver(drawn: Drawn, index: int, title: str) -> Figure:
     """Errors against a driver, recalibrated above and repaired below, on one scale."""
-    before, after = drawn.recalibrated_error, drawn.repaired_error
-    across, down = _holding(readings), _holding(before, after)
-    rows = [(before, "recalibrated", "s1")]
-    rows += [(after, "repaired", "s0")] if drawn.is_repaired else []
-    parts = []
-    for values, words, style in rows:
-        panel, last = Panel(across, down, 150), words == rows[-1][1]
-        cloud = panel.curve(*_cloud(panel, readings, values), f"dots {style}")
-        trend = panel.curve(*middle_by(readings, values), "plain")
-        heading = f"measured less {words}{drawn.in_unit}"
-        svg = panel.drawn(f"error of the {words} model", heading, [cloud, trend], [], last)
+    readings = drawn.curves.drivers[title]
+    models = list(MODELS[1:] if np.isfinite(drawn.curves.repaired).any() else MODELS[1:2])
+    across = _holding(readings)
+    down = _holding(*(drawn.error(model) for model, _ in models))
+    parts, moves = [], []
+    for model, style in models:
+        panel, last, error = Panel(across, down, 150), model == models[-1][0], drawn.error(model)
+        medians = middle_by(readings, error)
+        cloud = panel.curve(*_cloud(panel, readings, error), f"dots {style}")
+        lines = [cloud, panel.curve(*medians, "plain")]
+        heading = f"measured less {model}{drawn.in_unit}"
+        svg = panel.drawn(f"error of the {model} model", heading, lines, [], last)
         parts.append(plot(svg, last, title))
-    key = "line: median"
-    if drawn.is_repaired:
-        key = f"above before the repair, below after it; {key}"
+        moves += [_amount(span(medians[1]), drawn.unit)] if np.isfinite(medians[1]).any() else []
+    said = f"{title} does not vary enough to show anything."
+    if moves:
+        said = f"Over {title} the median error spans {moves[0]}"
+        said += f" before the repair and {moves[1]} after it." if moves[1:] else "."
+    above = "above before the repair, below after it; " if len(models) > 1 else ""
     return Figure(
         name=f"driver{index}",
         title=f"Error over {title}",
-        key=key,
+        key=f"{above}line: median",
         body="".join(parts),
-        caption=say_driver(drawn, title, readings),
+        caption=said,
         narrow=True,
     )
-
-
-def _agreement(drawn: Drawn) -> Figure:
-    """Predicted against measured; a perfect model lies on the diagonal."""
-    scale = _holding(drawn.measured, drawn.recalibrated, drawn.repaired)
-    panel = Panel(scale, scale, 320)
-    ends = np.array([scale.low, scale.high])
-    lines = [
-        panel.curve(*_cloud(panel, drawn.measured, getattr(drawn, model)), f"dots {style}")
-        for model, style in (("recalibrated", "s1"), ("repaired", "s0"))
-    ]
-    heading = f"predicted {drawn.signal}{drawn.in_unit}"
-    svg = panel.drawn(
-        "predicted against measured", heading, [*lines, panel.curve(ends, ends, "truth")], [], True
-    )
-    key = "orange: recalibrated; dashed: perfect"
-    if drawn.is_repaired:
-        key = f"blue: repaired; {key}"
-    body = plot(svg, True, f"measured {drawn.signal}{drawn.in_unit}")
-    return Figure(
-        name="agreement",
-        title="Predicted against measured",
-        key=key,
-        body=body,
-        caption=say_agreement(drawn),
-        narrow=True,
-    )
-
-
-def _periods(
-    drawn: Drawn | None,
-    finding: Finding,
-    found: Sequence[Period],
-    index: int,
-    calendar: Calendar | None,
-) -> Figure:
-    """Degree of a fault over time with its 95 % bounds."""
-    periods = sorted(found, key=lambda p: p.since)
-    time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
-    degree = np.array([d for p in periods for d in (_at_first(p, p.degree), p.degree, np.nan)])
-    spread = np.array([2 * u for p in periods for u in (_at_first(p, p.u), p.u, p.u)])
-    span = np.concatenate([time, drawn.time]) if drawn is not None else time
-    across = over(span, calendar)
-    panel = Panel(across, _holding(degree - spread, degree + spread, np.zeros(1)), 150)
-    lines = [
-        panel.band(time, degree - spread, degree + spread, "s0"),
-        panel.curve(time, degree, "s0"),
-    ]
-    name = f"{finding.module}.{finding.name}"
-    svg = panel.drawn(name, f"{name}, degree [1]", lines, [], True)
-    body = time_plot(svg, True, across, calendar)
-    return Figure(
-        name=f"periods{index}",
-        title=titled(finding),
-        key="band: 95 % bounds",
-        body=body,
-        caption=say_periods(periods, calendar),
-    )
-
-
-def _at_first(period: Period, value: float) -> float:
-    """A value of a period where it begins: what grows is nothing there."""
-    return 0.0 if period.growth else value
 
 
 def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
@@ -245,16 +302,16 @@ def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
     across = over(hidden.time, calendar)
     panel = Panel(across, _holding(hidden.course), 170)
     line = panel.curve(*thin_series(hidden.time, hidden.course), "s0")
-    name = f"{hidden.module}.{hidden.place}"
-    unit = "" if hidden.unit == "1" else f" [{hidden.unit}]"
-    svg = panel.drawn(f"course at {name}", f"shift of {name}{unit}", [line], [], True)
-    body = time_plot(svg, True, across, calendar)
+    name, text = f"{hidden.module}.{hidden.place}", hidden.text.rstrip(".") or "The course"
+    heading = f"shift of {name}{_bracketed(hidden.unit)}"
+    svg = panel.drawn(f"course at {name}", heading, [line], [], True)
+    spans = _amount(span(hidden.course), hidden.unit)
     return Figure(
         name="hidden",
         title="Course of what is not recorded",
         key="",
-        body=body,
-        caption=say_hidden(hidden),
+        body=time_plot(svg, True, across, calendar),
+        caption=f"{text[:1].upper()}{text[1:]}; it spans {spans}.",
     )
 
 
@@ -282,3 +339,11 @@ def _holding(*values: Array) -> Axis:
 def _end(panel: Panel, values: Array) -> float | None:
     finite = values[np.isfinite(values)]
     return float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{unit}]" if unit not in ("", "1") else ""
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{number(value, 2)} {unit}".rstrip() if unit != "1" else number(value, 2)

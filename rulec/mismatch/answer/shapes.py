@@ -1,24 +1,43 @@
-"""From a curve that was found to a shape as shown, with what it says of memory and of rivals."""
+"""What has no name over its driver: as shown, in words, with what it says of memory and rivals."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.report.text import number
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch import limits as common
-from rulec.mismatch.answer import limits
-from rulec.mismatch.answer.shape_words import Drawable, memory_words, shape_words, turns_of
+from rulec.mismatch import limits
+from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model, Variable
-from rulec.mismatch.result import Beaten, Region, Shape
+from rulec.mismatch.result import Beaten, Estimate, Region, Shape
 from rulec.mismatch.search.curve_found import Branches, CurveFound, Lost
 
-TOO_FEW = "its driver did not come from both sides often enough"
+LEGS = 3
+"""Rises and falls that are told one by one."""
 
-NO_CLOCK = "there is no common time, so which way the driver came is not known"
+ENDS_ALIKE = 0.3
+"""Share of its height by which the ends of a bump may differ."""
 
-OVER_TIME = "it was looked at over time alone"
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A curve as shown: `at`, `value` shape (n,), `covariance` (n, n), with their units."""
+
+    at: Array
+    value: Array
+    covariance: Array
+    driver_unit: str
+    unit: str
+
+    def change(self, first: int, last: int) -> tuple[float, float]:
+        """How much it changes from one point to another, with its standard uncertainty."""
+        c = self.covariance
+        variance = c[first, first] + c[last, last] - 2.0 * c[first, last]
+        return float(self.value[last] - self.value[first]), float(np.sqrt(max(variance, 0.0)))
 
 
 def shape_of(model: Model, found: CurveFound) -> Shape | None:
@@ -28,7 +47,7 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
         return None
     factor = found.place.factor
     curve, level = _from_its_level(
-        Drawable(
+        Curve(
             at=driver.shown(found.at),
             value=found.value / factor,
             covariance=found.covariance / factor**2,
@@ -56,7 +75,7 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
     )
 
 
-def _from_its_level(curve: Drawable) -> tuple[Drawable, float]:
+def _from_its_level(curve: Curve) -> tuple[Curve, float]:
     """A curve from the level at which it begins, and that level.
 
     A level alone is a matter of calibration, and its doubt says nothing of the shape.
@@ -83,24 +102,25 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
     branches = found.branches
     if branches is None:
         if found.driver == TIME:
-            return "cannot be told", OVER_TIME
-        return "cannot be told", TOO_FEW if model.samples.timed else NO_CLOCK
-    factor, height = found.place.factor, float(np.ptp(found.value))
-    words = memory_words(
-        branches.gap / factor,
-        branches.u / abs(factor),
-        found.place.unit,
-        (branches.rising, branches.falling),
+            return "cannot be told", "it was looked at over time alone"
+        if not model.samples.timed:
+            because = "there is no common time, so which way the driver came is not known"
+            return "cannot be told", because
+        return "cannot be told", "its driver did not come from both sides often enough"
+    gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))
+    side = "risen" if branches.gap / found.place.factor > 0 else "fallen"
+    return answer_of(branches, float(np.ptp(found.value))), (
+        f"{_quantity(gap, u, found.place.unit)} more after its driver has {side} "
+        f"({branches.rising} visits from below, {branches.falling} from above)"
     )
-    return answer_of(branches, height), words
 
 
 def answer_of(branches: Branches, height: float) -> str:
     """Yes or no where either is sure: whether a gap counts beside the height of a curve."""
-    gap, least = abs(branches.gap), limits.BRANCHES_COUNT * height
-    if gap > limits.BRANCHES_CLEAR * branches.u and gap > least:
+    gap, least = abs(branches.gap), limits.CURVE_COUNTS * height
+    if gap > limits.CURVE_CLEAR * branches.u and gap > least:
         return "yes"
-    return "no" if gap + common.NORMAL_95 * branches.u < least else "cannot be told"
+    return "no" if gap + limits.NORMAL_95 * branches.u < least else "cannot be told"
 
 
 def _beaten(lost: Lost, name: str, driver: Variable) -> Beaten:
@@ -109,3 +129,86 @@ def _beaten(lost: Lost, name: str, driver: Variable) -> Beaten:
         low, high = (None if end is None else float(driver.shown(end)) for end in lost.between)
         region = Region(name, low, high, driver.unit, lost.share)
     return Beaten(candidate.name, candidate.title, lost.nats, region)
+
+
+def shape_words(curve: Curve) -> tuple[str, bool]:
+    """A curve in words, and whether it turns back nowhere.
+
+    >>> z = np.linspace(0.0, 60.0, 31)
+    >>> v = 0.8 * np.clip((z - 30.0) / 16.0, 0.0, 1.0)
+    >>> shape_words(Curve(at=z, value=v, covariance=1e-4 * np.eye(31), driver_unit="degC",
+    ...                   unit="l/min"))
+    ('rises by 0.800 ± 0.014 l/min from 30 to 46 degC, flat below and above', True)
+    """
+    turns = turns_of(curve)
+    legs = list(pairwise(turns))
+    if not legs:
+        return "no rise or fall that is beyond chance", True
+    if len(legs) == 1:
+        return _one(curve, *turns), True
+    if len(legs) == 2:
+        there, back = (curve.change(*leg)[0] for leg in legs)
+        if abs(there + back) <= ENDS_ALIKE * max(abs(there), abs(back)):
+            amount = _amount(curve, *max(legs, key=lambda leg: abs(curve.change(*leg)[0])))
+            near = f"{number(float(curve.at[turns[1]]))}{_unit(curve.driver_unit)}"
+            return f"a {'bump' if there > 0 else 'dip'} of {amount} near {near}", False
+    told = [_leg(curve, a, b, float(curve.at[a]), float(curve.at[b])) for a, b in legs[:LEGS]]
+    more = f", and turns {len(legs) - LEGS} more times" if len(legs) > LEGS else ""
+    return ", then ".join(told) + more, False
+
+
+def turns_of(curve: Curve) -> list[int]:
+    """Points at which a curve turns, its ends included, so far as they are beyond chance."""
+    value = curve.value
+    turns: list[int] = []
+    low = high = way = 0
+    for k in range(1, len(value)):
+        if way >= 0 and value[k] > value[high]:
+            high = k
+        if way <= 0 and value[k] < value[low]:
+            low = k
+        if way <= 0 and value[k] > value[low] and _clear(curve, low, k):
+            turns.append(low)
+            way, high = 1, k
+        elif way >= 0 and value[k] < value[high] and _clear(curve, high, k):
+            turns.append(high)
+            way, low = -1, k
+    return [*turns, high if way > 0 else low] if turns else []
+
+
+def _clear(curve: Curve, first: int, last: int) -> bool:
+    change, u = curve.change(first, last)
+    height = float(np.ptp(curve.value))
+    return abs(change) > max(limits.CURVE_CLEAR * u, limits.CURVE_COUNTS * height)
+
+
+def _one(curve: Curve, first: int, last: int) -> str:
+    """A curve that turns back nowhere, and where it is flat."""
+    share = (curve.value[first : last + 1] - curve.value[first]) / curve.change(first, last)[0]
+    begin = curve.at[first + int(np.flatnonzero(share <= limits.CURVE_FLAT)[-1])]
+    end = curve.at[first + int(np.flatnonzero(share >= 1.0 - limits.CURVE_FLAT)[0])]
+    low, high = curve.at[0], curve.at[-1]
+    least = limits.CURVE_FLAT * (high - low)
+    flat = ["below"] * bool(begin - low > least) + ["above"] * bool(high - end > least)
+    ends = (begin if "below" in flat else low, end if "above" in flat else high)
+    words = _leg(curve, first, last, *map(float, ends))
+    return f"{words}, flat {' and '.join(flat)}" if flat else words
+
+
+def _leg(curve: Curve, first: int, last: int, low: float, high: float) -> str:
+    way = "rises" if curve.value[last] > curve.value[first] else "falls"
+    ends = f"{number(low)} to {number(high)}{_unit(curve.driver_unit)}"
+    return f"{way} by {_amount(curve, first, last)} from {ends}"
+
+
+def _amount(curve: Curve, first: int, last: int) -> str:
+    change, u = curve.change(first, last)
+    return _quantity(abs(change), u, curve.unit)
+
+
+def _quantity(value: float, u: float, unit: str) -> str:
+    return quantity(Estimate("", value, u, float("nan"), float("nan"), unit))
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rulec_runtime.report.text import percent
+from rulec_runtime.report.text import listed, percent
 
 from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.belief import Strain
-from rulec.mismatch import limits as common
-from rulec.mismatch.answer import limits
-from rulec.mismatch.answer.wording import onset, region_words
+from rulec.mismatch import limits
+from rulec.mismatch.answer.wording import onset, region_words, titled
 from rulec.mismatch.candidate_sets import Standing
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
@@ -29,26 +28,6 @@ CHECK_SHEET = "Check the data sheets, and record other operating points."
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
 
-def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Told:
-    """An answer of a recording with columns that are not what their header says, or of a plant that
-    is not connected as its file says: these first."""
-    if not misread:
-        return Told(verdict, headline, then)
-    said = [f"{f.text[0].upper()}{f.text[1:]}." for f in misread]
-    todo = [f"{f.action[0].upper()}{f.action[1:]}." for f in misread]
-    alone = verdict == "none"
-    pipes = [f for f in misread if f.name == CONNECTION]
-    # Nothing can be adopted before the plant file is right.
-    rest = "" if alone or pipes else f" {then}"
-    so = "Read" if len(pipes) < len(misread) else ""
-    so = f"{so} and connected" if so and pipes else so or "Connected"
-    return Told(
-        ("named" if pipes else "sensor") if alone else verdict,
-        f"{' '.join(said)} {so} as it should be, {headline[0].lower()}{headline[1:]}",
-        f"{' '.join(todo)} Then run again.{rest}",
-    )
-
-
 @dataclass(frozen=True)
 class Told:
     """The verdict, the headline, and the next step."""
@@ -56,6 +35,27 @@ class Told:
     verdict: str
     headline: str
     next: str
+
+
+def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Told:
+    """An answer of a recording with columns that are not what their header says, or of a plant that
+    is not connected as its file says: these first."""
+    if not misread:
+        return Told(verdict, headline, then)
+    said, todo = (
+        " ".join(f"{text[0].upper()}{text[1:]}." for text in texts)
+        for texts in ([f.text for f in misread], [f.action for f in misread])
+    )
+    alone = verdict == "none"
+    pipes = [f for f in misread if f.name == CONNECTION]
+    so = ["read"] * (len(pipes) < len(misread)) + ["connected"] * bool(pipes)
+    # Nothing can be adopted before the plant file is right.
+    rest = "" if alone or pipes else f" {then}"
+    return Told(
+        ("named" if pipes else "sensor") if alone else verdict,
+        f"{said} {' and '.join(so).capitalize()} as it should be, {_inside(headline)}",
+        f"{todo} Then run again.{rest}",
+    )
 
 
 @dataclass(frozen=True)
@@ -71,18 +71,12 @@ class Doubt:
     @property
     def is_there(self) -> bool:
         """Does anything speak against it?"""
-        return self.nothing < common.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
+        return self.nothing < limits.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
 
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
         """Parameters whose values nobody would believe."""
         return tuple(s for s in self.strain if not s.is_believable)
-
-    @property
-    def missing(self) -> bool:
-        """Is it sure that something is missing, if not what?"""
-        sure = self.nothing < common.MENTIONED
-        return sure or bool(self.beyond) or bool(self.unbelievable)
 
 
 def verdict_of(findings: Sequence[Finding], left: bool, doubt: Doubt) -> str:
@@ -96,7 +90,7 @@ def verdict_of(findings: Sequence[Finding], left: bool, doubt: Doubt) -> str:
         return "unsure" if doubt.is_there else "none"
     physics = [f for f in named if f.sort in OF_THE_MODEL]
     deciding = physics or named
-    if deciding[0].class_probability < common.CERTAIN:
+    if deciding[0].class_probability < limits.CERTAIN:
         return "ambiguous"
     if physics:
         return "named"
@@ -113,69 +107,31 @@ def headline_of(
 ) -> str:
     """The finding in one sentence; `standing` are the possible sets, the likeliest first."""
     told = [f for f in findings if f.sort != "free"]
-    names = [_with_others(f) for f in told]
     if verdict == "none":
-        return _nothing(*_farthest(fits))
+        return _nothing(fits)
     if verdict == "unsure":
         return _unsure(doubt, standing)
     if verdict == "unnamed":
-        named = {(f.module, f.place) for f in told}
-        nameless = [at for at in locations if (at.module, at.place) not in named]
-        most = max(nameless or locations, key=lambda place: place.share, default=None)
-        where = f"{most.module}.{most.place}" if most else "the plant"
-        follows = "" if most is None or most.shape is None else _follows(most.shape)
-        return (
-            f"Something is missing at {where} that no known effect, fault or sensor error "
-            f"explains.{follows}"
-        )
-    pairs = list(zip(told, names, strict=True))
-    sure = [(f.sort, n) for f, n in pairs if f.class_probability >= common.CERTAIN]
+        return _unnamed(told, locations)
+    sure = [f for f in told if f.class_probability >= limits.CERTAIN]
     if verdict == "ambiguous":
-        beside = f" Sure beside that: {_joined([n for _, n in sure])}." if sure else ""
-        return _open(*_deciding(pairs)) + beside
+        # Physics decides before faults and sensors.
+        first = next((f for f in told if f.sort in OF_THE_MODEL), told[0])
+        said = f"Not sure enough to be named: {_named(first)} ({percent(first.probability)})."
+        if any(a.probability >= limits.MENTIONED for a in first.alternatives):
+            said = f"Several explanations fit about equally: {_named(first)}."
+        return said + (f" Sure beside that: {listed(list(map(_named, sure)))}." if sure else "")
     parts = [
-        (lead, [n for sort, n in sure if sort in sorts])
+        f"{lead} {listed(own)}"
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
+        if (own := [_named(f) for f in sure if f.sort in sorts])
     ]
-    said = [f"{lead} {_joined(own)}" for lead, own in parts if own]
     if verdict in ("fault", "sensor"):
-        begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
-        said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
-    doubtful = [n for f, n in pairs if f.class_probability < common.CERTAIN]
-    said += [f"Not sure: {_joined(doubtful)}"] if doubtful else []
-    return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
-
-
-def _deciding(pairs: Sequence[tuple[Finding, str]]) -> tuple[Finding, str]:
-    """What the verdict depends on, with its name: physics before faults and sensors."""
-    return next((pair for pair in pairs if pair[0].sort in OF_THE_MODEL), pairs[0])
-
-
-def _open(finding: Finding, name: str) -> str:
-    """What is likeliest, alone or with all that are about as likely."""
-    if any(a.probability >= common.MENTIONED for a in finding.alternatives):
-        return f"Several explanations fit about equally: {name}."
-    probability = percent(finding.probability)
-    return f"Not sure enough to be named: {name} ({probability})."
-
-
-def _follows(shape: Shape) -> str:
-    return "" if shape.driver == TIME else f" It follows {shape.driver}."
-
-
-def _with_others(finding: Finding) -> str:
-    """What was found and where, and all that is about as likely."""
-    name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
-    grown = next((p for p in finding.periods if p.growth), None)
-    if grown is not None:
-        name += f" that grows since {onset(grown)}"
-    others = [
-        _inside(a.title)
-        for a in finding.alternatives
-        if a.same or a.probability >= common.MENTIONED
-    ]
-    shapeless = ["a curve like it"] if finding.shapeless >= common.MENTIONED else []
-    return " or ".join([name, *others, *shapeless])
+        lead = parts[0].replace(LEADS["sensor",], "A sensor is not:")
+        parts[0] = f"The model is right; {_inside(lead)}"
+    open_ = [_named(f) for f in told if f not in sure]
+    parts += [f"not sure: {listed(open_)}"] if open_ else []
+    return "; ".join([parts[0], *map(_inside, parts[1:])]) + "."
 
 
 OF_THE_MODEL = ("physics", "ageing")
@@ -189,17 +145,42 @@ LEADS = {
 """How explanations of each sort are told."""
 
 
-def _inside(title: str) -> str:
-    """A title as it stands within a sentence; one that begins with a reading, such as B.Q, stays.
+def _unnamed(told: Sequence[Finding], locations: Sequence[Location]) -> str:
+    """The largest place that has no name, and what it follows."""
+    named = {(f.module, f.place) for f in told}
+    nameless = [at for at in locations if (at.module, at.place) not in named]
+    most = max(nameless or locations, key=lambda place: place.share, default=None)
+    where = f"{most.module}.{most.place}" if most else "the plant"
+    shape = most.shape if most else None
+    follows = f" It follows {shape.driver}." if shape and shape.driver != TIME else ""
+    return (
+        f"Something is missing at {where} that no known effect, fault or sensor error explains."
+        f"{follows}"
+    )
+
+
+def _named(finding: Finding) -> str:
+    """What was found and where, and all that is about as likely."""
+    name = _inside(titled(finding))
+    grown = next((p for p in finding.periods if p.growth), None)
+    if grown is not None:
+        name += f" that grows since {onset(grown)}"
+    others = [
+        _inside(a.title)
+        for a in finding.alternatives
+        if a.same or a.probability >= limits.MENTIONED
+    ]
+    shapeless = ["a curve like it"] if finding.shapeless >= limits.MENTIONED else []
+    return " or ".join([name, *others, *shapeless])
+
+
+def _inside(text: str) -> str:
+    """A text as it stands within a sentence; one that begins with a reading, such as B.Q, stays.
 
     >>> _inside("Lost inflow"), _inside("B.Q reads low")
     ('lost inflow', 'B.Q reads low')
     """
-    return title if "." in title.split()[0] else f"{title[0].lower()}{title[1:]}"
-
-
-def _joined(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return text if "." in text.split()[0] else f"{text[0].lower()}{text[1:]}"
 
 
 def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
@@ -207,10 +188,8 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
 
     A name may be right and yet not be all: who adopts the repair must know.
     """
-    if verdict in ("none", "unnamed", "unsure", "cannot judge"):
-        return ""
     most, signal = _farthest(fits)
-    if most < common.FAR_OFF:
+    if verdict in ("none", "unnamed", "unsure", "cannot judge") or most < limits.FAR_OFF:
         return ""
     return f" However, {signal} is still off by {most:.0f} times its noise."
 
@@ -219,19 +198,19 @@ def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
     """Something is missing, or may be, and this recording does not tell what."""
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
     strained = "; ".join(map(str, doubt.unbelievable))
-    if doubt.missing:
+    said = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
+    if off or strained or doubt.nothing < limits.MENTIONED:
         why = off or strained or f"only {percent(doubt.nothing)} that nothing is missing"
         said = f"Something is missing, but this recording does not say what: {why}."
-    else:
-        said = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
-    likely = [s for s in standing if s.titles and s.probability >= common.MENTIONED]
+    likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
     titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
     return f"{said} Possible explanations: {'; '.join(titles)}." if titles else said
 
 
-def _nothing(most: float, signal: str) -> str:
+def _nothing(fits: Sequence[Fit]) -> str:
     """No explanation is likely; a law that is not exact may all the same be off by much."""
-    if most < common.FAR_OFF:
+    most, signal = _farthest(fits)
+    if most < limits.FAR_OFF:
         return "Nothing is missing: what recalibration leaves is noise."
     return (
         f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, no more "
@@ -271,13 +250,10 @@ def next_step(
     if verdict == "cannot judge":
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)
-    if verdict == "ambiguous" and first is not None:
-        sensor = "a sensor that only one of them depends on"
-        if len(standing) > 1:
-            return f"{EXPERIMENT} Or add {sensor}."
-        return (
-            f"Record a part in which the drivers of these explanations move apart, or add {sensor}."
-        )
+    if verdict == "ambiguous":
+        apart = "Record a part in which the drivers of these explanations move apart, or"
+        plan = f"{EXPERIMENT} Or" if len(standing) > 1 else apart
+        return f"{plan} add a sensor that only one of them depends on."
     if verdict == "named":
         return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT
     shaped = [at for at in locations if at.shape is not None and at.shape.driver != TIME]
@@ -294,28 +270,15 @@ def _look_at(location: Location) -> str:
     """What to look at, and what to run, where it is known what drives what is left out."""
     shape, place = location.shape, f"{location.module}.{location.place}"
     assert shape is not None
-    over = [region for region in location.region if region.variable == shape.driver]
-    when = region_words(replace(over[0], share=float("nan"))) if over else ""
-    when = when.replace(shape.driver, f"{shape.driver} is", 1)
-    told = [
-        f"Look at what happens at {place} while {when}."
-        if when
-        else f"Look at what changes at {place} with {shape.driver}."
-    ]
-    if shape.memory != "no":
-        told.append(
-            f"Run {shape.driver} slowly up and down through its range: that tells whether it "
-            "matters which way it came."
-        )
-    told.append("Where you know the law, write it as an effect and run again.")
-    return " ".join(told)
-
-
-def is_spoiled(fit: Fit) -> bool:
-    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
-    held = fit.heldout
-    rise = held.repaired - held.recalibrated
-    beyond_chance = fit.gain_interval[1] < 0.0
-    return (
-        beyond_chance and rise > limits.SPOILED * held.recalibrated and held.repaired > held.noise
+    look = f"Look at what changes at {place} with {shape.driver}."
+    for region in location.region:
+        if region.variable == shape.driver:
+            when = region_words(replace(region, share=float("nan")))
+            when = when.replace(shape.driver, f"{shape.driver} is", 1)
+            look = f"Look at what happens at {place} while {when}."
+    run = (
+        f" Run {shape.driver} slowly up and down through its range: that tells whether it matters "
+        "which way it came."
     )
+    law = " Where you know the law, write it as an effect and run again."
+    return look + (run if shape.memory != "no" else "") + law

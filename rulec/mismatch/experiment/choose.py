@@ -1,51 +1,50 @@
-"""Which operating points tell explanations apart best, one after the other, and how long to hold
-each.
+"""Which operating points tell explanations apart, how long to hold them, and which cover the rest.
 
-A step is worth the probability that the true explanation has after it. Its odds against each other
-one grow by a log Bayes factor, of which the mean is known: under two normal distributions of what
-is read, that is their divergence. It scatters. What is read does, so that a factor of mean `f` has
-a variance of `2 f`, as between normal distributions of one covariance; and `rulec mismatch` weighs
-parts of the recording at random. With the mean alone some few steps would always seem to be enough.
-How sure the true one can be expected to be is told with readings drawn, in `certainty.py`, which
-takes longer.
+A step is worth what it adds to the expected probability of the true explanation. The odds of that
+one against another grow by a log Bayes factor; between normal distributions its mean is their
+divergence f, and its variance 2 f if their covariances are alike. Holding steps longer averages
+noise and costs time, so each doubling has to be worth it.
 
-Steps that are held longer have less noise, and cost time: each doubling has to be worth it.
+Steps that tell explanations apart are as good as those explanations. The truth may be none of them,
+or bend where nobody recorded; so the other steps lie far from each other along each input.
 
 Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
-Leibler 1951.
+Leibler 1951; Cover and Thomas 2006, 2.5 (chain rule of divergences); Joseph, Gul and Ba 2015
+(maximum projection designs); Box and Draper 1959.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.special import gammaincinv
 
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.divergence import divergences
+from rulec.mismatch import limits
 from rulec.mismatch.experiment.foretell import Foretold
+from rulec.mismatch.experiment.points import Within
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Places in the order in which they were chosen, what is `worth` nothing and each of them, and
-    the `factors` by which all tell explanations apart.
+    """Places in the order in which they were chosen.
 
-    `factors`, shape (explanations, explanations), are expected log Bayes factors, nats: of the one
-    of a row, if it is true, against the one of a column.
+    `certainty` is the expected probability of the true explanation before the first and after each.
+    `factors`, shape (explanations, explanations), are expected log Bayes factors, nats: of the
+    explanation of a row, if it is true, against that of a column.
     """
 
     places: tuple[int, ...]
-    worth: tuple[float, ...]
+    certainty: tuple[float, ...]
     factors: Array
 
 
 def chosen(
-    foretold: Sequence[Foretold],
+    told: Sequence[Foretold],
     odds: Array,
     most: int,
     *,
@@ -54,59 +53,193 @@ def chosen(
 ) -> Choice:
     """Up to so many places, each the one that adds most to what is known by then.
 
-    `foretold` has one entry per explanation as the true one, `odds` their probabilities. `among`,
-    shape (n,), flags places that may be chosen; `in_time` tells whether there is time for some.
+    `told` has one entry per explanation as the true one, `odds` their probabilities. `among`, shape
+    (n,), flags places that may be chosen; `in_time` says whether there is time for some.
     """
+    every = sorted(set(told[0].point.tolist()).intersection(*(one.point for one in told)))
+    left = [place for place in every if among is None or among[place]]
     places: list[int] = []
-    count = len(odds)
-    factors, weighed = np.zeros((count, count)), np.zeros((count, count))
-    worth, added = [certain(odds, factors, weighed)], list[Array]()
-    every = sorted(set(foretold[0].point.tolist()).intersection(*(f.point for f in foretold)))
-    if among is not None:
-        every = [place for place in every if among[place]]
-    left = list(range(len(every)))
-    known = [divergences(told, true, every) for true, told in enumerate(foretold)]
-    while len(places) < most and left:
-        more = np.array([[pair.gains() for pair in row] for row in known])
+    factors = [np.zeros((len(odds), len(odds)))]
+    certainty = [certain(odds, factors[0])]
+    while left and len(places) < most:
+        grown = factors[-1][:, :, None] + np.array(
+            [gains(one, true, places, left) for true, one in enumerate(told)]
+        )
         sure = [
-            certain(odds, factors + own, weighed + own**2) if in_time([*places, every[at]]) else 0.0
-            for at, own in zip(left, np.moveaxis(more, 2, 0), strict=True)
+            certain(odds, own) if in_time([*places, place]) else 0.0
+            for place, own in zip(left, np.moveaxis(grown, 2, 0), strict=True)
         ]
         best = int(np.argmax(sure))
         if not sure[best] > 0.0:
             break
-        at = left.pop(best)
-        places.append(every[at])
-        added.append(more[:, :, best])
-        factors, weighed = factors + added[-1], weighed + added[-1] ** 2
-        worth.append(sure[best])
-        known = [[pair.with_place(at) for pair in row] for row in known]
+        places.append(left.pop(best))
+        factors.append(grown[:, :, best])
+        certainty.append(sure[best])
     # One step may tell nothing where two do.
-    kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
-    factors = np.sum([np.zeros((count, count)), *added[:kept]], axis=0)
-    return Choice(tuple(places[:kept]), tuple(worth[: kept + 1]), factors)
+    kept = int(np.argmax(np.array(certainty) - limits.WORTH_A_STEP * np.arange(len(certainty))))
+    return Choice(tuple(places[:kept]), tuple(certainty[: kept + 1]), factors[kept])
 
 
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
 """Where a normal deviate is taken, and for which share of its draws each stands."""
 
-WEIGHTS = (np.arange(limits.SCATTER_NODES) + 0.5) / limits.SCATTER_NODES
-"""Shares of draws below which a weight is taken; each stands for as many."""
 
-
-def certain(odds: Array, factors: Array, weighed: Array) -> float:
+def certain(odds: Array, factors: Array) -> float:
     """Probability that the true explanation can be expected to have.
 
-    `factors` are expected log Bayes factors, nats, `weighed` the sum of the squares of what each
-    step adds to them, shape (explanations, explanations) each. The mean weight of steps has a gamma
-    distribution if each has an exponential one and all add as much.
+    `factors` are expected log Bayes factors, nats, shape (explanations, explanations). What `odds`
+    lack to 1 is none of these: no reading counts against it, and where it is true nothing is
+    gained.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log(odds)
-        alike = np.where(weighed > 0.0, factors**2 / weighed, 1.0)
-    weights = gammaincinv(alike, WEIGHTS[:, None, None]) / alike
+    unlisted = max(1.0 - float(odds.sum()), 0.0)
     read = factors + NODES[:, None, None] * np.sqrt(2.0 * factors)
-    after = logs[:, None] - logs[None, :] + weights[:, None] * read[None]
-    with np.errstate(over="ignore"):
-        sure = (1.0 / np.exp(-after).sum(axis=3)).mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        others = (odds[None, :] / odds[:, None] * np.exp(-read)).sum(axis=2)
+        sure = np.where(odds > 0.0, 1.0 / (others + unlisted / odds), 0.0)
     return float(SHARES @ sure @ odds / SHARES.sum())
+
+
+def gains(told: Foretold, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+    """By how much each place would raise the expected log Bayes factors of the true explanation
+    against each, after readings at the known places; nats, shape (explanations, places)."""
+    before, rows = _rows(told, known), _rows(told, places)
+    read = before[before >= 0]
+    first, by_true, own = _conditional(told, true, read, rows)
+    found = []
+    for other, off in enumerate(told.off):
+        factor, by, left = _conditional(told, other, read, rows)
+        apart = told.off[true] - off
+        mean = np.where(rows >= 0, apart[rows], 0.0)
+        mean -= np.einsum("kni,k->ni", by, np.linalg.solve(factor, apart[read]))
+        spread = np.einsum("kni->nik", by_true)
+        spread = spread - np.einsum("kni,kl->nil", by, np.linalg.solve(factor, first))
+        parts = np.concatenate([mean[:, :, None], spread, own], axis=2)
+        squares = (np.linalg.solve(left, parts) ** 2).sum(axis=(1, 2))
+        grown = np.linalg.slogdet(left)[1] - np.linalg.slogdet(own)[1]
+        found.append(np.maximum(grown + 0.5 * (squares - rows.shape[1]), 0.0))
+    return np.array(found)
+
+
+def _rows(told: Foretold, places: Sequence[int]) -> NDArray[np.intp]:
+    """Numbers of the rows of each place, shape (places, r); a negative one says nothing."""
+    own = [np.flatnonzero(told.point == place) for place in places]
+    most = int(np.bincount(told.point).max())
+    number = np.tile(-1 - np.arange(most), (len(places), 1))
+    for line, there in zip(number, own, strict=True):
+        line[: len(there)] = there
+    return number
+
+
+def _conditional(
+    told: Foretold, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """Lower factor of the covariance of what was read, shape (k, k); the covariance of rows with
+    that in its units, shape (k, n, r); and the factors of what it leaves, shape (n, r, r)."""
+    between = functools.partial(told.between, explanation)
+    factor = np.linalg.cholesky(between(read[:, None], read[None, :]))
+    by = np.linalg.solve(factor, between(read[:, None], rows.reshape(1, -1)))
+    by = by.reshape(len(read), *rows.shape)
+    left = between(rows[:, :, None], rows[:, None, :]) - np.einsum("kni,knj->nij", by, by)
+    return np.asarray(factor), np.asarray(by), np.asarray(np.linalg.cholesky(left))
+
+
+@dataclass(frozen=True)
+class Best:
+    """Places that were chosen within limits, and what each explanation foretells of means as long
+    as they are held; readings whose limits forbid better ones, and whether time does."""
+
+    choice: Choice
+    told: Sequence[Foretold]
+    limited: Within
+    hindering: tuple[str, ...]
+    time_is_short: bool
+
+
+def best_within(
+    told: Sequence[Foretold],
+    odds: Array,
+    most: int,
+    seconds: float,
+    limited: Within,
+    settling: float,
+) -> Best:
+    """The places that tell most within limits, and how long to hold them; readings take `settling`,
+    s. Places that cost no product are preferred."""
+
+    def plan(held: int, among: NDArray[np.bool_], until: float = seconds) -> Choice:
+        longer, own = _held(told, limited, held, settling)
+        return chosen(
+            longer,
+            odds,
+            most,
+            among=among,
+            in_time=lambda places: own.seconds(places) <= until,
+        )
+
+    @functools.cache
+    def best(held: int) -> Choice:
+        choice = plan(held, limited.may_run)
+        if any(limited.costs[place] for place in choice.places):
+            spared = plan(held, limited.free)
+            if spared.certainty[-1] >= choice.certainty[-1] - limits.WORTH_COST:
+                return spared
+        return choice
+
+    def worth(held: int) -> float:
+        return best(held).certainty[-1] - limits.WORTH_COST * math.log2(held)
+
+    longest, held = max(int(seconds // limited.seconds([0])), 1), 1
+    while longer := [h for h in (2 * held, 4 * held) if h <= longest and worth(h) > worth(held)]:
+        held = max(longer, key=worth)
+    choice = best(held)
+    unhurried = [plan(times, limited.may_run, math.inf) for times in (held, 2 * held)]
+    wider = plan(held, limited.possible) if limited.forbidden else choice
+    better = wider.certainty[-1] > choice.certainty[-1] + limits.WORTH_A_STEP
+    forbid = [n for n, there in limited.forbidden.items() if there[list(wider.places)].any()]
+    return Best(
+        choice,
+        *_held(told, limited, held, settling),
+        tuple(forbid) if better else (),
+        any(one.certainty[-1] > choice.certainty[-1] + limits.WORTH_COST for one in unhurried),
+    )
+
+
+def _held(
+    told: Sequence[Foretold], limited: Within, held: int, settling: float
+) -> tuple[Sequence[Foretold], Within]:
+    """What is foretold where each place is held so many times as long as it has to be."""
+    least = limited.shortest - settling
+    times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
+    return [one.held(times) for one in told], replace(limited, held=held)
+
+
+def covering(
+    limited: Within, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
+) -> tuple[int, ...]:
+    """Up to so many places beside some steps, as long as there is time, s.
+
+    Each is the one farthest from all others by the product of distances along each input; without
+    any step the first is the middle. `among`, shape (n,), flags places that may be chosen.
+    """
+    ranges = limited.reach.ranges.items()
+    at = np.stack([(limited.places.inputs[n] - low) / (high - low) for n, (low, high) in ranges], 1)
+
+    def near(point: Array) -> Array:
+        """What one point adds to the criterion at all places: infinite where they coincide."""
+        apart = np.abs(at - point)
+        # Values of an input are as good as apart where `most` evenly spread ones are.
+        added: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
+        return np.where(apart.any(axis=1), added, np.inf)
+
+    found: list[int] = []
+    while len(found) < most:
+        taken = [*steps, *found]
+        left = [place for place in np.flatnonzero(among).tolist() if place not in taken]
+        worst = np.sum([near(at[place]) for place in taken], axis=0)
+        if not taken:
+            worst = np.linalg.norm(at - at.mean(axis=0), axis=1)
+        place = min(left, key=worst.__getitem__, default=-1)
+        if place < 0 or worst[place] == np.inf or limited.seconds([*found, place]) > seconds:
+            break
+        found.append(place)
+    return tuple(found)

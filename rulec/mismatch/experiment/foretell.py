@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import Stretches
+from scipy.linalg import block_diag
 
-from rulec.mismatch import limits as common
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import (
     ERROR,
     Configuration,
@@ -18,11 +19,10 @@ from rulec.mismatch.evidence.steady.configuration import (
 )
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.locate import spot_column
+from rulec.mismatch.evidence.steady.onset import slope_by_onset
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System, with_properties
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, driver_of
@@ -51,14 +51,13 @@ class Places:
 class Foretold:
     """Readings if one explanation is true, and how far off every explanation would find them.
 
-    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,).
-    For each explanation in turn `off`, shape (rows,), is what its best values leave, in units of
-    the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
-    `spread` per output, shape (n,), SI, is the standard deviation of a reading if the explanation
-    is true, NaN where nothing is foretold, `noise` the part of it that is less in a longer mean,
-    and `shares` the variance of that part in `covariance`, of each explanation. `less` is the share
-    of it that is gone, as means are longer; `spread` is without it, `covariance` still with.
-    `flows` per module, shape (n,), m3/s.
+    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,). Of
+    each explanation in turn `off`, shape (rows,), in units of the noise, is what its best values
+    leave, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
+    `spread` per output, shape (n,), SI, is the standard deviation of a reading, NaN where nothing
+    is foretold, and `noise` the part of it that a longer mean averages; of each explanation that
+    part has the variance `shares` in `covariance`, of which means have `less` by this share (0: as
+    short as they can be); `spread` has it already. `flows` per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]
@@ -72,17 +71,15 @@ class Foretold:
     flows: Mapping[str, Array] = field(default_factory=dict)
 
     def between(self, explanation: int, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Array:
-        """Covariance of some rows with others by an explanation, broadcast."""
+        """Covariance of some rows with others by an explanation, broadcast; a row below 0 stands
+        for no reading, with a variance of its own."""
         gone = self.less * self.shares[explanation] if self.less else 0.0
-        found: Array = self.covariance[explanation][rows, others] - gone * (rows == others)
-        return found
+        known, same = (rows >= 0) & (others >= 0), rows == others
+        found: Array = self.covariance[explanation][rows, others] - gone * same
+        return np.where(known, found, same)
 
     def held(self, times: float) -> Foretold:
-        """Of means over so many times as many settled samples as one has at least.
-
-        Noise averages, as far as the samples themselves show it; what an explanation is off by
-        besides does not.
-        """
+        """Of means over so many times as many settled samples: their noise alone averages."""
         less = 1.0 - 1.0 / times
         spread = {
             name: np.sqrt(whole**2 - less * self.noise[name] ** 2)
@@ -200,9 +197,9 @@ def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     stay = [name.startswith(ERROR) for name in names] & ~np.array(own, dtype=bool)
     kept = np.where(own, 0.0, 1.0)
     if any(own):
-        return kept, np.flatnonzero(stay), common.OWN_ERROR
+        return kept, np.flatnonzero(stay), limits.OWN_ERROR
     # Of one recording it is not known which part of an error stays: two are alike by so much.
-    alike = 1.0 - common.OWN_ERROR
+    alike = 1.0 - limits.OWN_ERROR
     return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
 
 
@@ -220,6 +217,28 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
     return replace(data, points=replace(data.points, values=values))
 
 
+def known_with_onsets(geometry: Geometry, model: Model) -> Array:
+    """Covariance of all numbers of a model and, behind them, of when each fault that grows began,
+    s, shape (numbers, numbers).
+
+    A later beginning asks for a faster growth: with it held, later readings would be foretold too
+    surely. Before the recording each time in it is as likely.
+    """
+    slopes = _slopes_by_onsets(model.fitted)[geometry.seen]
+    length = max(float(np.ptp(geometry.rows.system.data.time)), 1e-300)
+    before = 12.0 / length**2 * np.eye(slopes.shape[1])
+    table, precision = np.hstack([model.table, slopes]), block_diag(model.precision, before)
+    return solved(replace(model, table=table, precision=precision))[1]
+
+
+def _slopes_by_onsets(fitted: Fitted) -> Array:
+    """Slopes of all residuals by when each fault that grows began, 1/s, shape (rows, faults)."""
+    names = fitted.prior.names
+    growing = [course for course in fitted.setting.courses if course.grows]
+    found = [slope_by_onset(fitted, c, names.index(c.names()[0])) for c in growing]
+    return np.stack(found, axis=1) if found else np.zeros((len(fitted.residual), 0))
+
+
 def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
     """How far off a model of `geometry` finds readings, shape (rows,), and the covariance of that,
     shape (rows, rows): of noise, its values, when faults began to grow, terms without a name,
@@ -228,20 +247,19 @@ def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, 
     solution, known = solved(model)[0], known_with_onsets(geometry, model)
     off = fitted.residual[there.seen]
     kept, stay, added = _kept(model)
-    slopes_by_value = fitted.jacobian[there.seen]
-    table, numbers = [slopes_by_value * kept], list(range(len(model.at)))
+    by_value = fitted.jacobian[there.seen]
+    table, numbers = [by_value * kept], list(range(len(model.at)))
     for term in model.terms:
-        own = columns_of(model, term)
-        columns = _columns(there, model, fitted, term)
+        own, columns = columns_of(model, term), _columns(there, model, fitted, term)
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
-    table.append(slopes_by_onsets(fitted)[there.seen])
+    table.append(_slopes_by_onsets(fitted)[there.seen])
     numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.of(there.law) * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
-    covariance += added * slopes_by_value[:, stay] @ slopes_by_value[:, stay].T
+    covariance += added * by_value[:, stay] @ by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2
     return off, covariance
 

@@ -13,28 +13,18 @@ from rulec_runtime.limits import SETTLING
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.candidate_sets import Standing
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.admissible_points import (
-    Reach,
-    limited_reach,
-    places_in,
-    present_inputs,
-    usual_reach,
-)
-from rulec.mismatch.experiment.certainty import expected_certainty
-from rulec.mismatch.experiment.covering_points import covering
-from rulec.mismatch.experiment.dwell_times import Best, best_within
+from rulec.mismatch.experiment.choose import Best, best_within, covering
 from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.limits_of_points import Within, within
+from rulec.mismatch.experiment.points import Reach, Within, places_in, reach_of, within
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.refused import ExperimentRefused
-from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.candidate_sets import Again, refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
 
@@ -59,7 +49,10 @@ def planned(
     again, left_out = _refitted(recording, ruleset, builder, standing)
     system = again.geometry.rows.system
     sample = _sample(recording.time)
-    reach = _reach(recording, ruleset, system, sample, given)
+    reach = reach_of(
+        system, recording, sample, None if given is None else allowed_of(ruleset, given)
+    )
+    _check_ranges(reach)
     places = places_in(system, reach)
     every = range(len(again.sets))
     told = [foretold(again.geometry, again.models, i, places) for i in every]
@@ -68,15 +61,14 @@ def planned(
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
-    best = best_within(told, odds / odds.sum(), telling, seconds, limited, settling)
+    best = best_within(told, odds, telling, seconds, limited, settling)
     steps = _steps(best.limited, best.choice.places, best.told, system)
     steps += _covering(limited, best, most - len(steps), seconds, told, system)
-    certainty = expected_certainty(best.told, odds, best.choice.places)
     return Experiment(
         standing=again.sets,
         left_out=left_out,
         steps=steps,
-        certainty=certainty,
+        certainty=best.choice.certainty,
         unlisted=max(1.0 - float(odds.sum()), 0.0),
         factors=best.choice.factors,
         set_by=reach.ranges,
@@ -86,7 +78,6 @@ def planned(
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
         sample=sample,
-        read=_read(system, again.models),
         sensors=advised(again.geometry, again.models, alike(best.choice.factors)),
     )
 
@@ -112,27 +103,15 @@ def _refitted(
     return again, tuple(one for one in standing if one not in again.sets)
 
 
-def _reach(
-    recording: Recording,
-    ruleset: Ruleset,
-    system: System,
-    sample: float,
-    given: PlantLimits | None,
-) -> Reach:
-    """What may be set, within limits that are given or else within what was recorded."""
-    present = present_inputs(ruleset, recording)
-    if given is None:
-        reach = usual_reach(system, present, sample)
-    else:
-        reach = limited_reach(system, present, allowed_of(ruleset, given), sample)
+def _check_ranges(reach: Reach) -> None:
+    """Refuse where nothing may be set."""
     if not reach.ranges:
         raise ExperimentRefused(
             "no input was changed in the recording, so how far one may be changed is not known; "
             "give limits with --limits"
-            if given is None
+            if reach.allowed is None
             else "the limits leave no input of the recording that may be changed"
         )
-    return reach
 
 
 def _check_time(limited: Within, reach: Reach, seconds: float) -> None:
@@ -156,18 +135,6 @@ def _sample(time: Array) -> float:
     return float(np.median(between)) if len(between) else limits.SHORTEST_STEP
 
 
-def _read(system: System, models: Sequence[Model]) -> frozenset[str]:
-    """Signals that an equation or an explanation reads; the temperature, where it is a property of
-    the fluid."""
-    by_laws = {s for observer in system.ruleset.observers for s in observer.signals}
-    joined = [candidate for model in models for candidate in model.setting.joined]
-    drivers = {driver for candidate in joined for driver in candidate.drivers.values()}
-    drivers |= {u.driver for candidate in joined for u in candidate.unknowns if u.driver}
-    drivers |= {term.driver for model in models for term in model.terms}
-    properties = system.builder.fluid_drivers
-    return frozenset(by_laws | {properties[d].signal if d in properties else d for d in drivers})
-
-
 def _covering(
     limited: Within, best: Best, most: int, seconds: float, told: Sequence[Foretold], system: System
 ) -> tuple[Step, ...]:
@@ -177,8 +144,7 @@ def _covering(
     since = best.limited.seconds(telling)
     held = math.ceil(limits.COVERING_HELD * limited.reach.step / limited.shortest)
     after = replace(limited, held=held, begun=telling[-1] if telling else -1)
-    among = limited.may_run & np.array([not costs for costs in limited.costs])
-    places = covering(after, among, telling, most, seconds - since)
+    places = covering(after, limited.free, telling, most, seconds - since)
     return _steps(after, places, told, system, since, covers=True)
 
 

@@ -1,110 +1,251 @@
-"""An experiment as a recipe: words, a table, and bands of what is read, for the terminal."""
+"""An experiment as a recipe: one table and the same words for the terminal and for a page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.report.text import percent
+from rulec_runtime.report.chart import SYMBOLS, Axis, Panel, axis
+from rulec_runtime.report.document import Head, document, numbered, section
+from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.html_story import badge
+from rulec_runtime.report.made import Made
+from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.subject import Subject
+from rulec_runtime.report.tables import columns, table
+from rulec_runtime.report.text import number, percent, safe
 
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.result import Experiment, Reading
-from rulec.mismatch.experiment.words import (
-    as_read,
-    as_set,
-    duration,
-    headline,
-    in_words,
-    remarks,
-    sure_after,
-)
+from rulec.mismatch import limits
+from rulec.mismatch.experiment.result import Experiment, Reading, duration, in_words
 
-BAND = 50
-"""Characters across a picture."""
+FEWEST_DIGITS, MOST_DIGITS = 3, 7
+"""Digits of what is read."""
+
+READINGS = 2
+"""Readings that are told of each step."""
 
 
 def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
-    """The finding, the explanations, the steps, and what they leave open."""
-    out.print()
-    out.print(styled("[bold]{}[/]", headline(found)))
-    out.print()
-    for place, one in enumerate(found.standing, start=1):
-        out.print(styled("  {}  {} ({})", place, in_words(one), percent(one.probability)))
+    """Print the finding, the explanations, the steps, and what they leave open."""
+    out.print(styled("\n[bold]{}[/]\n", found.headline))
+    for place, line in enumerate(_standing(found), start=1):
+        out.print(styled("  {}  {}", place, line))
     if found.steps:
-        out.print()
-        out.print(_table(found, ruleset))
-        out.print()
-        bands = list(_bands(found, ruleset))
-        for line in bands:
-            out.print(styled("{}", line))
-        if bands:
-            out.print()
+        titles, rows = _steps(found, ruleset)
+        shown = Table(box=None, pad_edge=False, header_style="dim")
+        for title in titles:
+            shown.add_column(title.removeprefix("."), justify=_justify(title))  # type: ignore[arg-type]
+        for row in rows:
+            shown.add_row(*("\n".join(lines) for lines in row))
+        out.print("", shown, "", sep="\n")
     for line in remarks(found, ruleset):
         out.print(styled("{}", line))
 
 
-def _table(found: Experiment, ruleset: Ruleset) -> Table:
-    signals = ruleset.signal_by_id
-    table = Table(box=None, pad_edge=False, header_style="dim")
+def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = None) -> str:
+    """The page as HTML; the same experiment gives the same text."""
+    sections = [section("What may be true", _items("ol", _standing(found)))]
+    if found.steps:
+        titles, rows = _steps(found, ruleset)
+        cells = (["<br/>".join(map(safe, lines)) for lines in row] for row in rows)
+        sections.append(section("Steps", table("steps", columns(*titles), cells)))
+        sections.append(section("Pictures", "".join(numbered(_pictures(found, ruleset)))))
+    sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
+    named = [name.partition(".")[0] for one in found.standing for name in one.names]
+    head = Head(
+        kind="Experiment",
+        verdict=found.headline.removesuffix("."),
+        badge=badge("M" if found.steps else "C"),
+        facts=tuple(Subject(ruleset=ruleset).facts()),
+        made=made,
+        sketch=sketch(ruleset, {name: "S" for name in named if name in ruleset.modules}),
+    )
+    return document(head, "".join(sections))
+
+
+def _justify(title: str) -> str:
+    return "right" if title.startswith(".") else "left"
+
+
+def _items(kind: str, lines: Iterable[str]) -> str:
+    return f"<{kind}>{''.join(f'<li>{safe(line)}</li>' for line in lines)}</{kind}>"
+
+
+def _standing(found: Experiment) -> Iterator[str]:
+    """Each explanation with its probability."""
+    return (f"{in_words(one)} ({percent(one.probability)})" for one in found.standing)
+
+
+def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[list[str]]]]:
+    """Titles of columns, those of numbers with a point before, and per step the lines of each
+    cell: how long it takes, what to set, and what each explanation foretells of the most telling
+    readings."""
+    signals, every = ruleset.signal_by_id, range(len(found.standing))
     slowly = any(step.ramp for step in found.steps)
-    for title in ("step", "time" if slowly else "hold", "set"):
-        table.add_column(title)
-    table.add_column("read")
-    for place in range(1, len(found.standing) + 1):
-        table.add_column(f"if {place}", justify="right")
-    if found.telling:
-        table.add_column("sure", justify="right")
+    titles = ["step", "time" if slowly else "hold", "set", "read"]
+    titles += [f".if {own + 1}" for own in every] + [".sure"] * bool(found.telling)
+    rows = []
     for place, step in enumerate(found.steps, start=1):
-        told = step.readings[: limits.READINGS_TOLD]
+        told = [(signals[r.signal], r) for r in step.readings[:READINGS]]
         hold = duration(step.until - step.since - step.ramp)
-        table.add_row(
-            str(place),
-            f"way {duration(math.ceil(step.ramp))}\nhold {hold}" if slowly else hold,
-            "\n".join(
-                as_set(signals[name], value)
-                for name, value in step.inputs.items()
-                if name in found.set_by
-            ),
-            "\n".join(f"{r.signal} [{signals[r.signal].unit}]" for r in told),
-            *(
-                "\n".join(as_read(signals[r.signal], r, i) for r in told)
-                for i in range(len(found.standing))
-            ),
-            *([sure_after(found, place)] if found.telling else ()),
-        )
-    return table
+        cells = [
+            [str(place)],
+            [f"way {duration(math.ceil(step.ramp))}", f"hold {hold}"] if slowly else [hold],
+            [_set(signals[n], v) for n, v in step.inputs.items() if n in found.set_by],
+            [f"{signal.id} [{signal.unit}]" for signal, _ in told],
+            *([_read(signal, r, own) for signal, r in told] for own in every),
+        ]
+        if found.telling:
+            cells.append(["" if step.covers else percent(found.certainty[place])])
+        rows.append(cells)
+    return titles, rows
 
 
-def _bands(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
-    """Of the steps that tell most, the most telling reading under each explanation, with its 95 %
-    band."""
-    gains = [b - a for a, b in zip(found.certainty, found.certainty[1:], strict=False)]
-    best = sorted(range(len(gains)), key=lambda i: -gains[i])[: limits.STEPS_DRAWN]
-    for place in sorted(best):
-        reading = found.steps[place].readings[0]
-        signal = ruleset.signal_by_id[reading.signal]
-        low, high = _ends(reading)
+def _set(signal: SignalSpec, value: float) -> str:
+    return f"{signal.id} {number(signal.shown(value))} {signal.unit}"
+
+
+def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
+    """What is read if one explanation is true, to as many digits as tell it from the others."""
+    value = reading.values[explanation]
+    apart = max(reading.values) - min(reading.values)
+    noise = apart / reading.apart if reading.apart > 0.0 else reading.spread[explanation]
+    digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
+    shown = f"{signal.shown(value):#.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+    return shown.rstrip(".")
+
+
+def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
+    """What probabilities mean, what stays open, and which limit binds."""
+    if found.telling:
+        unlisted = f" The case that none of these is true ({percent(found.unlisted)}) counts as "
         yield (
-            f"step {place + 1}: {signal.id} from {signal.shown(low):.4g} to "
-            f"{signal.shown(high):.4g} {signal.unit}, with 95 % bands"
+            "Sure: the expected probability of the true explanation after the step."
+            f"{unlisted + 'not sure.' if found.unlisted >= limits.PLAUSIBLE else ''} It relies on "
+            "the probabilities above: if the truth has too little there, less is gained."
         )
-        for number, (value, u) in enumerate(
-            zip(reading.values, reading.spread, strict=True), start=1
-        ):
-            left, middle, right = (
-                round((BAND - 1) * (v - low) / (high - low))
-                for v in (value - 2.0 * u, value, value + 2.0 * u)
-            )
-            line = [" "] * left + ["─"] * (right - left + 1)
-            line[left], line[right], line[middle] = "├", "┤", "●"
-            yield f"  if {number}  {''.join(line)}"
+    covers = [i for i, step in enumerate(found.steps, start=1) if step.covers]
+    if covers and len(found.standing) > 1:
+        yield (
+            f"{_steps_of(covers).capitalize()} explore the range that may be set: they show if "
+            "none of these explanations is true. No probability is predicted for them."
+        )
+    for pair in found.alike:
+        if found.telling:
+            yield f"No set points within these ranges tell {pair[0] + 1} and {pair[1] + 1} apart."
+        yield _sensor(found, pair)
+    ranges = [
+        f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
+        for name, bounds in found.set_by.items()
+        for signal in [ruleset.signal_by_id[name]]
+        for ends in [[signal.shown(end) for end in bounds]]
+    ]
+    within = "the limits" if found.limited else "what was recorded"
+    yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    for one in found.left_out:
+        yield (
+            f"{in_words(one)} ({percent(one.probability)}) remains possible, too. Its effect at "
+            "other set points is unknown, so nothing is predicted for it."
+        )
+    yield from _limits(found)
 
 
-def _ends(reading: Reading) -> tuple[float, float]:
-    """From the lowest to the highest end of all bands, SI."""
-    every = list(zip(reading.values, reading.spread, strict=True))
-    return min(v - 2.0 * u for v, u in every), max(v + 2.0 * u for v, u in every)
+def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
+    """The cheapest sensor that tells two explanations apart."""
+    which = f"{pair[0] + 1} and {pair[1] + 1}"
+    told = next((advised for advised in found.sensors if advised.pair == pair), None)
+    if told is None:
+        return (
+            f"A second reading of any signal, or a flow meter, would not tell {which} apart either."
+        )
+    sensor, (first, second) = told.sensor, told.values
+    cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
+    return (
+        f"To tell {which} apart, add: {sensor.title}{cost}, "
+        f"{number(abs((first - second) / sensor.factor))} {sensor.unit} apart, where the sensor is "
+        f"exact to {number(told.u / sensor.factor)} {sensor.unit}."
+    )
+
+
+def _limits(found: Experiment) -> Iterator[str]:
+    """What a step costs, and which limit forbids a better one."""
+    told: dict[str, list[int]] = {}
+    for place, step in enumerate(found.telling if found.limited else (), start=1):
+        costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
+        binds = [f"The {end} value that is allowed of {n} binds in {{}}." for n, end in step.at_end]
+        for text in (*costs, *binds):
+            told.setdefault(text, []).append(place)
+    yield from (text.format(_steps_of(places)) for text, places in told.items())
+    for name in found.hindering:
+        yield f"The limits of {name} forbid steps that would tell more."
+    if found.time_is_short:
+        yield "There is no time for steps that would tell more: --hours ends the experiment."
+    for name in found.unwatched:
+        yield f"No explanation foretells {name}, which has limits: watch it while you run this."
+
+
+def _steps_of(places: Sequence[int]) -> str:
+    if len(places) == 1:
+        return f"step {places[0]}"
+    if len(places) > 2 and places[-1] - places[0] == len(places) - 1:
+        return f"steps {places[0]} to {places[-1]}"
+    return f"steps {', '.join(map(str, places[:-1]))} and {places[-1]}"
+
+
+SPREAD = 0.7
+"""Width in a picture over which the explanations of a step are spread, in steps."""
+
+FEWEST_SPREAD = 3
+"""Explanations from which on they fill that width; fewer stand as near to one another."""
+
+
+def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
+    """One per signal that is told in some step."""
+    told = [r.signal for s in found.steps for r in s.readings[:READINGS]]
+    for index, name in enumerate(dict.fromkeys(told)):
+        yield _picture(found, ruleset.signal_by_id[name], index)
+
+
+def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
+    """What each explanation foretells of a signal, less what the likeliest does, in each step in
+    which it is foretold."""
+    told = {
+        float(place): reading
+        for place, step in enumerate(found.steps, start=1)
+        for reading in step.readings
+        if reading.signal == signal.id
+    }
+    values = np.array([r.values for r in told.values()]) / signal.factor
+    spread = 2.0 * np.array([r.spread for r in told.values()]) / abs(signal.factor)
+    off = values - values[:, :1]
+    count, steps, last = len(found.standing), np.array(list(told)), len(found.steps)
+    across = Axis(0.5, last + 0.5, tuple(float(place) for place in range(1, last + 1)))
+    panel = Panel(across, axis(float(np.min(off - spread)), float(np.max(off + spread)), 5), 240)
+    bars, marks = [], []
+    for own in range(count):
+        x = steps + SPREAD / max(count, FEWEST_SPREAD) * (own - (count - 1) / 2.0)
+        style, shape = f"s{own % 6}", list(SYMBOLS)[own % len(SYMBOLS)]
+        low, high = (off - spread)[:, own], (off + spread)[:, own]
+        bars.append(panel.bars(x, low, high, style))
+        marks.append(panel.marks(x, off[:, own], shape, style))
+        marks += [
+            panel.text(float(a), float(b), str(own + 1), "tick x", -6)
+            for a, b in zip(x, high, strict=True)
+        ]
+    title = f"{signal.id} as each explanation foretells it"
+    axis_title = f"{signal.id} less what 1 foretells [{signal.unit}]"
+    return Figure(
+        name=f"step{index}",
+        title=title,
+        key="numbers: explanations; bars: 95 % bands, with noise and the doubt of all values",
+        body=plot(panel.drawn(title, axis_title, bars, marks, True), True, "step"),
+        caption=f"What {signal.id} reads in each step tells which explanation is true. A band has "
+        "all that an explanation leaves open; much of that is the same in all steps, so these tell "
+        "more together than one by one.",
+        narrow=True,
+    )

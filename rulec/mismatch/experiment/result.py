@@ -1,16 +1,25 @@
-"""An experiment: what stands, which steps tell it apart, and what is read if each is true."""
+"""An experiment: what stands, which steps tell it apart, and what is read if each is true; with its
+JSON form, and the explanations as a mismatch left them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.report.text import counted, number, percent
 
-from rulec.mismatch.candidate_sets import Standing
-from rulec.mismatch.experiment import limits
+from rulec.effects.made_from import AGAIN
+from rulec.mismatch import limits
+from rulec.mismatch.candidate_sets import Presence, Standing
 from rulec.mismatch.experiment.sensors import Advised
+from rulec.mismatch.refused import ExperimentRefused
 
 
 @dataclass(frozen=True)
@@ -76,12 +85,36 @@ class Experiment:
     time_is_short: bool
     sensors: tuple[Advised, ...]
     sample: float
-    read: frozenset[str]
 
     @property
     def telling(self) -> tuple[Step, ...]:
         """The steps that tell explanations apart."""
         return tuple(step for step in self.steps if not step.covers)
+
+    @property
+    def headline(self) -> str:
+        """What the experiment is worth, in one sentence."""
+        steps = counted(len(self.steps), "step")
+        if len(self.standing) == 1:
+            if not self.steps:
+                return "One explanation stands alone, and nothing may be set that would test it."
+            return (
+                f"One explanation stands alone. {steps} in {duration(self.steps[-1].until)} test "
+                "it: they explore the range that may be set, and show what it does not predict."
+            )
+        if not self.telling:
+            within, wider = "what was recorded", "Record wider ranges"
+            if self.limited:
+                within, wider = "the limits", "Allow wider ranges"
+            return (
+                f"No set points within {within} tell these explanations apart. {wider}, or read "
+                "another quantity."
+            )
+        before, after = percent(self.certainty[0]), percent(self.certainty[-1])
+        return (
+            f"With {steps} in {duration(self.steps[-1].until)} the expected probability of the "
+            f"true explanation rises from {before} to {after}, if it is one of these."
+        )
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:
@@ -94,3 +127,149 @@ def alike(factors: Array) -> tuple[tuple[int, int], ...]:
     apart = np.minimum(factors, factors.T)
     every = zip(*np.triu_indices(len(apart), 1), strict=True)
     return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
+
+
+def in_words(one: Standing) -> str:
+    """What a set of explanations says."""
+    return " and ".join(one.titles) or "nothing is missing"
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit in which it is told best."""
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
+
+
+def standing_of(data: Mapping[str, Any], file: Path) -> tuple[Standing, ...]:
+    """What a mismatch left standing; `file` is its name. Raises ExperimentRefused where it does not
+    say."""
+    try:
+        found = tuple(_one(one) for one in data["standing"])
+    except (LookupError, TypeError, ValueError, AttributeError):
+        raise ExperimentRefused(
+            f"{file}: it does not say which explanations stand; {AGAIN}"
+        ) from None
+    if not found:
+        raise ExperimentRefused(
+            f"{file}: no sets of explanations were weighed. In plants that store they are not; a "
+            "recording that cannot be judged has none"
+        )
+    return found
+
+
+def _one(data: dict[str, Any]) -> Standing:
+    return Standing(
+        names=tuple(str(name) for name in data["names"]),
+        titles=tuple(str(title) for title in data["titles"]),
+        probability=float(data["probability"]),
+        joined=tuple(str(id_) for id_ in data["joined"]),
+        values={str(name): float(value) for name, value in data["values"].items()},
+        fixed={str(name): float(value) for name, value in data["fixed"].items()},
+        periods=tuple(
+            Presence(
+                str(p["unknown"]),
+                tuple((float(a), float(b), int(level)) for a, b, level in p["spans"]),
+                bool(p["grows"]),
+            )
+            for p in data["periods"]
+        ),
+        terms=tuple((str(name), float(length)) for name, length in data["terms"]),
+    )
+
+
+ROWS = (10, 600)
+"""Fewest and most rows of the input file for each step."""
+
+
+def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
+    """The experiment as JSON data; values in the units of the signals, times in s."""
+    signals = ruleset.signal_by_id
+
+    def inputs(values: Mapping[str, float]) -> dict[str, Any]:
+        return {
+            name: {"value": _shown(signals[name], value), "unit": signals[name].unit}
+            for name, value in values.items()
+        }
+
+    return {
+        "headline": found.headline,
+        "explanations": [
+            {"names": list(one.names), "title": in_words(one), "probability": one.probability}
+            for one in found.standing
+        ],
+        "certainty": list(found.certainty),
+        "unlisted": found.unlisted,
+        "factors": found.factors.tolist(),
+        "alike": [list(pair) for pair in found.alike],
+        "sensors": [
+            {
+                "explanations": list(one.pair),
+                "module": one.sensor.quantity[0],
+                "signal": one.sensor.quantity[1] or None,
+                "title": one.sensor.title,
+                "class": one.sensor.kind.name,
+                "cost": one.sensor.cost,
+                "apart": one.apart,
+                "difference": (one.values[1] - one.values[0]) / one.sensor.factor,
+                "u": one.u / one.sensor.factor,
+                "unit": one.sensor.unit,
+                "at": inputs(one.at),
+            }
+            for one in found.sensors
+        ],
+        "limits": {
+            "given": found.limited,
+            "forbid_more": list(found.hindering),
+            "not_foretold": list(found.unwatched),
+            "time_is_short": found.time_is_short,
+        },
+        "steps": [
+            {
+                "from": step.since,
+                "until": step.until,
+                "ramp": step.ramp,
+                "covers": step.covers,
+                "costs_product": list(step.costs),
+                "at_end": [{"input": name, "end": end} for name, end in step.at_end],
+                "inputs": inputs(step.inputs),
+                "readings": [
+                    {
+                        "signal": r.signal,
+                        "unit": signals[r.signal].unit,
+                        "values": [_shown(signals[r.signal], value) for value in r.values],
+                        "apart": r.apart,
+                        "u": [spread / abs(signals[r.signal].factor) for spread in r.spread],
+                    }
+                    for r in step.readings
+                ],
+            }
+            for step in found.steps
+        ],
+    }
+
+
+def _shown(signal: SignalSpec, value: float) -> float:
+    """A value, SI, in the signal's unit, without what changing units leaves behind the tenth digit:
+    14 L/h, and not 14.000000000000002."""
+    return float(f"{signal.shown(value):.10g}")
+
+
+def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
+    """A recording of what is set, for `rulec simulate`, sampled as the last one was; what nobody
+    sets is as it can be expected."""
+    signals = ruleset.signal_by_id
+    names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
+    lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]
+    before: Mapping[str, float] = found.present
+    for step in found.steps:
+        values = {**step.given, **step.inputs}
+        lasts = step.until - step.since
+        rows = min(max(math.ceil(lasts / found.sample), ROWS[0]), ROWS[1])
+        for gone in lasts * np.arange(rows) / rows:
+            left = 1.0 - gone / step.ramp if gone < step.ramp else 0.0
+            now = {n: v + left * (before.get(n, v) - v) for n, v in values.items()}
+            shown = [f"{signals[name].shown(now[name]):.8g}" for name in names]
+            lines.append(row_of((f"{step.since + gone:.10g}", *shown)))
+        before = step.inputs
+    return "\n".join(lines) + "\n"

@@ -1,32 +1,37 @@
 """Where no set points tell explanations apart: the cheapest sensor that would.
 
 Looked at are a second reading of every signal that an estimate uses, and a flow meter in each
-module, as for faults (`rulec/passes/candidates.py`). Each explanation says what it would have read
-at the operating points recorded; those are apart where the difference exceeds the class of the
-sensor and the doubt of both explanations, which is counted as if they shared none of it.
+module, as for faults (`rulec/passes/candidates.py`). Each explanation says what such a sensor would
+have read at the recorded operating points; those are apart where the difference exceeds the class
+of the sensor and the doubt of both explanations, as if they shared none of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
+from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.knowledge import SensorClass
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.configuration import CHANGE
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.predicted_quantities import Claims, Quantity, claims_of
 from rulec.mismatch.search.refit import Model
-from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.geometry import Geometry, driver_of
+from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
+
+Quantity = tuple[str, str]
+"""A module, and its own signal; no signal for the flow through it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A sensor that could be read: `quantity` is what, `title` the words for it, `reading` the id
-    of a signal that shows the same or that is recorded and not used.
+    """A sensor that could be read: `quantity` is what, `title` the words for it.
 
     Values are shown in `unit`, SI = shown * `factor`; `cost` is relative to a pressure transmitter.
     """
@@ -58,31 +63,29 @@ def advised(
     geometry: Geometry, models: Sequence[Model], pairs: Sequence[tuple[int, int]]
 ) -> tuple[Advised, ...]:
     """Sensors that tell pairs apart, of each pair the cheapest first."""
-    needed = sorted({number for pair in pairs for number in pair})
-    claims = {number: claims_of(geometry, models[number]) for number in needed}
     system = geometry.rows.system
-    sensors = list(_sensors(system))
-    found: list[Advised] = []
+    claims = {number: _claims(system, models[number]) for number in {n for p in pairs for n in p}}
+    sensors, found = list(_sensors(system)), list[Advised]()
     for pair in pairs:
-        judged = (_judged(system, sensor, pair, claims) for sensor in sensors)
-        told = [a for a in judged if a is not None and a.apart**2 / 2.0 >= limits.TOLD_APART]
+        judged = [_judged(system, sensor, pair, *(claims[n] for n in pair)) for sensor in sensors]
+        told = [a for a in judged if a.apart**2 / 2.0 >= limits.TOLD_APART]
         found += sorted(told, key=lambda a: (a.sensor.cost, -a.apart))
     return tuple(found)
 
 
+Claims = Mapping[Quantity, tuple[Array, Array]]
+"""Of each quantity what an explanation says at the recorded points, SI, and its standard
+uncertainty by the doubt of all its numbers, shape (points,) each."""
+
+
 def _judged(
-    system: System, sensor: Sensor, pair: tuple[int, int], claims: Mapping[int, Claims]
-) -> Advised | None:
-    """How far a sensor tells a pair apart where it tells most; None where nothing is known."""
-    first, second = (claims[number] for number in pair)
-    a, b = first.value[sensor.quantity], second.value[sensor.quantity]
+    system: System, sensor: Sensor, pair: tuple[int, int], first: Claims, second: Claims
+) -> Advised:
+    """How far a sensor tells a pair apart where it tells most."""
+    (a, u_a), (b, u_b) = first[sensor.quantity], second[sensor.quantity]
     own = np.array([sensor.kind.uncertainty(sensor.full_scale, float(v)) for v in a])
-    doubt = np.sqrt(own**2 + first.u[sensor.quantity] ** 2 + second.u[sensor.quantity] ** 2)
-    with np.errstate(invalid="ignore"):
-        apart = np.abs(a - b) / doubt
-    if not np.isfinite(apart).any():
-        return None
-    place = int(np.nanargmax(apart))
+    apart = np.nan_to_num(np.abs(a - b) / np.sqrt(own**2 + u_a**2 + u_b**2))
+    place = int(np.argmax(apart))
     inputs = [s.id for s in system.ruleset.signals if s.is_input and s.id in system.data.values]
     return Advised(
         pair=pair,
@@ -94,17 +97,73 @@ def _judged(
     )
 
 
+def _claims(system: System, model: Model) -> Claims:
+    """All that one explanation says of quantities at the recorded points."""
+    solution, known = solved(model)
+    numbers = np.arange(len(model.at))
+    numbers = np.concatenate([numbers, *(columns_of(model, term) for term in model.terms)])
+    at = np.concatenate([model.at, solution[numbers[len(model.at) :]]])
+    covariance = known[np.ix_(numbers, numbers)]
+    value = _claimed(system, model, at)
+    steps = limits.CLAIM_STEP * np.diag(np.sqrt(np.diag(covariance)))
+    moved = [(_claimed(system, model, at + step), step.sum()) for step in steps]
+    claims = {}
+    for quantity, own in value.items():
+        slopes = np.stack([(there[quantity] - own) / size for there, size in moved])
+        claims[quantity] = (own, np.sqrt(np.einsum("in,ij,jn->n", slopes, covariance, slopes)))
+    return claims
+
+
+def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
+    """Values of all quantities at some numbers of a model: its own, then those of its terms."""
+    builder, count = system.builder, len(model.prior.names)
+    values = dict(zip(model.prior.names, at[:count].tolist(), strict=True))
+    setting = replace(model.setting, values={**model.setting.values, **values})
+    inputs, spots, of_signal = system.corrected(setting), list[str](), dict[str, Array]()
+    own_spots, first = {spot.id for spot in builder.spots}, len(model.at)
+    for term in model.terms:
+        changed, size = term.changed, term.columns.shape[1]
+        basis = term.basis.at(driver_of(system, term.driver)[: len(system.data)])
+        shift = size_of_term(model, term) * basis @ at[first : first + size]
+        first += size
+        if changed.id in own_spots:
+            spots.append(changed.id)
+            inputs[changed.unknown] = shift
+        else:
+            # Of a parameter it is the change that is unknown.
+            name = changed.unknown.removesuffix(CHANGE)
+            inputs[name] = inputs[name] + shift
+        if changed.kind == "signal":
+            of_signal[f"{changed.module}.{changed.place}"] = np.asarray(inputs[changed.unknown])
+    found: dict[Quantity, Array] = {}
+    everywhere = np.zeros(len(system.data))
+    observed = {c.id: {o.partition(".")[0] for o in c.observers} for c in setting.joined}
+    for module in system.modules:
+        plan = builder.plan(module, setting.ids, tuple(spots), definitions=True)
+        out = run_with_slopes(plan, inputs, ())[0]
+        flows = [out[f"q:{o.id}"] + everywhere for o in system.observers if o.module == module]
+        found[module, ""] = np.mean(flows, axis=0)
+        joined = tuple(id_ for id_ in setting.ids if module in observed[id_])
+        corrected = builder.amended(module, joined).corrected
+        for name in system.shared:
+            owner, _, signal = name.partition(".")
+            if owner == module:
+                shown = out[f"d:{corrected[signal]}"] if signal in corrected else inputs[name]
+                found[module, signal] = shown - of_signal.get(name, everywhere)
+    return found
+
+
 def _sensors(system: System) -> Iterator[Sensor]:
+    """Second readings of what estimates use, and flow meters."""
     plant = system.builder.network.plant
     for name in system.modules:
         module, classes = plant.modules[name], plant.knowledge.sensors
         for signal in module.type.signals.values():
-            reading = f"{name}.{signal.name}"
-            if reading in system.shared:
+            if f"{name}.{signal.name}" in system.shared:
                 kind = classes[signal.sensor]
                 yield Sensor(
                     quantity=(name, signal.name),
-                    title=f"a second reading of {reading}",
+                    title=f"a second reading of {name}.{signal.name}",
                     kind=kind,
                     full_scale=signal.full_scale,
                     unit=signal.unit.text,
@@ -118,35 +177,26 @@ def _flow_meter(system: System, module: Module) -> Iterator[Sensor]:
     """The one that the type declares, or else the cheapest of a class that measures flows."""
     knowledge = system.builder.network.plant.knowledge
     classes, quantities = knowledge.sensors, knowledge.units.quantities
-    declared = [s for s in module.type.signals.values() if s.unit.dimension == VOLUME_FLOW]
-    if any(f"{module.name}.{s.name}" in system.shared for s in declared):
-        return
-    for signal in declared:
-        reading, kind = f"{module.name}.{signal.name}", classes[signal.sensor]
-        recorded = bool(np.isfinite(system.data.values.get(reading, np.nan)).any())
-        used = f"{reading}, which is recorded and which no relation uses"
-        yield Sensor(
-            quantity=(module.name, ""),
-            title=used if recorded else f"a flow meter in {module.name}",
-            kind=kind,
-            full_scale=signal.full_scale,
-            unit=signal.unit.text,
-            factor=signal.unit.factor,
-            cost=0.0 if recorded else kind.cost,
-        )
+    name, of_flow = module.name, VOLUME_FLOW
+    declared = [s for s in module.type.signals.values() if s.unit.dimension == of_flow]
+    if any(f"{name}.{s.name}" in system.shared for s in declared):
         return
     fitting = [
-        c
-        for c in classes.values()
-        if quantities.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
+        (c, None, "l/h", 1e-3 / 3600.0)
+        for c in sorted(classes.values(), key=lambda c: c.cost)
+        if quantities.get(c.measures) == of_flow and c.kind != "full scale"
     ]
-    for kind in sorted(fitting, key=lambda c: c.cost)[:1]:
+    own = [(classes[s.sensor], s.full_scale, s.unit.text, s.unit.factor) for s in declared]
+    for kind, full_scale, unit, factor in [*own, *fitting][:1]:
+        readings = [f"{name}.{s.name}" for s in declared[:1]]
+        recorded = [r for r in readings if np.isfinite(system.data.values.get(r, np.nan)).any()]
+        used = [f"{r}, which is recorded and which no relation uses" for r in recorded]
         yield Sensor(
-            quantity=(module.name, ""),
-            title=f"a flow meter in {module.name}",
+            quantity=(name, ""),
+            title=(used or [f"a flow meter in {name}"])[0],
             kind=kind,
-            full_scale=None,
-            unit="l/h",
-            factor=1e-3 / 3600.0,
-            cost=kind.cost,
+            full_scale=full_scale,
+            unit=unit,
+            factor=factor,
+            cost=0.0 if recorded else kind.cost,
         )

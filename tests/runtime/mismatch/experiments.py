@@ -45,5 +45,4 @@ def made_by_hand() -> Experiment:
         time_is_short=False,
         sensors=(),
         sample=1.0,
-        read=frozenset(),
     )

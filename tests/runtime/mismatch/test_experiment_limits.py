@@ -8,18 +8,11 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.experiment import limits
-from rulec.mismatch.experiment.admissible_points import (
-    Reach,
-    limited_reach,
-    places_in,
-    present_inputs,
-    usual_reach,
-)
-from rulec.mismatch.experiment.dwell_times import best_within
+from rulec.mismatch.experiment.choose import best_within
 from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.limits_of_points import Within, within
+from rulec.mismatch.experiment.points import Reach, Within, places_in, reach_of, within
 from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
@@ -103,11 +96,11 @@ def test_thousands_of_places_keep_the_limits() -> None:
     plant = opened("abc")
     ruleset = plant[0]
     recording = recorded(plant, tour(ruleset, 240))
-    system, present = rows_at(plant, recording).system, present_inputs(ruleset, recording)
+    system = rows_at(plant, recording).system
     looked = steps = 0
     for number in range(LIMITS):
         given = _limits(random, system)
-        reach = limited_reach(system, present, allowed_of(ruleset, given), 1.0)
+        reach = reach_of(system, recording, 1.0, allowed_of(ruleset, given))
         if not reach.ranges:
             continue
         places = places_in(system, reach)
@@ -182,10 +175,11 @@ def test_no_time_for_more_is_told() -> None:
 def test_set_points_lie_where_pumps_run() -> None:
     """A pump that stood now and then was not run between that and its lowest speed."""
     plant = opened("abc")
-    system = rows_at(plant, recorded(plant, tour(plant[0], 240))).system
+    recording = recorded(plant, tour(plant[0], 240))
+    system = rows_at(plant, recording).system
     data, least = system.data, system.ruleset.signal_by_id["A.n"].minimum
     stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
     points = replace(data.points, values={**data.values, "A.n": stands})
     stood = replace(system, data=replace(data, points=points))
     assert least is not None
-    assert least <= usual_reach(stood, {}, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()
+    assert least <= reach_of(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()

@@ -20,7 +20,7 @@ from rulec.mismatch.evidence.steady.screen import has_drivers, references, scree
 from rulec.mismatch.evidence.steady.system import with_properties
 from rulec.mismatch.experiment.foretell import Places, data_at
 from rulec.mismatch.experiment.plan import planned
-from rulec.mismatch.experiment.written import inputs_csv
+from rulec.mismatch.experiment.result import inputs_csv
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
     alone,

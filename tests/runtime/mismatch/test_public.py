@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from rulec.effects.adopted_plant import trial
-from rulec.mismatch.answer.public import row_errors, simulated
-from rulec.mismatch.answer.writable import told, writable
+from rulec.mismatch.answer.written import row_errors, simulated, told, writable
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.ends import plain_end
 from rulec.mismatch.evidence.stores.model import model_of

@@ -9,9 +9,9 @@ import pytest
 
 from rulec.effects.candidate import Missing
 from rulec.knowledge.belief import Strain
-from rulec.mismatch.answer.public import refusal
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.wording import quantity
+from rulec.mismatch.answer.written import refusal
 from rulec.mismatch.result import (
     Alternative,
     Check,

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.answer.findings import findings_of
 from rulec.mismatch.answer.verdict import Doubt, headline_of, verdict_of
-from rulec.mismatch.answer.writable import writable
+from rulec.mismatch.answer.written import writable
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.record import record_of

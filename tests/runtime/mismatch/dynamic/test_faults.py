@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.findings import findings_of, location_of
-from rulec.mismatch.answer.writable import writable
+from rulec.mismatch.answer.written import writable
 from rulec.mismatch.evidence.stores.ends import kept, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of

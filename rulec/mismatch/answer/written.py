@@ -1,8 +1,9 @@
-"""Errors as anybody finds them: plants that were written, compiled and simulated.
+"""What may be written of an explanation, fitted alone, and how good it is as anybody finds it.
 
-The analysis knows errors of sensors, faults and courses in time that no plant file holds. What it
-tells of a model must be what `rulec simulate` gives with the plant that is written, so it is
-measured that way: shipped, recalibrated and repaired plant alike.
+A plant file holds laws and values, nothing else. Faults, errors of sensors and courses in time are
+left out before the fit, not behind it: values that were fitted beside them are those of another
+model. Errors are those of plants that were written, compiled and simulated as `rulec simulate`
+does: shipped, recalibrated and repaired plant alike.
 """
 
 from __future__ import annotations
@@ -19,41 +20,90 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.report.text import number
 
+from rulec.effects.adopt import why_not
 from rulec.effects.adopted_plant import trial
-from rulec.effects.candidate import Unwritable
+from rulec.effects.candidate import Candidate, Unwritable
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch.answer import limits
-from rulec.mismatch.answer.verdict import is_spoiled
+from rulec.mismatch import limits
+from rulec.mismatch.answer.explained import Explained, F, Plants, Refits
 from rulec.mismatch.evidence.samples import inside_of
-from rulec.mismatch.inference.prove import rms
-from rulec.mismatch.result import Check, Fit, Repair
+from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.inference.prove import Proof, rms
+from rulec.mismatch.inference.series import course_of
+from rulec.mismatch.result import Check, Fit, Repair, Series
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.predict import predict
 
+UNDRIVEN = "what drives it is not recorded"
+UNSURE = "it may as well be something else"
 
-@dataclass(frozen=True)
-class Plants:
-    """Readings by the shipped, the recalibrated and the repaired plant, per row of the recording.
 
-    Each is a table by signal, shape (rows,), SI; the last is None where it cannot be written or
-    simulated, which `refused` tells.
+def writable(found: Explained[F]) -> Refits[F]:
+    """Refit what may be written, and the plain model.
+
+    Of explanations that show the same, the likeliest one that may be written stands for all. Beside
+    one that is sure, what may as well be something else is left out: the plant would hold it.
+    """
+    taken: list[Candidate] = []
+    left_out = []
+    sure = {a.candidate.id for a in found.accepted if a.class_probability >= limits.CERTAIN}
+    for candidate in found.model.joined:
+        if sure and candidate.id not in sure:
+            left_out.append((candidate, UNSURE))
+            continue
+        why = _why_not(candidate, found.model.builder)
+        instead = _instead(found, candidate) if why else candidate
+        if instead is not None:
+            taken.append(instead)
+        if why:
+            same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
+            left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
+    return found.refitted(taken, left_out)
+
+
+def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
+    """The likeliest one that may be written of those that show as one that may not."""
+    own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
+    alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
+    return next((c for c in alike if not _why_not(c, found.model.builder)), None)
+
+
+def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
+    """Why no plant file can hold an explanation; empty where one can."""
+    return UNDRIVEN if candidate.sort == HIDDEN else why_not(candidate, builder.network)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """Errors of the three plants, their courses, and what was simulated.
+
+    `plants` is None where the plant cannot be simulated, which `why` tells.
     """
 
-    shipped: Mapping[str, Array]
-    recalibrated: Mapping[str, Array]
-    repaired: Mapping[str, Array] | None
-    rulesets: tuple[Ruleset, Ruleset, Ruleset]
-    refused: str = ""
+    fits: tuple[Fit, ...]
+    series: Series
+    plants: Plants | None
+    why: str
 
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """What all of them predict."""
-        return tuple(n for n in self.shipped if n in self.recalibrated and n in self.last)
 
-    @property
-    def last(self) -> Mapping[str, Array]:
-        """Readings by the repaired plant, else by the recalibrated one, shape (rows,), SI."""
-        return self.recalibrated if self.repaired is None else self.repaired
+def told(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> Told:
+    """Simulate the plants over the recording, and compare."""
+    model, why = found.model, ""
+    ruleset, builder, recording = model.ruleset, model.builder, found.recording
+    try:
+        plants: Plants | None = plants_of(ruleset, builder, recording, *refits.repairs)
+    except (SimulationRefused, Unwritable) as error:
+        plants, why = None, str(error)
+    readings = found.readings(plants, refits, proofs)
+    signals = ruleset.signal_by_id
+    courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
+    samples = model.samples
+    return Told(
+        fits=tuple(r.fit for r in readings),
+        series=Series(samples.time, ~samples.open, tuple(courses)),
+        plants=plants,
+        why=why,
+    )
 
 
 def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
@@ -184,4 +234,14 @@ def file_of(name: str, time: Array, values: dict[str, Array]) -> RecordingFile:
     """Readings, SI, at times, s, shape (n,) each, as a file of that name would hold them."""
     return RecordingFile(
         path=Path(name), header=Header(), time=time, values=values, zones=None, comma=False
+    )
+
+
+def is_spoiled(fit: Fit) -> bool:
+    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
+    held = fit.heldout
+    rise = held.repaired - held.recalibrated
+    beyond_chance = fit.gain_interval[1] < 0.0
+    return (
+        beyond_chance and rise > limits.SPOILED * held.recalibrated and held.repaired > held.noise
     )

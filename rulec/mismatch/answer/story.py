@@ -1,0 +1,372 @@
+"""The answer as a story: its parts in order, which the terminal and the page show alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.report.text import counted, listed, number, percent
+
+from rulec.effects.candidate import TIME
+from rulec.mismatch import limits
+from rulec.mismatch.answer.wording import (
+    VERDICTS,
+    degree_words,
+    interval,
+    is_repaired,
+    periods_words,
+    region_words,
+    share,
+    text_plot,
+    titled,
+    value_and_u,
+)
+from rulec.mismatch.result import (
+    Evidence,
+    Finding,
+    Fit,
+    HiddenDriver,
+    Location,
+    Mismatch,
+    Seen,
+    SelfProof,
+)
+from rulec.mismatch.structure.hypotheses import CONNECTION
+
+SORTS = {
+    "physics": "physics that the model leaves out",
+    "ageing": "a change with time or age",
+    "fault": "a fault of the plant",
+    "sensor": "an error of a sensor",
+    "structure": "an error of the table, neither of the plant nor of a sensor",
+    CONNECTION: "an error of the plant file, neither of the plant nor of a sensor",
+    "free": "a dependence for which the catalogue has no name",
+}
+
+MOST = 3
+"""Of each kind so many are told in brief; JSON has all."""
+
+Fact = tuple[str, Sequence[str]]
+"""A term with the lines that are to be said of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of the story: a table, sentences, and facts.
+
+    Titles of columns of numbers begin with a point. A part that is `first` must be known before
+    all others.
+    """
+
+    title: str
+    titles: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    texts: Sequence[str] = ()
+    facts: Sequence[Fact] = ()
+    first: bool = False
+
+
+def story(mismatch: Mismatch, brief: bool) -> list[Part]:
+    """All parts that say something; in brief the most important of each, with curves drawn in
+    characters."""
+    parts = [*_findings(mismatch, brief)]
+    if mismatch.hidden is not None:
+        facts = list(_hidden(mismatch.hidden, brief))
+        parts.append(Part(title="What drives it is not recorded", facts=facts, first=True))
+    parts.append(Part(title="Recordings", facts=list(_recordings(mismatch))))
+    if mismatch.fit is not None:
+        parts.append(_proof(mismatch, mismatch.fit, brief))
+    parts.append(_numbers(mismatch, brief))
+    parts.append(Part(title="Next", texts=[mismatch.next] if mismatch.next else [], first=True))
+    if mismatch.power is not None:
+        texts = list(power_words(mismatch.power))
+        parts.append(Part(title="What this recording can tell", texts=texts))
+    return [part for part in parts if part.rows or part.texts or part.facts]
+
+
+def _some(lines: Sequence[str], brief: bool, noun: str) -> list[str]:
+    """The first lines, and how many there are besides."""
+    left = len(lines) - MOST if brief else 0
+    if left <= 0:
+        return list(lines)
+    return [*lines[:MOST], f"and {counted(left, f'other {noun}')} (--json has all)"]
+
+
+def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
+    """What was found, each with its place; then places where nothing was found."""
+    places = list(mismatch.locations)
+    findings = mismatch.findings[:MOST] if brief else mismatch.findings
+    for finding in findings:
+        columns = finding.sort == "structure"
+        name = finding.place if columns else f"{finding.module}.{finding.place}"
+        here = [p for p in places if f"{p.module}.{p.place}" in name.split()]
+        # Two findings may be of one place; places stand in the order of findings.
+        here = here if columns else here[:1]
+        facts = [fact for place in here for fact in _place(place, brief)]
+        places = [place for place in places if place not in here]
+        facts += finding_facts(finding, brief)
+        yield Part(title=f"{finding.text[:1].upper()}{finding.text[1:]}", facts=facts, first=True)
+    if len(findings) < len(mismatch.findings):
+        left = counted(len(mismatch.findings) - MOST, "other finding")
+        yield Part(title="Others", texts=[f"and {left} (--json has all)"])
+        return
+    facts = [fact for place in places[: MOST if brief else None] for fact in _place(place, brief)]
+    if brief and len(places) > MOST:
+        facts.append(("", [f"and {counted(len(places) - MOST, 'other place')}"]))
+    yield Part(title="Where the mismatch sits", facts=facts, first=True)
+
+
+def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
+    """How sure a finding is, what else it could be, when it was there, and what to do."""
+    sort = SORTS.get(finding.name if finding.name == CONNECTION else finding.sort, finding.sort)
+    yield "probability", [f"{share(finding.probability)}, {sort}"]
+    ordered = sorted(finding.alternatives, key=lambda a: -a.probability)
+    others = [
+        f"{a.title} ({share(a.probability)})" for a in ordered if a.probability >= limits.PLAUSIBLE
+    ]
+    if others:
+        yield "could also be", [listed(_some(others, brief, "explanation"))]
+    if finding.periods:
+        yield "when", list(degree_words(finding.periods))
+    if finding.action:
+        yield "do", [finding.action]
+
+
+def _place(location: Location, brief: bool) -> Iterator[Fact]:
+    """A place with how much of the mismatch lies there, its region and periods, and the shape of
+    what has no name."""
+    name = f"{location.module}.{location.place}"
+    place = name if location.title in ("", name) else f"{location.title} ({name})"
+    if np.isfinite(location.share):
+        place += f": {share(location.share)} of the mismatch"
+    lines = [place]
+    if location.region:
+        lines.append("; ".join(region_words(region) for region in location.region))
+    if location.periods:
+        lines.append(periods_words(location.periods))
+    if location.also:
+        lines.append(f"not told apart from {listed(location.also)}")
+    yield "where", lines
+    shape = location.shape
+    if shape is None:
+        return
+    # Of a course in time another one is drawn.
+    units = (shape.driver_unit, shape.unit)
+    drawn = brief and shape.driver != TIME
+    rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
+    yield "shape", [f"over {shape.driver} {shape.text}", *rows]
+    yield "memory", [f"{shape.memory}: {shape.memory_text}"]
+    for beaten in shape.beaten[:MOST]:
+        words = f"{beaten.title}: fits worse by {number(beaten.nats, 2)} in log likelihood"
+        if beaten.region is not None:
+            region = region_words(replace(beaten.region, share=float("nan")))
+            words += f", {share(beaten.region.share)} of that at {region}"
+        yield "not", [words]
+
+
+def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
+    """The course of a hidden driver, what it could be, and the sensor to add."""
+    known = np.isfinite(hidden.course)
+    rows: list[str] = []
+    if brief and known.any():
+        course = hidden.course[known]
+        rows = text_plot(hidden.time[known], course, 0.0 * course, ("s", hidden.unit))
+    yield "course", [hidden.text, *rows]
+    if hidden.candidates:
+        yield "could be", [listed(hidden.candidates)]
+    if hidden.sensor:
+        yield "sensor", [hidden.sensor]
+
+
+def _recordings(mismatch: Mismatch) -> Iterator[Fact]:
+    """Each of several recordings with what it says alone, then what each further one changed."""
+    for part in mismatch.recordings:
+        likely = "; ".join(f"{likely.title} {percent(likely.probability)}" for likely in part.alone)
+        used = f"{part.used} of {counted(part.rows, 'row')} used"
+        said = VERDICTS[part.verdict][1] + (f" ({likely})" if likely else "")
+        yield part.name, [f"{used}; alone: {said}"]
+    if mismatch.changed:
+        yield "changed", [update.text for update in mismatch.changed]
+
+
+def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
+    """Errors of the models, what held-out blocks prove, and the rivals that lost."""
+    repaired, why = is_repaired(mismatch), mismatch.unproven
+    rows = _errors(fit, repaired)
+    others = [f for f in mismatch.fits if f != fit]
+    facts = [("also", [_fit_words(other, repaired)]) for other in others[: MOST if brief else None]]
+    rivals = [_rivals_words(f) for f in mismatch.findings[: MOST if brief else None] if f.rivals]
+    refused = f"Not proven: rulec adopt refuses, because {why}. " if why else ""
+    texts = [refused + _heldout_words(fit, repaired), explained_words(mismatch)]
+    return Part(
+        title=f"{'Not proven' if why else 'Proof'}: error of {fit.signal} ({fit.unit}, rms)",
+        titles=("", ".fitted", ".held out"),
+        rows=[(name, number(seen), number(kept)) for name, seen, kept in rows],
+        texts=[text for text in texts if text],
+        facts=[*facts, *([("rivals", rivals)] if rivals else [])],
+    )
+
+
+def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
+    """Name and error of each model on estimation and held-out blocks, in the unit of the signal."""
+    names = {"shipped": "as shipped", "recalibrated": "recalibrated", "repaired": "repaired"}
+    return [
+        (words, getattr(fit.estimation, name), getattr(fit.heldout, name))
+        for name, words in {**names, "noise": "noise alone"}.items()
+        if repaired or name != "repaired"
+    ]
+
+
+def _fit_words(fit: Fit, repaired: bool) -> str:
+    """Held-out errors of one predicted signal in a row."""
+    rows, unit = _errors(fit, repaired), "" if fit.unit == "1" else f" {fit.unit}"
+    return f"{fit.signal} " + ", ".join(f"{number(kept)} {name}" for name, _, kept in rows) + unit
+
+
+def _heldout_words(fit: Fit, repaired: bool) -> str:
+    """What held-out blocks say of the repair, or of recalibration where there is none."""
+    kept = fit.heldout
+    if not repaired:
+        were = "was" if kept.points == 1 else "were"
+        return f"{counted(kept.points, 'point')} {were} held out and played no part in the search."
+    points = counted(kept.points, "held-out point")
+    fall = 1 - kept.repaired / kept.recalibrated if kept.recalibrated > 0 else np.nan
+    if not np.isfinite(fall):
+        return f"The error on {points} could not be compared."
+    low, high = fit.gain_interval
+    way = "falls" if fall >= 0 else "rises"
+    words = f"On {points} the error {way} by {share(abs(fall))} against recalibration"
+    if np.isfinite(low) and np.isfinite(high):
+        words += f" (95\u00a0%: {share(low)} to {share(high)})"
+    if np.isfinite(fit.closed):
+        words += f"; {share(fit.closed)} of the explainable mismatch is closed"
+    return words + "."
+
+
+def explained_words(mismatch: Mismatch) -> str:
+    """What the whole explanation reaches, where a model may not hold all of it; else empty."""
+    fit, left = mismatch.fit, {name for name, _ in mismatch.left_out}
+    if fit is None or not left or not np.isfinite(fit.heldout.explained):
+        return ""
+    titles = [titled(f) for f in mismatch.findings if f.id in left]
+    what = f" ({listed(titles)})" if titles else ""
+    unit = "" if fit.unit == "1" else f" {fit.unit}"
+    return (
+        "The errors above are those of the plant that `rulec adopt` would write. With what a plant "
+        f"model cannot hold{what}, the error falls to {number(fit.heldout.explained)}{unit}."
+    )
+
+
+def _rivals_words(finding: Finding) -> str:
+    """What the finding won against: its gain, and that of the strongest rival."""
+    known = [r for r in finding.rivals if np.isfinite(r.gain)]
+    free = finding.sort == "free"
+    title = "What has no name" if free else titled(finding)
+    words = f"{title}: gain in log likelihood {number(finding.gain)}"
+    if not known:
+        return f"{words}."
+    best = max(known, key=lambda r: r.gain)
+    if free:
+        return f"{words}; the best name gains {number(best.gain)} ({best.title})."
+    rivals = counted(len(finding.rivals), "rival")
+    return f"{words}; strongest of {rivals} {number(best.gain, 2)} ({best.title})."
+
+
+def _numbers(mismatch: Mismatch, brief: bool) -> Part:
+    """Parameters with their uncertainty, what remains in doubt, and what all this comes from."""
+    most = MOST if brief else None
+    findings = [f for f in mismatch.findings[:most] if f.sort != "free"]
+    rows = [
+        (
+            f"{f.module}: {name}{f', {e.title}' if e.title else ''}",
+            *value_and_u(e),
+            interval(e),
+            "" if e.unit == "1" else e.unit,
+        )
+        for f in findings
+        for name, e in f.parameters.items()
+    ]
+    confounded = [
+        f"{pair.first} and {pair.second} (correlation {number(pair.correlation, 2)})"
+        for pair in mismatch.confounded
+    ]
+    doubts: dict[str, Sequence[str]] = {
+        "equation": [f"{f.module}: {f.equation}" for f in findings if f.equation],
+        "strained": list(map(str, mismatch.strain[:most])),
+        "confounded": confounded[:most],
+        "untested": mismatch.untested[:most],
+    }
+    if every := mismatch.evidence:
+        used, of = [e for e in every if e.used], sum(e.rows for e in every)
+        told = f"{sum(e.rows for e in used)} of {counted(of, 'row')} "
+        told += "was used" if of == 1 else "were used"
+        doubts["rows"] = [": ".join([told, *(["; ".join(_counts(used, brief, " "))] * bool(used))])]
+        doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
+    return Part(
+        title="Numbers",
+        titles=("parameter", ".value", ".u", "95 % interval", "unit"),
+        rows=rows,
+        facts=[(t, lines) for t, lines in (*doubts.items(), *_origin(mismatch, brief)) if lines],
+    )
+
+
+def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:
+    """Rows with what they served for or why they did not; of many the first, the rest as one."""
+    shown = parts[:MOST] if brief else parts
+    told = [f"{e.rows}{between}{e.because}" for e in shown]
+    rest = sum(e.rows for e in parts[len(shown) :])
+    return [*told, f"{rest}{between}other reasons (--json has all)"] if rest else told
+
+
+def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:
+    """Which blocks served for what, noise, how many explanations were tried, sources, remarks."""
+    if mismatch.split:
+        yield "blocks", [mismatch.split] if brief else [mismatch.split, mismatch.digest]
+    if not brief:
+        tried = f"{counted(mismatch.tried, 'candidate')} in {number(mismatch.seconds, 2)} s"
+        sources = dict.fromkeys(f"{f.name}: {f.source}" for f in mismatch.findings if f.source)
+        yield from (("noise", [mismatch.noise]), ("tried", [tried]), ("sources", list(sources)))
+    yield "notes", _some(list(dict.fromkeys(mismatch.notes)), brief, "note")
+
+
+def power_words(power: SelfProof) -> Iterator[str]:
+    """A sentence on replays with nothing missing, then one per concealed effect."""
+    yield (
+        f"With nothing missing, something would be called missing in {power.called_missing} of "
+        f"{power.replays} replays of this recording."
+    )
+    for seen in power.effects:
+        yield f"{seen.title}: {_replayed(seen, power.replays)}."
+
+
+def _replayed(seen: Seen, replays: int) -> str:
+    """How often an effect is told, from which size on, and what else is.
+
+    >>> own = Seen(id="a", title="A", size=0.12, unit="bar", told=187, found=True, usual=0.05,
+    ...     told_usual=40, seen_from=0.08, other={"B": 3})
+    >>> _replayed(own, 200)[:84]
+    'told in 187 of 200 at the size found (0.12 bar), in 40 at its usual size (0.05 bar);'
+    >>> _replayed(own, 200)[85:]
+    'seen from about 0.08 bar on; instead of it B was told in 3'
+    """
+    if not seen.size > 0.0:
+        return "no reading of this recording shows it"
+
+    def amount(value: float, digits: int = 2) -> str:
+        shown = number(value, digits)
+        return shown if seen.unit == "1" else f"{shown} {seen.unit}"
+
+    usual = f"at its usual size ({amount(seen.usual)})"
+    if seen.found:
+        found = f"told in {seen.told} of {replays} at the size found ({amount(seen.size)})"
+        parts = [f"{found}, in {seen.told_usual} {usual}"]
+    else:
+        parts = [f"told in {seen.told_usual} of {replays} {usual}"]
+    if seen.seen_from is None:
+        parts.append("at no size that it may have it is told in half of them")
+    else:
+        # So many replays tell no more than one digit of it.
+        parts.append(f"seen from about {amount(seen.seen_from, 1)} on")
+    other = [f"{title} was told in {count}" for title, count in list(seen.other.items())[:MOST]]
+    return "; ".join([*parts, *([f"instead of it {listed(other)}"] if other else [])])
