@@ -46,7 +46,7 @@ from tests.runtime.mismatches import NAMED
 
 RECIPES, SHIPPED = ROOT / "tests" / "rig" / "recipes", ROOT / "tests" / "rig" / "shipped"
 ROWS = 40
-QUICK = ("cascaded-tanks", "pipeline", "pump-open", "rse-boiler")
+QUICK = ("cascaded-tanks", "esp-p37-water", "pipeline", "pump-throttled", "rse-boiler")
 """Recipes of small sources."""
 
 

@@ -149,14 +149,14 @@ def _all_columns(row: Row, recipe: Recipe) -> dict[str, dict[str, str]]:
 
 
 def _cell(row: Row, column: Recipe, count: int) -> str:
-    """A value to write: a cell of the source, a difference or a quotient of two, or a count."""
-    if "rows" in column:
-        return f"{count * column['rows']:.10g}"
-    if "less" in column:
-        return f"{float(row[column['from']]) - float(row[column['less']]):.10g}"
-    if "over" in column:
-        return f"{float(row[column['from']]) / float(row[column['over']]):.10g}"
-    return row[column["from"]]
+    """A value to write: a cell of the source, a difference or a quotient of two, a number."""
+    if "rows" in column or "value" in column:
+        return f"{column['value'] if 'value' in column else count * column['rows']:.10g}"
+    if not {"less", "over", "scale"} & set(column):
+        return row[column["from"]]
+    value = float(row[column["from"]]) * column.get("scale", 1.0)
+    value -= float(row[column["less"]]) if "less" in column else 0.0
+    return f"{value / float(row[column['over']]) if 'over' in column else value:.10g}"
 
 
 def _meets(row: Row, condition: Recipe) -> bool:

@@ -17,8 +17,6 @@ from rulec.prove.scores import bootstrap
 SILENT = "none"
 UNNAMED = "unnamed"
 Form = Mapping[str, Any]
-Numbered = tuple[int, str]
-"""A cause in a diagnosis: number of what is missing (-1: of none of them), and id."""
 
 
 @dataclass(frozen=True)
@@ -227,33 +225,30 @@ def _interval(effect: Form, parameter: str) -> tuple[float, float] | None:
 
 
 def utility(missing: Sequence[Missing], said: Sequence[Told], candidates: int) -> float:
-    """Utility of the ambiguity set, 1 where it is that of the answer.
+    """Utility of what is left open, 1 where it is the answer alone.
 
-    With f candidates, a diagnosis w of N causes and a true one with n false and m missed causes:
-    1 - n (N + 1)/(f (n + 1)) - m (f - N + 1)/(f (m + 1)), as a mean over all pairs of told and
-    right diagnoses, over the same mean of the right ones among themselves. Silence on a rig with an
-    effect has about 0.5. Source: DX competition 2026, synthetic track (github.com/jdekleer/
-    dxc26synth, normalised m_utl).
+    With f candidates, a diagnosis of N causes of which n are false, m missed: 1 - n (N + 1)/(f (n +
+    1)) - m (f - N + 1)/(f (m + 1)), as a mean over all diagnoses that the findings leave open.
+    Silence where one thing is missing has about 0.5. Ids that are right for the same thing are the
+    same cause, so there is one true diagnosis. Source: DX competition 2026, synthetic track
+    (github.com/jdekleer/dxc26synth, m_utl of ambiguity groups).
     """
-    open_ = [[_numbered(missing, cause) for cause in f.causes] for f in said]
-    right = [[(i, name) for name in m.names] for i, m in enumerate(missing) if m.names]
-    told_, true = (set(map(frozenset, itertools.product(*sets))) for sets in (open_, right))
-    f = max(candidates, 1 + max(map(len, (*told_, *true))))
-    return _mean_utility(told_, true, f) / _mean_utility(true, true, f)
+    true = frozenset(str(number) for number, m in enumerate(missing) if m.names)
+    open_ = [[_cause(missing, cause) for cause in found.causes] for found in said]
+    diagnoses = set(map(frozenset, itertools.product(*open_)))
+    f = max(candidates, 1 + max(map(len, (true, *diagnoses))))
+    return float(np.mean([_pair_utility(w, true, f) for w in diagnoses]))
 
 
-def _numbered(missing: Sequence[Missing], cause: Cause) -> Numbered:
+def _cause(missing: Sequence[Missing], cause: Cause) -> str:
+    """Number of the missing thing that it is right for, else its place and id."""
     right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
-    number = next(right, -1)
-    return number, cause.name if number >= 0 else f"{cause.places[0]} {cause.name}"
+    number = next(right, None)
+    return f"{cause.places[0]} {cause.name}" if number is None else str(number)
 
 
-def _mean_utility(told_: set[frozenset[Numbered]], true: set[frozenset[Numbered]], f: int) -> float:
-    return float(np.mean([_pair_utility(w, star, f) for w in told_ for star in true]))
-
-
-def _pair_utility(w: frozenset[Numbered], star: frozenset[Numbered], f: int) -> float:
-    false, missed, size = len(w - star), len(star - w), len(w)
+def _pair_utility(w: frozenset[str], true: frozenset[str], f: int) -> float:
+    false, missed, size = len(w - true), len(true - w), len(w)
     return 1 - false * (size + 1) / (f * (false + 1)) - missed * (f - size + 1) / (f * (missed + 1))
 
 

@@ -20,8 +20,11 @@ from rulec.prove.real.ask import MODELS
 from rulec.prove.real.form import FalseAlarm
 from rulec.prove.real.score import Alarm, Scored, Told, Total, alarms, totals
 
-TITLES = ("rig", "told", "place", "name", "class", "p", "size", "false", "utility", "CPU s")
+TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
 ERRORS = ("rig", "reading", *MODELS, "noise", "grey box")
+WORDS = ("rig", "told", "", "reading", "wrong", "story", "right")
+"""Headings of columns of words."""
+
 NOTE = (
     "name: share of what is missing whose id is the headline of a finding; class: whose id is in "
     "the set that a finding leaves open; p: probability told for that set; size: intervals that "
@@ -68,8 +71,9 @@ def tell(out: Console, result: Result) -> None:
             out.print(styled("\n[bold]{}[/]", title))
         shown = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
         for heading in titles:
-            wide = heading in ("rig", "told", "", "reading", "story", "right")
-            shown.add_column(heading, overflow="fold", justify="left" if wide else "right")
+            wide = heading in WORDS
+            narrow = not wide or heading == "rig"
+            shown.add_column(heading, justify="left" if wide else "right", no_wrap=narrow)
         for row in rows:
             shown.add_row(*map(one_line, row))
         out.print(shown)
@@ -101,7 +105,8 @@ def form(result: Result) -> dict[str, Any]:
 
 def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
     """Tables with title, headings and cells."""
-    yield "", TITLES, [_answer_row(s) for s in result.scored]
+    yield "", ("rig", "told"), [[s.rig.name, _said(s)] for s in result.scored]
+    yield "Scores", TITLES, [_answer_row(s) for s in result.scored]
     yield "Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)]
     yield "All rigs", ("", "mean", "95 % interval", "rigs"), [_total_row(t) for t in result.totals]
     if result.alarms:
@@ -116,11 +121,11 @@ def _answer_row(s: Scored) -> list[str]:
     inside = f"{s.inside[0]}/{s.inside[1]}" if s.inside[1] else "–"
     scores = [_share(s.place), _share(s.headline), _share(s.named), _share(s.probability)]
     if s.silent is not None:
-        scores = ["–", "silent" if s.silent else "not silent", "–", "–"]
+        scores = ["–", "silent" if s.silent else "no", "–", "–"]
     known = s.rig.truth is not None
-    false = "–" if not known else f"{len(s.false)}, {len(s.sure)} sure" if s.false else "0"
+    false = [str(len(s.false)), str(len(s.sure))] if known else ["–", "–"]
     utility = "–" if s.utility is None else f"{s.utility:.2f}"
-    return [s.rig.name, _said(s), *scores, inside, false, utility, f"{s.cpu:.0f}"]
+    return [s.rig.name, *scores, inside, *false, utility, f"{s.cpu:.0f}"]
 
 
 def _said(s: Scored) -> str:
