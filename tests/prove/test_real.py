@@ -97,6 +97,7 @@ def finding(name: str, place: str, probability: float, **others: Any) -> dict[st
     return plain | {"periods": []} | others
 
 
+HEAD = "rig: small\ntitle: x\nlicence: y\nsource: z\n"
 WRONG = [
     ("rig.yaml", None, "a rig needs 'rig.yaml'"),
     ("plain/plant.yaml", None, "the plant without the effect"),
@@ -106,6 +107,12 @@ WRONG = [
     (SEAL, "0123  answer.yaml", "is not the one that was sealed"),
     ("rig.yaml", "rig: small\ntitle: x\nlicense: y\nsource: z\n", "did you mean 'licence'"),
     ("test.csv", "time [s],P101 [Hz]\n0,30\n1,30\n", "lacks columns that train has: boiler."),
+    ("rig.yaml", f"{HEAD}signal: boiler.q\n", "did you mean 'boiler.Q'"),
+    (
+        "rig.yaml",
+        f"{HEAD}grey_box: [{{signal: boiler.Q, error: 3, unit: l/h, source: x}}]\n",
+        "'boiler.Q' is in m3/h",
+    ),
     ("plain/plant.yaml", "plant: x\n", "needs the keys"),
 ]
 
@@ -131,6 +138,18 @@ def test_a_wrong_folder_is_told(folder: Path, name: str, text: str | None, why: 
         ({"effects": [{"names": "equal-percentge", "places": "boiler"}]}, "'equal-percentage'"),
         ({"effects": [{"names": [], "places": "kettle.x"}]}, "there is no module of the plant"),
         ({"effects": [{"names": "offset"}]}, "'places'"),
+        (
+            {
+                "effects": [
+                    {
+                        "names": "offset",
+                        "places": "boiler.Q",
+                        "sizes": [{"parameter": "d", "value": 1, "u": 0.1, "unit": "m3/hour"}],
+                    }
+                ]
+            },
+            "there is no unit 'm3/hour'",
+        ),
     ],
 )
 def test_a_wrong_answer_is_told(folder: Path, answer: dict[str, Any], why: str) -> None:
@@ -220,6 +239,17 @@ def test_a_right_name(rig: Rig) -> None:
     )
     assert (1, 1) == result.inside
     assert () == result.false
+
+
+def test_sizes_in_other_units(rig: Rig) -> None:
+    """50 l/min is 3 m3/h; a pressure is no flow."""
+    told_ = {"q": {"value": 3.0, "u": 0.1, "lower": 2.8, "upper": 3.2, "unit": "m3/h"}}
+    found = asked([finding("leak", "boiler.Q", 0.95, parameters=told_)])
+    assert rig.truth is not None
+    for value, unit, hits in ((50.0, "l/min", 1), (60.0, "l/min", 0), (3.0, "bar", 0)):
+        sizes = (Size("q", value, 0.1, unit),)
+        truth = replace(rig.truth, missing=(Missing(("leak",), ("boiler",), sizes),))
+        assert (hits, 1) == scored(replace(rig, truth=truth), found).inside
 
 
 def test_a_name_in_a_class(rig: Rig) -> None:

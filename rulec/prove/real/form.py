@@ -19,9 +19,11 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.knowledge.read import read_all
+from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
-from rulec.language.document import Document, read_document
+from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import check_schema
+from rulec.language.units import UnitTable
 from rulec.mismatch.structure import hypotheses
 from rulec.passes.pipeline import compile_plant
 
@@ -30,6 +32,7 @@ TRAIN, TEST, EARLIER = "train", "test", "earlier"
 ANSWER, SEAL, ALARMS = "answer.yaml", "answer.sha256", "false-alarms.yaml"
 
 SCHEMAS = Path(__file__).parent / "schema"
+NO_UNITS = UnitTable({}, {})
 OF_THE_TOOL = frozenset(
     (
         *(hypotheses.SWAPPED, hypotheses.UNIT, hypotheses.SIGN),
@@ -67,11 +70,12 @@ class Missing:
 @dataclass(frozen=True)
 class Truth:
     """What is known of a rig; without `missing` silence is right. `beside` are ids that are no
-    false names, but not asked for."""
+    false names, but not asked for; `units` are those in which sizes may be stated."""
 
     missing: tuple[Missing, ...]
     beside: tuple[str, ...]
     source: str
+    units: UnitTable = NO_UNITS
 
 
 @dataclass(frozen=True)
@@ -158,6 +162,7 @@ def read_rig(folder: Path) -> Rig:
     if len(tests) > 1:
         raise _lacking(folder / f"{TEST}.csv", "one file with all rows that are kept from the tool")
     rules = compile_plant(plant)
+    _in_order(_read(folder / ABOUT), rules)
     _same_readings(rules, train, tests[0])
     return Rig(
         folder=folder,
@@ -195,6 +200,26 @@ def _read(file: Path) -> Document:
     if document is None:
         raise Refused(wrong)
     return document
+
+
+def _in_order(about: Document, rules: Ruleset) -> None:
+    """Readings that are named are the plant's, and figures are in their units."""
+    wrong, named = [], list[tuple[Path_, str, str]]()
+    if "signal" in about.data:
+        named.append((("signal",), about.data["signal"], ""))
+    for number, figure in enumerate(about.data.get("grey_box", ())):
+        named.append((("grey_box", number, "signal"), figure["signal"], figure["unit"]))
+    for path, name, unit in named:
+        known = rules.signal_by_id
+        if name not in known:
+            hint = did_you_mean(name, known)
+            message = f"the plant has no reading '{name}'"
+            wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
+        elif unit and unit != known[name].unit:
+            message, hint = f"'{name}' is in {known[name].unit}", "give its error in that unit"
+            wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
+    if wrong:
+        raise Refused(wrong)
 
 
 def _needed(file: Path, meant: str) -> Path:
@@ -250,14 +275,20 @@ def _truth(folder: Path, rules: Ruleset) -> Truth | None:
     if not file.is_file():
         return None
     found = checked(file, "sealed-answer")
-    wrong = [*_contradictions(_read(file), found), *_strangers(_read(file), folder, rules)]
+    knowledge = read_all(folder / PLAIN).by_kind
+    units = table_of(knowledge.get("units", ()), [])
+    wrong = [
+        *_contradictions(_read(file), found),
+        *_strangers(_read(file), knowledge, rules),
+        *_no_units(_read(file), units),
+    ]
     if wrong:
         raise Refused(wrong)
     missing = tuple(
         Missing(_list(e["names"]), _list(e["places"]), tuple(Size(**s) for s in e.get("sizes", ())))
         for e in found.get("effects", ())
     )
-    return Truth(missing, tuple(found.get("beside", ())), found["source"])
+    return Truth(missing, tuple(found.get("beside", ())), found["source"], units)
 
 
 def _list(value: str | Sequence[str]) -> tuple[str, ...]:
@@ -271,9 +302,10 @@ def _contradictions(document: Document, found: Mapping[str, Any]) -> Iterator[Di
         yield Diagnostic(document.place("nothing"), "KB021", message, hint)
 
 
-def _strangers(document: Document, folder: Path, rules: Ruleset) -> Iterator[Diagnostic]:
+def _strangers(
+    document: Document, by_kind: Mapping[str, tuple[Document, ...]], rules: Ruleset
+) -> Iterator[Diagnostic]:
     """Ids that no entry has, and modules that the plant does not have."""
-    by_kind = read_all(folder / PLAIN).by_kind
     known = {d.data[kind] for kind in ("effect", "fault") for d in by_kind.get(kind, ())}
     known |= OF_THE_TOOL
     modules = {signal.id.partition(".")[0] for signal in rules.signals}
@@ -288,3 +320,15 @@ def _strangers(document: Document, folder: Path, rules: Ruleset) -> Iterator[Dia
                     place = document.place("effects", number, key)
                     hint = did_you_mean(word, right)
                     yield Diagnostic(place, "KB023", f"there is no {what} '{word}'", hint)
+
+
+def _no_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]:
+    """Units of sizes that nobody knows."""
+    for number, effect in enumerate(document.data.get("effects", ())):
+        for i, size in enumerate(effect.get("sizes", ())):
+            try:
+                units.parse(size["unit"])
+            except ValueError:
+                place = document.place("effects", number, "sizes", i, "unit")
+                hint = did_you_mean(size["unit"], units.units)
+                yield Diagnostic(place, "KB023", f"there is no unit '{size['unit']}'", hint)

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from rulec.language.units import UnitTable
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
-from rulec.prove.real.form import FalseAlarm, Missing, Rig, Truth
+from rulec.prove.real.form import FalseAlarm, Missing, Rig, Size, Truth
 from rulec.prove.scores import bootstrap
 
 SILENT = "none"
@@ -116,7 +117,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
         headline=_mean(_name_right(m, [f.headline for f in said], verdict) for m in missing),
         named=_mean(_name_right(m, said, verdict) for m in missing),
         probability=_mean(found.probability for found in right if found),
-        inside=_inside(missing, right),
+        inside=_inside(truth, right),
         false=_false(truth, said),
         silent=verdict == SILENT if truth and not missing else None,
         utility=utility(missing, said, int(form.get("tried") or 0)) if truth and form else None,
@@ -198,29 +199,44 @@ def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
     )
 
 
-def _inside(missing: Sequence[Missing], right: Sequence[Told | None]) -> tuple[int, int]:
+def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int]:
     """Intervals of sizes that meet the truth within 95 %, its own uncertainty added."""
-    hits = [hit for m, f in zip(missing, right, strict=True) if f for hit in _hits(m, f)]
+    if truth is None:
+        return 0, 0
+    pairs = [(m, f) for m, f in zip(truth.missing, right, strict=True) if f]
+    hits = [hit for m, f in pairs for hit in _hits(m, f, truth.units)]
     return sum(hits), len(hits)
 
 
-def _hits(missing: Missing, found: Told) -> Iterator[bool]:
+def _hits(missing: Missing, found: Told, units: UnitTable) -> Iterator[bool]:
     for size in missing.sizes:
-        ends = _interval(found.form, size.parameter)
-        if size.name in ("", found.form["effect"]) and ends:
-            reach = COVERAGE_OF_DEGREES * size.u
-            yield ends[0] - reach <= size.value <= ends[1] + reach
+        told_ = _interval(found.form, size.parameter)
+        if size.name in ("", found.form["effect"]) and told_:
+            low, high, unit = told_
+            value, u = _in_unit(size, unit, units)
+            reach = COVERAGE_OF_DEGREES * u
+            yield low - reach <= value <= high + reach
 
 
-def _interval(effect: Form, parameter: str) -> tuple[float, float] | None:
-    """Ends of the 95 % interval of a parameter, or of the degree of the first period."""
+def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:
+    """Value and u in another unit; NaN in one of another dimension."""
+    if unit == size.unit:
+        return size.value, size.u
+    own, other = units.parse(size.unit), units.parse(unit)
+    if own.dimension != other.dimension:
+        return math.nan, math.nan
+    return other.from_si(own.to_si(size.value)), size.u * own.factor / other.factor
+
+
+def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
+    """Ends of the 95 % interval of a parameter, or of the degree of the first period; unit."""
     found = effect["parameters"].get(parameter)
     if found and found.get("lower") is not None and found.get("upper") is not None:
-        return float(found["lower"]), float(found["upper"])
+        return float(found["lower"]), float(found["upper"]), str(found["unit"])
     periods = effect.get("periods") or ()
     if parameter == "degree" and periods and periods[0].get("u") is not None:
-        reach = COVERAGE_OF_DEGREES * periods[0]["u"]
-        return periods[0]["degree"] - reach, periods[0]["degree"] + reach
+        degree, reach = periods[0]["degree"], COVERAGE_OF_DEGREES * periods[0]["u"]
+        return degree - reach, degree + reach, str(periods[0].get("unit", "1"))
     return None
 
 
