@@ -396,6 +396,7 @@ def test_a_wrong_recipe_is_told(tmp_path: Path) -> None:
     """A column that the source lacks, conditions that no row meets, no recipe at all."""
     with pytest.raises(Refusal, match="there is no recipe in it"):
         list(made(tmp_path, tmp_path, tmp_path))
+    assert 1 == main(["--make-rigs", str(RECIPES), str(tmp_path), str(tmp_path / "out")])
     (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n", encoding="utf-8")
     recipe = plain_yaml(RECIPES / "pipeline.yaml") | {"files": ["a.csv"]}
     recipe["plant"] = str(ROOT / "plants" / "rse-boiler" / "plant.yaml")

@@ -63,12 +63,14 @@ def _mistake(options: argparse.Namespace) -> str | None:
 
 
 def _make(options: argparse.Namespace, out: Console) -> int:
-    """Make rigs from recipes; says which were left out, and why."""
+    """Make rigs from recipes; says which were left out, and why; 1 where that is all of them."""
     recipes, source, target = map(Path, options.make_rigs)
     target.mkdir(parents=True, exist_ok=True)
+    count = 0
     for name, why in made(recipes, source, target):
+        count += not why
         out.print(f"{name}: left out, {why}" if why else f"{name}: made", markup=False)
-    return 0
+    return 0 if count else 1
 
 
 def _prove(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:

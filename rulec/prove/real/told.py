@@ -87,6 +87,9 @@ def page(result: Result, made: Made | None) -> str:
         body.append(
             section(safe(title or "Answers"), table(title or "answers", columns(*titles), cells))
         )
+    rigs = [[safe(text) for text in _about(s)] for s in result.scored]
+    of = columns("rig", "what", "licence", "source", "how the answer is known")
+    body.append(section("Rigs", table("rigs", of, rigs)))
     head = Head(kind="Real recordings", verdict=result.headline, made=made)
     return document(head, "".join(body))
 
@@ -115,6 +118,11 @@ def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]
     if result.hidden is not None:
         rows = [[name, "; ".join(diff) or "the same"] for name, diff in result.hidden.items()]
         yield "Under other names", ("rig", ""), rows
+
+
+def _about(s: Scored) -> tuple[str, ...]:
+    known = s.rig.truth.source if s.rig.truth else "nothing is known"
+    return s.rig.name, s.rig.title, s.rig.licence, s.rig.source, known
 
 
 def _answer_row(s: Scored) -> list[str]:
