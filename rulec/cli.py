@@ -437,7 +437,16 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     which.add_argument("--final", action="store_true", help="the cases that were kept apart")
     which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
     which.add_argument(
-        "--real", action="store_true", help="real recordings, as far as they are there"
+        "--real",
+        metavar="DIR",
+        help="real recordings: a folder of rigs, each with a plain plant, what is shown, what "
+        "judges, and what is known",
+    )
+    which.add_argument(
+        "--make-rigs",
+        nargs=3,
+        metavar=("RECIPES", "SOURCE", "DIR"),
+        help="make a folder of rigs from recipes and a copy of the recordings",
     )
     cases = prove.add_mutually_exclusive_group()
     cases.add_argument(
@@ -460,6 +469,19 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
+    )
+    prove.add_argument(
+        "--hidden-names",
+        action="store_true",
+        help="with --real: each rig again with other names of modules and columns; tells what the "
+        "answer says otherwise",
+    )
+    prove.add_argument(
+        "--limit",
+        type=float,
+        metavar="S",
+        help="with --real: seconds after which a command counts as one without an answer "
+        "(default 1800)",
     )
     prove.add_argument(
         "--rounds",

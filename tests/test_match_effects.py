@@ -14,7 +14,6 @@ from rulec.effects.places import Site
 from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 from tests.effects import driver, effect, join, parameter, with_effects
-from tests.rig.mismatch.adopted import rig_plant
 from tests.test_amend import opened
 
 Opened = tuple[Compilation, Ruleset, ModelBuilder]
@@ -33,6 +32,15 @@ def station() -> Opened:
 def places(builder: ModelBuilder, name: str) -> set[str]:
     """Where an effect was joined, as ``module.place``."""
     return {f"{c.module}.{c.place}" for c in builder.candidates if c.name == name}
+
+
+def pump_loop(folder: Path) -> Path:
+    """Plant file of the rig, with its own module type beside it."""
+    rigs = ROOT / "tests" / "rig" / "plants"
+    plant = Path(shutil.copytree(rigs / "pump-loop", folder / "pump-loop"))
+    (plant / "kb").mkdir()
+    shutil.copyfile(rigs / "types" / "loop-pump.yaml", plant / "kb" / "loop-pump.yaml")
+    return plant / "plant.yaml"
 
 
 def site(builder: ModelBuilder, module: str, kind: str, name: str) -> Site:
@@ -143,7 +151,7 @@ def test_a_reading_that_another_join_does_without_is_not_missed(station: Opened)
 
 def test_a_gauge_that_no_equation_reads_may_drive(tmp_path: Path) -> None:
     """The head is read, so it is none; a reading that the module does not have is not missed."""
-    models, _, builder = opened(str(rig_plant("pump-loop", tmp_path)))
+    models, _, builder = opened(str(pump_loop(tmp_path)))
     gauge = effect(
         "gauge",
         join("law*(1 - k*p)", gives="pressure difference", falls_with="Q"),
@@ -184,7 +192,7 @@ def test_a_calibration_that_turns_a_law_round_does_not_change_what_it_is(tmp_pat
     """From one operating point a calibration cannot tell parameters apart, and may give a head
     that rises with the flow, where their signs are free; the law is that of a centrifugal pump
     all the same."""
-    plant = rig_plant("pump-loop", tmp_path)
+    plant = pump_loop(tmp_path)
     expected = places(open_builder(plant)[1], "part-load-head")
     values = "{a0: {value: -0.02, unit: m2, u: 0.05}, a2: {value: -2.0e7, unit: 1/m**4, u: 2.0e7}}"
     calibration = (

@@ -9,12 +9,13 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 
-SUITE = "rulec.prove"
+SUITE, RIGS = "rulec.prove", "rulec.prove.real"
 
 
 def run(options: argparse.Namespace) -> int:
     """Start the suite with the same options."""
-    return _waited_for([sys.executable, "-m", SUITE, "--lifeline", *words_of(options)])
+    suite = RIGS if options.real or options.make_rigs else SUITE
+    return _waited_for([sys.executable, "-m", suite, "--lifeline", *words_of(options)])
 
 
 def _waited_for(asked: Sequence[str]) -> int:
@@ -48,12 +49,15 @@ def _ended_by(number: signal.Signals) -> Iterator[None]:
 
 def words_of(options: argparse.Namespace) -> list[str]:
     """The options as words again."""
-    flags = ("quick", "final", "real", "hard", "production", "contacts", "quiet")
-    words = [f"--{name}" for name in flags if getattr(options, name)]
-    for name in ("seed", "only", "rounds", "engine", "jobs", "scheduler", "keep", "json", "report"):
+    flags = ("quick", "final", "hard", "production", "contacts", "hidden_names", "quiet")
+    words = [f"--{name.replace('_', '-')}" for name in flags if getattr(options, name)]
+    own = ("seed", "real", "only", "limit", "rounds")
+    for name in (*own, "engine", "jobs", "scheduler", "keep", "json", "report"):
         value = getattr(options, name)
         if value not in (None, ""):
             words.append(f"--{name}={value}")
+    if options.make_rigs is not None:
+        words += ["--make-rigs", *options.make_rigs]
     if options.baselines is not None:
         words += ["--baselines", *options.baselines]
     return words

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.util import find_spec
 
 from rulec_runtime.output.refusal import to_install
@@ -11,8 +12,8 @@ NEEDS = ("sklearn", "pysindy")
 """Packages that the suite needs besides those of the product; some are imported at its end only."""
 
 
-def main() -> int:
-    """Run the command; 1 where packages of the suite are absent."""
+def main(command: str = "rulec.prove.command") -> int:
+    """Run the command, a module; 1 where packages of the suite are absent."""
     absent = [name for name in NEEDS if find_spec(name) is None]
     if absent:
         say_aside(
@@ -20,9 +21,8 @@ def main() -> int:
             f"them: {to_install('prove', 'rulec')}"
         )
         return 1
-    from rulec.prove import command
-
-    return command.main()
+    done: int = import_module(command).main()
+    return done
 
 
 if __name__ == "__main__":

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import functools
-import importlib
-import json
 import tempfile
 import time
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -34,30 +33,31 @@ from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
 
+Ask = Callable[[argparse.Namespace, Console, Console], int]
+"""Does what options ask for, with a terminal for results and one for what is said aside."""
+
 FIRST_CONTACT = 1
 """Seed of the first of the first contacts; each has its own."""
 
-RIGS = "tests.prove"
-"""Where real recordings are prepared: in the source tree, they are no part of the product."""
 
-
-def main(words: list[str] | None = None) -> int:
+def main(words: list[str] | None = None, ask: Ask | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
     out, aside = terminal(quiet=options.quiet), terminal(aside=True)
     try:
         with interruptible(options.lifeline):
-            return _asked(options, out, aside)
+            return (ask or _asked)(options, out, aside)
     except (Changed, Refusal) as refused:
-        return _ended(aside, 1, str(refused))
+        return ended(aside, 1, str(refused))
     except OSError as error:
-        return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
+        return ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
     except KeyboardInterrupt:
         hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
-        return _ended(aside, 130, f"interrupted; {hint}")
+        return ended(aside, 130, f"interrupted; {hint}")
 
 
-def _ended(aside: Console, code: int, why: str) -> int:
+def ended(aside: Console, code: int, why: str) -> int:
+    """Say why the command ends; returns its exit code."""
     aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
     return code
 
@@ -66,12 +66,10 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
     """Do what the options ask for; returns the exit code."""
     mistake = _mistake(options)
     if mistake is not None:
-        return _ended(aside, 2, mistake)
+        return ended(aside, 2, mistake)
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
         # Workers of a cluster have a working folder of their own.
         work = Path(options.keep or temporary).absolute()
-        if options.real:
-            return _real(options, work, out, aside)
         if options.contacts:
             return _contacts(options, work, out, aside)
         run = _run(options, work, aside)
@@ -95,24 +93,6 @@ def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Cons
     return 0
 
 
-def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
-    try:
-        rigs, teller = (importlib.import_module(f"{RIGS}.{name}") for name in ("real", "tell_real"))
-    except ModuleNotFoundError:
-        return _ended(aside, 1, "--real: the rigs are part of the source tree; run it in a clone")
-    with Progress("rulec prove", "preparing", options.quiet, aside) as on_progress:
-        found = rigs.answers(
-            rigs.recordings_folder(), work, options.only, engine_of(options), on_progress
-        )
-    if options.only and not found[0]:
-        return _ended(aside, 2, f"--only {options.only}: no recording that is here has this name")
-    teller.tell_real(out, *found)
-    if options.json:
-        forms = {answer.case: answer.form for answer in found[0]}
-        write_text(Path(options.json), json.dumps(forms, indent=1))
-    return 0
-
-
 def _mistake(options: argparse.Namespace) -> str | None:
     """What is wrong with the options; asked before the long work."""
     if options.final and options.contacts:
@@ -123,10 +103,13 @@ def _mistake(options: argparse.Namespace) -> str | None:
         engine_of(options)
     except Misused as misused:
         return str(misused)
-    if (options.real or options.contacts) and options.report:
-        what = "real recordings" if options.real else "first contacts"
-        return f"--report: there is no page of {what}, a table and --json only"
-    if not options.real and not partition_of(options)[0].cases():
+    lone = {"--hidden-names": options.hidden_names, "--limit": options.limit is not None}
+    if any(lone.values()):
+        first = next(name for name, given in lone.items() if given)
+        return f"{first}: this is for real recordings; add --real DIR"
+    if options.contacts and options.report:
+        return "--report: there is no page of first contacts, a table and --json only"
+    if not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
     mistake = _mistake_of_rounds(options)
     if mistake is not None:
@@ -141,8 +124,6 @@ def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
         return "--baselines: they are asked beside a second recording; add --rounds 2"
     if options.rounds < 2:
         return None
-    if options.real:
-        return "--rounds: a recording that is here cannot be made again; leave --real out"
     if options.contacts:
         return "--rounds: first contacts are asked once; leave --contacts out"
     if options.hard:

@@ -199,3 +199,7 @@ ENOUGH_CASES = 10
 
 INTERRUPT_AGAIN = 0.5
 """Seconds until a process that has lost its lifeline is interrupted again. Origin: assumed."""
+
+PATIENCE = 1800.0
+"""Seconds after which a command about a real rig counts as one without an answer. Origin:
+assumed."""

@@ -1,131 +1,469 @@
-"""Real recordings in the form of the proof: asked like sealed cases, and told in one table."""
+"""Real recordings in a plain form: what is wrong with a folder, what is shown, how it is scored."""
 
 from __future__ import annotations
 
+import csv
 import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import Terminal
+from rulec_runtime.recordings.recording import read_recording
 
-from rulec.engines.call import Engine
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.prove.campaign import Changed
-from rulec.prove.command import main
-from tests.conftest import recordings_folder
-from tests.figures.commands import picked
-from tests.figures.ledger import read_ledger
-from tests.prove.__main__ import form as errors_of
-from tests.prove.real import SOURCES, Answer, answers
-from tests.prove.tell_real import tell_real
-from tests.rig.esp import FOLDER
-from tests.runtime.mismatches import NAMED, UNNAMED
+from rulec.passes.pipeline import compile_plant
+from rulec.prove.command import main as suite
+from rulec.prove.real import ask as asking
+from rulec.prove.real.ask import MODELS, Commands, lay_out, predicted
+from rulec.prove.real.command import main
+from rulec.prove.real.form import (
+    ALARMS,
+    ANSWER,
+    SEAL,
+    FalseAlarm,
+    Missing,
+    Rig,
+    Size,
+    Truth,
+    checked,
+    digest_of,
+    false_alarms_in,
+    read_rig,
+    rigs_in,
+)
+from rulec.prove.real.hide import differences, hide
+from rulec.prove.real.make import made
+from rulec.prove.real.packed import opened
+from rulec.prove.real.score import alarms, scored, told, totals, utility
+from rulec.prove.real.told import Result, form, page, tell
+from tests.conftest import ROOT, plain_yaml, recordings_folder
+from tests.runtime.mismatches import NAMED
 
-WIDTH = 100
+RECIPES, SHIPPED = ROOT / "tests" / "rig" / "recipes", ROOT / "tests" / "rig" / "shipped"
+ROWS = 40
+QUICK = ("cascaded-tanks", "esp-p37-water", "pipeline", "pump-throttled", "rse-boiler")
+"""Recipes of small sources."""
 
 
-def quiet(what: str, done: int, all_: int) -> None:
-    """Nobody watches."""
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with one small rig: the first rows of what is shipped."""
+    place = tmp_path / "rigs" / "small"
+    shutil.copytree(SHIPPED / "rse-boiler", place)
+    for part in ("train", "test"):
+        with opened(place / f"{part}.csv.gz") as file:
+            rows = [line for line, _ in zip(file, range(ROWS), strict=False)]
+        (place / f"{part}.csv.gz").unlink()
+        (place / f"{part}.csv").write_text("".join(rows), encoding="utf-8")
+    return place.parent
 
 
-def told(form: dict[str, Any]) -> str:
-    """The table of one answer, as a terminal shows it."""
-    out = Terminal(width=WIDTH, color_system=None)
+@pytest.fixture
+def rig(folder: Path) -> Rig:
+    (found,) = rigs_in(folder)
+    return found
+
+
+def seal(rig: Path, answer: dict[str, Any]) -> None:
+    (rig / ANSWER).write_text(json.dumps(answer), encoding="utf-8")
+    (rig / SEAL).write_text(digest_of(rig / ANSWER), encoding="utf-8")
+
+
+def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
+    """What `ask` would give."""
+    found = mismatch_form(NAMED, "plant.yaml")
+    found["effects"] = found["effects"] if effects is None else effects
+    errors = {"unit": "m3/h", "rows": 9, "shipped": 4.0, "recalibrated": 2.0, "adopted": 1.0}
+    return {
+        "form": found,
+        "error": "",
+        "refused": "",
+        "predicted": {"boiler.Q": errors},
+        "cpu": 3.0,
+    }
+
+
+def finding(name: str, place: str, probability: float, **others: Any) -> dict[str, Any]:
+    """A finding in the machine form of the tool."""
+    module, _, relation = place.partition(".")
+    plain = {"effect": name, "id": f"{module}.{name}@{relation}", "sort": "physics"}
+    plain |= {"module": module, "modules": [module], "place": relation, "parameters": {}}
+    plain |= {"probability": probability, "class_probability": probability, "alternatives": []}
+    return plain | {"periods": []} | others
+
+
+HEAD = "rig: small\ntitle: x\nlicence: y\nsource: z\n"
+WRONG = [
+    ("rig.yaml", None, "a rig needs 'rig.yaml'"),
+    ("plain/plant.yaml", None, "the plant without the effect"),
+    ("train.csv", None, "rows that are shown to the tool"),
+    ("test.csv", None, "rows that are kept from it"),
+    (SEAL, None, "sha256sum answer.yaml"),
+    (SEAL, "0123  answer.yaml", "is not the one that was sealed"),
+    ("rig.yaml", "rig: small\ntitle: x\nlicense: y\nsource: z\n", "did you mean 'licence'"),
+    ("test.csv", "time [s],P101 [Hz]\n0,30\n1,30\n", "lacks columns that train has: boiler."),
+    ("rig.yaml", f"{HEAD}signal: boiler.q\n", "did you mean 'boiler.Q'"),
+    (
+        "rig.yaml",
+        f"{HEAD}grey_box: [{{signal: boiler.Q, error: 3, unit: l/h, source: x}}]\n",
+        "'boiler.Q' is in m3/h",
+    ),
+    ("plain/plant.yaml", "plant: x\n", "needs the keys"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "why"), WRONG)
+def test_a_wrong_folder_is_told(folder: Path, name: str, text: str | None, why: str) -> None:
+    """With its place; nothing is asked."""
+    file = folder / "small" / name
+    file.unlink()
+    if text is not None:
+        file.write_text(text, encoding="utf-8")
+    with pytest.raises(Refusal) as refused:
+        rigs_in(folder)
+    said = refused.value.for_terminal()
+    assert why in said
+    assert "small" in said
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        ({"source": "x"}, "either 'nothing: true' or 'effects'"),
+        ({"effects": [{"names": "equal-percentge", "places": "boiler"}]}, "'equal-percentage'"),
+        ({"effects": [{"names": [], "places": "kettle.x"}]}, "there is no module of the plant"),
+        ({"effects": [{"names": "offset"}]}, "'places'"),
+        (
+            {
+                "effects": [
+                    {
+                        "names": "offset",
+                        "places": "boiler.Q",
+                        "sizes": [{"parameter": "d", "value": 1, "u": 0.1, "unit": "m3/hour"}],
+                    }
+                ]
+            },
+            "there is no unit 'm3/hour'",
+        ),
+    ],
+)
+def test_a_wrong_answer_is_told(folder: Path, answer: dict[str, Any], why: str) -> None:
+    seal(folder / "small", {"source": "by hand", **answer})
+    with pytest.raises(Refusal) as refused:
+        rigs_in(folder)
+    assert why in refused.value.for_terminal()
+
+
+def test_all_mistakes_come_at_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As the command says them; a folder that is not there, and a name that no rig has, as well."""
+    shutil.copytree(folder / "small", folder / "other")
+    for name in ("small", "other"):
+        (folder / name / "rig.yaml").unlink()
+    assert 1 == main(["--real", str(folder)])
+    said = capsys.readouterr().err
+    assert "small" in said
+    assert "other" in said
+    assert 1 == main(["--real", str(folder), "--only=third"])
+    assert "no rig has this in its name" in capsys.readouterr().err
+    assert 1 == main(["--real", str(folder / "nowhere")])
+    assert "there is no such folder" in capsys.readouterr().err
+    assert 2 == suite(["--hidden-names"])
+    assert "add --real DIR" in capsys.readouterr().err
+    for words in (["--rounds=2"], ["--hard"], [f"--json={folder / 'no' / 'x'}"]):
+        assert 2 == main(["--real", str(folder), *words])
+
+
+def test_without_an_answer_prediction_is_judged(folder: Path) -> None:
+    """A seal alone stands for an answer that is kept elsewhere."""
+    (folder / "small" / ANSWER).unlink()
+    found = read_rig(folder / "small")
+    assert found.truth is None
+    assert 64 == len(found.seal)
+    result = scored(found, asked([finding("leak", "boiler.Q", 1.0)]))
+    assert result.place is result.utility is result.silent is None
+    assert () == result.false
+    assert 0.5 == result.ratio("recalibrated")
+
+
+def test_what_judges_is_not_shown(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """When the tool looks, its folder holds neither answer nor unseen rows, nor a way to them."""
+    work, seen = tmp_path / "work", {}
+
+    def run(self: Commands, *words: object) -> None:
+        here = [str(p.relative_to(self.folder)) for p in self.folder.rglob("*")]
+        seen[str(words[0])] = (here, [str(w) for w in words])
+        raise asking.NoAnswer("refused")
+
+    monkeypatch.setattr(Commands, "run", run)
+    lay_out(rig, work)
+    found = asking.ask(work, rig.test, 10.0)
+    assert ("refused", {}) == (found["error"], found["predicted"])
+    here, words = seen["mismatch"]
+    assert not [name for name in here if "answer" in name or "test" in name or "rig" in name]
+    assert not [word for word in words if str(rig.folder) in word]
+
+
+def test_unseen_rows_are_simulated(rig: Rig, tmp_path: Path) -> None:
+    """By the command; a plant that was not adopted predicts what the shipped one does."""
+    lay_out(rig, tmp_path / "work")
+    found = predicted(Commands(tmp_path / "work", 60.0), rig.test)
+    errors = found["boiler.Q"]
+    assert ROWS - 1 == errors["rows"]
+    assert 0.1 < errors["shipped"] == errors["recalibrated"] == errors["adopted"]
+    with pytest.raises(asking.NoAnswer, match="no answer in 0 s"):
+        Commands(tmp_path, 0.01).run("version")
+    with pytest.raises(asking.NoAnswer, match="rulec compile: "):
+        Commands(tmp_path, 60.0).run("compile", "nowhere", "-o", "x.json")
+
+
+def test_a_right_name(rig: Rig) -> None:
+    """Place, headline, class, size, and nothing false."""
+    size = {"R": {"value": 30.0, "u": 1.0, "lower": 28.0, "upper": 32.0, "unit": "1"}}
+    truth = Truth((Missing(("valve",), ("boiler",), (Size("R", 33.0, 1.0, "1"),)),), (), "hand")
+    result = scored(
+        replace(rig, truth=truth), asked([finding("valve", "boiler.x", 0.95, parameters=size)])
+    )
+    assert (1.0, 1.0, 1.0, 0.95, 1.0) == (
+        result.place,
+        result.headline,
+        result.named,
+        result.probability,
+        result.utility,
+    )
+    assert (1, 1) == result.inside
+    assert () == result.false
+
+
+def test_sizes_in_other_units(rig: Rig) -> None:
+    """50 l/min is 3 m3/h; a pressure is no flow."""
+    told_ = {"q": {"value": 3.0, "u": 0.1, "lower": 2.8, "upper": 3.2, "unit": "m3/h"}}
+    found = asked([finding("leak", "boiler.Q", 0.95, parameters=told_)])
+    assert rig.truth is not None
+    for value, unit, hits in ((50.0, "l/min", 1), (60.0, "l/min", 0), (3.0, "bar", 0)):
+        sizes = (Size("q", value, 0.1, unit),)
+        truth = replace(rig.truth, missing=(Missing(("leak",), ("boiler",), sizes),))
+        assert (hits, 1) == scored(replace(rig, truth=truth), found).inside
+
+
+def test_a_name_in_a_class(rig: Rig) -> None:
+    """One of two that coincide is right: in its class, not in the headline; DX scores between."""
+    same = {"effect": "valve", "id": "boiler.valve@x", "probability": 0.3, "same": True}
+    told_ = [finding("line", "boiler.dp", 0.6, alternatives=[same], class_probability=0.9)]
+    truth = Truth((Missing(("valve",), ("boiler.x",)),), (), "hand")
+    result = scored(replace(rig, truth=truth), asked(told_))
+    assert (1.0, 0.0, 1.0) == (result.place, result.headline, result.named)
+    assert result.utility is not None
+    assert 0.5 < result.utility < 1.0
+
+
+def test_false_names(rig: Rig) -> None:
+    """At another place, or of another id; sure from 0.9 on; what stands beside is not false."""
+    truth = Truth((Missing(("meter",), ("boiler.Q",)),), ("lag",), "hand")
+    told_ = [
+        finding("meter", "boiler.p_1", 0.97),
+        finding("lag", "boiler.Q", 0.99),
+        finding("drift", "boiler.Q", 0.5),
+        finding("curve", "boiler.Q", 0.99, sort="free"),
+    ]
+    result = scored(replace(rig, truth=truth), asked(told_))
+    assert 0.0 == result.named
+    assert ["meter", "drift"] == [f.causes[0].name for f in result.false]
+    assert ["meter"] == [f.causes[0].name for f in result.sure]
+    known = FalseAlarm("small", "meter", "boiler.p_1", "story", "right")
+    (alarm,) = alarms([known, replace(known, rig="not asked")], [result])
+    assert 0.97 == alarm.again
+
+
+@pytest.mark.parametrize(("verdict", "silent"), [("none", True), ("named", False)])
+def test_silence(rig: Rig, verdict: str, silent: bool) -> None:
+    found = asked([] if silent else [finding("leak", "boiler.Q", 0.95)])
+    found["form"]["verdict"] = verdict
+    result = scored(replace(rig, truth=Truth((), (), "hand")), found)
+    assert silent == result.silent
+    assert (not silent) == bool(result.sure)
+
+
+def test_what_no_entry_names(rig: Rig) -> None:
+    """The verdict is right, not a name."""
+    found = asked([])
+    found["form"]["verdict"] = "unnamed"
+    found["form"]["locations"] = [{"module": "boiler", "place": "Q"}]
+    result = scored(replace(rig, truth=Truth((Missing((), ("boiler.Q",)),), (), "x")), found)
+    assert (1.0, 1.0) == (result.place, result.named)
+
+
+def test_utility_by_hand() -> None:
+    """f = 10; silence: 1 - 1*(10 + 1)/(10*2); one wrong name: 1 - 2/20 - 10/20."""
+    truth = (Missing(("a",), ("P",)),)
+    assert utility(truth, [], 10) == pytest.approx(0.45)
+    assert utility(truth, [told(finding("b", "P.x", 1.0))], 10) == pytest.approx(0.4)
+    assert utility(truth, [told(finding("a", "P.x", 1.0))], 10) == pytest.approx(1.0)
+
+
+def test_no_answer_counts_as_wrong(rig: Rig) -> None:
+    """A rig on which the tool gave up is in all shares."""
+    found = {**asked(), "form": None, "error": "rulec mismatch: no answer in 600 s"}
+    result = scored(rig, found)
+    assert (0.0, 0.0) == (result.place, result.named)
+    assert "no answer" == result.verdict
+
+
+@pytest.fixture
+def result(rig: Rig) -> Result:
+    both = (scored(rig, asked()), scored(rig, {**asked(), "form": None, "error": "[no] answer"}))
+    alarm = FalseAlarm("small", "offset", "boiler.p_1", "it was told", "the valve")
+    return Result(both, (alarm,), {"small": ["verdict: named → none"]}, "abc")
+
+
+def test_results_are_told(result: Result) -> None:
+    """In the terminal, as JSON and as a page."""
+    out = Terminal(width=120, color_system=None)
     with out.capture() as shown:
-        tell_real(out, [Answer("rig", "abc", form)], [])
-    return shown.get()
+        tell(out, result)
+    said = shown.get()
+    data = json.loads(json.dumps(form(result), allow_nan=False))
+    html = page(result, None)
+    for text in (said, html):
+        assert "[no] answer" in text
+        assert "it was told" in text
+    assert ["verdict: named → none"] == data["rigs"]["small"]["hidden"]
+    assert data["totals"]["place right"]["count"] == 2
+    (ratio,) = (t for t in totals(result.scored) if t.title.endswith("recalibrated"))
+    assert ratio.value == pytest.approx(0.5)
+    assert set(MODELS) <= set(data["rigs"]["small"]["predicted"]["boiler.Q"])
+
+
+def test_names_are_hidden(rig: Rig, tmp_path: Path) -> None:
+    """Nothing of the old names is left, and the recording still is one of the plant."""
+    work = tmp_path / "work"
+    lay_out(rig, work)
+    names = hide(work)
+    assert {"boiler": "N001"} == names
+    for file in (work / "plant" / "plant.yaml", work / "plant" / "columns.yaml"):
+        assert not [w for w in ("boiler", "P101", "Gas") if w in file.read_text(encoding="utf-8")]
+    rules = compile_plant(work / "plant")
+    assert {"N001.Q", "N001.f"} <= set(read_recording(work / "train-1.csv", rules).values)
+
+
+def test_names_are_hidden_without_a_column_map(tmp_path: Path) -> None:
+    """Titles of signals keep to their modules; connections and calibrations follow."""
+    shutil.copytree(ROOT / "plants" / "abc", tmp_path / "plant")
+    shutil.copyfile(tmp_path / "plant" / "examples" / "calibration.csv", tmp_path / "train-1.csv")
+    before = read_recording(tmp_path / "train-1.csv", compile_plant(tmp_path / "plant"))
+    names = hide(tmp_path)
+    assert sorted(names) == sorted(names, key=lambda n: names[n], reverse=True)
+    after = read_recording(tmp_path / "train-1.csv", compile_plant(tmp_path / "plant"))
+    assert {f"{names[n.split('.')[0]]}.{n.split('.')[1]}" for n in before.values} == set(
+        after.values
+    )
+
+
+def test_differences_under_other_names() -> None:
+    """Names alone make none; a number and an effect more do."""
+    one = mismatch_form(NAMED, "plant.yaml")
+    module = one["effects"][0]["module"]
+    text = json.dumps(one).replace(f'"{module}"', '"N001"').replace(f"{module}.", "N001.")
+    other = json.loads(text)
+    assert [] == differences(one, other, {module: "N001"})
+    other["effects"][0]["probability"] = 0.25
+    other["verdict"] = "ambiguous"
+    found = differences(one, other, {module: "N001"})
+    assert 2 == len(found)
+    assert any(line.startswith("verdict: named → ambiguous") for line in found)
+    assert any(".probability: " in line and "→ 0.25" in line for line in found)
+
+
+def test_recipes_keep_to_their_form() -> None:
+    """What they name is there; false alarms are those of rigs that a recipe makes."""
+    names = set()
+    for file in sorted(RECIPES.glob("*.yaml")):
+        if file.name != ALARMS:
+            recipe = checked(file, "recipe")
+            assert file.stem == recipe["recipe"]
+            assert (file.parent / recipe["plant"]).is_file()
+            names.add(recipe["recipe"])
+    assert {alarm.rig for alarm in false_alarms_in(RECIPES)} <= names
+
+
+def test_a_wrong_recipe_is_told(tmp_path: Path) -> None:
+    """A column that the source lacks, conditions that no row meets, no recipe at all."""
+    with pytest.raises(Refusal, match="there is no recipe in it"):
+        list(made(tmp_path, tmp_path, tmp_path))
+    assert 1 == main(["--make-rigs", str(RECIPES), str(tmp_path), str(tmp_path / "out")])
+    (tmp_path / "a.csv").write_text("t,x\n0,1\n1,2\n", encoding="utf-8")
+    recipe = plain_yaml(RECIPES / "pipeline.yaml") | {"files": ["a.csv"]}
+    recipe["plant"] = str(ROOT / "plants" / "rse-boiler" / "plant.yaml")
+    del recipe["knowledge"]
+    for rows, why in (
+        ([{"column": "y", "is": [1]}], "no column 'y'"),
+        ([{"column": "x", "from": 3}], "no row of the source meets"),
+    ):
+        (tmp_path / "r.yaml").write_text(json.dumps(recipe | {"train": {"rows": rows}}))
+        with pytest.raises(Refusal, match=why):
+            list(made(tmp_path, tmp_path, tmp_path / "out"))
+
+
+def _made(tmp_path: Path, chosen: tuple[str, ...]) -> Path:
+    """Rigs of some recipes, where the recordings are."""
+    if not recordings_folder().is_dir():
+        pytest.skip(f"no real recordings at {recordings_folder()} (set RULEC_RECORDINGS)")
+    few = tmp_path / "tests" / "rig" / "recipes"
+    few.mkdir(parents=True)
+    for name in ("plants", "tests/rig/plants"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for name in chosen:
+        shutil.copyfile(RECIPES / f"{name}.yaml", few / f"{name}.yaml")
+    words = [str(few), str(recordings_folder()), str(tmp_path / "made")]
+    assert 0 == main(["--make-rigs", *words])
+    return tmp_path / "made"
+
+
+def test_recipes_make_rigs(tmp_path: Path) -> None:
+    """That are in order; what is shipped is what its recipe makes."""
+    folder = _made(tmp_path, QUICK)
+    assert list(QUICK) == [rig.name for rig in rigs_in(folder)]
+    for file in (SHIPPED / "rse-boiler").iterdir():
+        if file.is_file():
+            assert file.read_bytes() == (folder / "rse-boiler" / file.name).read_bytes()
+
+
+def test_unseen_rows_are_other_rows(tmp_path: Path) -> None:
+    """No row is shown and judges."""
+
+    def rows(file: Path) -> Iterator[tuple[str, ...]]:
+        with opened(file) as source:
+            yield from map(tuple, csv.reader(source))
+
+    for rig in rigs_in(_made(tmp_path, QUICK)):
+        shown = {row for file in rig.train for row in rows(file)}
+        assert 1 == len(shown & set(rows(rig.test))), "the header alone"
 
 
 @pytest.mark.prove
-def test_a_quick_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A pump that was calibrated on water meets glycerin; what is absent is told, with a reason."""
-    found = recordings_folder() / FOLDER
-    if not found.is_dir():
-        pytest.skip(f"no real recordings at {found} (set RULEC_RECORDINGS)")
-    recordings, work, target = (tmp_path / name for name in ("there", "work", "forms.json"))
-    recordings.mkdir()
-    (recordings / FOLDER).symlink_to(found.resolve())
-    monkeypatch.setenv("RULEC_RECORDINGS", str(recordings))
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    asked = ["--real", "--only=P37 one", "--jobs=1", f"--keep={work}", f"--json={target}"]
-    assert 0 == main(asked)
-    said = capsys.readouterr().out
-    (form,) = json.loads(target.read_text(encoding="utf-8")).values()
-    assert "named" == form["verdict"]
-    for fit in form["fits"]:
-        held = fit["heldout"]
-        assert held["repaired"] < 0.1 * held["recalibrated"]
-    assert all(effect["effect"] in said for effect in form["effects"])
-    absent = [s.folder for s in SOURCES if s.folder != FOLDER]
-    assert absent == [a for a in absent if f"skipped: {a}: not in {recordings}" in said]
+def test_every_recipe_makes_a_rig(tmp_path: Path) -> None:
+    names = tuple(f.stem for f in sorted(RECIPES.glob("*.yaml")) if f.name != ALARMS)
+    assert list(names) == [rig.name for rig in rigs_in(_made(tmp_path, names))]
 
 
-def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
-    """A folder holds concealed effects or real recordings; and real ones go on."""
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    for _ in range(2):
-        assert [] == answers(tmp_path, mine, "", Engine(jobs=1), quiet)[0]
-    (tmp_path / "seals.txt").write_text("another\n")
-    with pytest.raises(Changed, match="another run"):
-        answers(tmp_path, tmp_path, "", Engine(jobs=1), quiet)
-
-
-@pytest.mark.parametrize("mismatch", [NAMED, UNNAMED])
-def test_answers_fit_a_terminal(mismatch: Any) -> None:
-    """Verdict, place and the error that is left, in 100 columns."""
-    form = mismatch_form(mismatch, "plant.yaml")
-    said = told(form)
-    assert max(map(len, said.splitlines())) <= WIDTH
-    assert mismatch.verdict in said
-    assert form["fits"][0]["signal"] in said
-
-
-def test_what_is_not_explained_is_told() -> None:
-    """Free curves have no name, repairs that did harm a mark, and a rest a place."""
-    form = mismatch_form(NAMED, "plant.yaml")
-    form["notes"] = ["what is left is not noise: an error of A.h; no entry does"]
-    form["effects"][0]["sort"] = "free"
-    form["fits"][0]["heldout"] |= {"recalibrated": 1.0, "repaired": 3.0, "noise": 2.0}
-    said = told(form)
-    assert "• free curve, no name, at" in said
-    assert "• not explained: an error of A.h" in said
-    assert "▲ 1.5" in said
-
-
-def test_errors_are_picked_for_the_ledger() -> None:
-    """By recording and signal, as the keys of its real recordings say; none without an answer."""
-    form = mismatch_form(NAMED, "plant.yaml")
-    held = {fit["signal"]: fit["heldout"]["repaired"] for fit in form["fits"]}
-    found = errors_of([Answer("rig", "abc", form), Answer("other", "abc", {"error": "none"})])
-    for signal, repaired in held.items():
-        assert repaired == picked(found, f"rig/{signal}/repaired").value
-    assert {} == found["other"]
-    real = [f for f in read_ledger().figures.values() if f.id.startswith("real.")]
-    assert all(f"--only '{f.key.split('/')[0]}' " in f.command for f in real)
-
-
-def test_no_answer_is_told() -> None:
-    """With its message, and without errors."""
-    said = told({"error": "ValueError: [no] answer", "seconds": 1.0})
-    assert "no answer" in said
-    assert "[no]" in said
-
-
-def test_there_is_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Said before long work."""
-    assert 2 == main(["--real", f"--report={tmp_path / 'page.html'}"])
-    assert "--report: there is no page of real recordings" in capsys.readouterr().err
-
-
-def test_a_name_that_no_recording_has_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """An empty table would look like an answer."""
-    (tmp_path / "there").mkdir()
-    monkeypatch.setenv("RULEC_RECORDINGS", str(tmp_path / "there"))
-    assert 2 == main(["--real", "--only=nowhere", f"--keep={tmp_path / 'work'}"])
-    assert "--only nowhere: no recording that is here has this name" in capsys.readouterr().err
+@pytest.mark.prove
+def test_the_shipped_rig(tmp_path: Path) -> None:
+    """The valve is named from sheets, the pump is not strained, and other names change nothing."""
+    target, work = tmp_path / "real.json", tmp_path / "work"
+    words = ["--jobs=1", f"--keep={work}", f"--json={target}", "--hidden-names"]
+    assert 0 == main(["--real", str(SHIPPED), *words])
+    (found,) = json.loads(target.read_text(encoding="utf-8"))["rigs"].values()
+    assert 1.0 == found["named"]
+    assert found["probability"] >= 0.9
+    assert [] == found["hidden"]
+    errors = found["predicted"]["boiler.Q"]
+    assert errors["adopted"] < errors["recalibrated"] < errors["shipped"]
+    answer = json.loads((work / "cases" / "0000" / "answer.json").read_text(encoding="utf-8"))
+    far = {s["parameter"].partition(".")[2]: s["distance"] for s in answer["strain"]}
+    assert all(far.get(name, 0.0) <= 2.0 for name in ("h0", "h1", "h2"))

@@ -341,11 +341,10 @@ def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
         (["--baselines", "same"], "add --rounds 2"),
         (["--rounds", "2"], "add --only stationary"),
         (["--rounds", "2", "--hard"], "leave --hard out"),
-        (["--rounds", "2", "--real"], "leave --real out"),
     ],
 )
 def test_mistakes_are_told_before_the_work(
     words: list[str], why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert suite(["--quick", *words] if "--real" not in words else words) == 2
+    assert suite(["--quick", *words]) == 2
     assert why in capsys.readouterr().err

@@ -1,0 +1,200 @@
+"""Ask the tool about a rig, as a user does: commands as processes, in a folder of their own.
+
+The folder gets the plain plant and what is shown; nothing in it tells where the rig lies. What
+judges (`test.csv`) is copied there after the tool has answered, for `rulec simulate` alone; the
+answer is never copied.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rulec_runtime
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.recording import Recording, read_recording
+
+import rulec
+from rulec.limits import UNSURE
+from rulec.passes.pipeline import compile_plant
+from rulec.prove.analyst import ANSWER, EARLIER, answered
+from rulec.prove.real.form import PLAIN, PLANT, TEST, TRAIN, Rig
+
+Bools = NDArray[np.bool_]
+ASKED = "asked.json"
+MODELS = ("shipped", "recalibrated", "adopted")
+FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopted"}
+
+MESSAGE = 300
+"""Letters of a message that are kept."""
+
+
+class NoAnswer(Exception):
+    """A command gave no result; the message says why."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Runs commands of the tool in a folder, all of them within `limit` seconds each."""
+
+    folder: Path
+    limit: float
+
+    def run(self, *words: object) -> None:
+        """A command; raises `NoAnswer` with the end of what it said."""
+        asked = [sys.executable, "-m", "rulec", *map(str, words)]
+        given = {**os.environ, "PYTHONPATH": _sources()}
+        try:
+            done = subprocess.run(
+                asked,
+                cwd=self.folder,
+                env=given,
+                capture_output=True,
+                text=True,
+                timeout=self.limit,
+                stdin=subprocess.DEVNULL,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise NoAnswer(f"rulec {words[0]}: no answer in {self.limit:.0f} s") from None
+        if done.returncode not in (0, UNSURE):
+            said = " ".join(done.stderr.split())
+            raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {done.returncode}'}")
+
+
+def lay_out(rig: Rig, folder: Path) -> None:
+    """Plant and shown recordings under names that tell nothing."""
+    if folder.exists():
+        return
+    shutil.copytree(rig.folder / PLAIN, folder / "plant")
+    for number, file in enumerate(rig.train, 1):
+        shutil.copyfile(file, folder / f"{TRAIN}-{number}{_suffix(file)}")
+    if rig.earlier:
+        shutil.copyfile(rig.earlier, folder / f"earlier{_suffix(rig.earlier)}")
+
+
+def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
+    """What the tool says, what its plants predict of `test`, CPU s; kept in the folder.
+
+    Keys: those of `rulec mismatch --json` under `form` (None without an answer), `error`,
+    `refused` (why nothing was adopted), `predicted` by signal, `cpu`, `seconds`.
+    """
+    return answered(folder / ASKED, lambda: _asked(folder, test, limit))
+
+
+def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
+    begin, commands = _cpu(), Commands(folder, limit)
+    found: dict[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}}
+    try:
+        _calibrate(commands)
+        shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
+        commands.run("mismatch", "plant", *shown, "--json", ANSWER, "--quiet")
+        found["form"] = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
+    except NoAnswer as failure:
+        found["error"] = str(failure)
+    if test is not None:
+        found["refused"] = _adopted(commands) if found["form"] else ""
+        found["predicted"] = predicted(commands, test)
+    found["cpu"] = _cpu() - begin
+    return found
+
+
+def _adopted(commands: Commands) -> str:
+    """Write the recalibrated and the repaired plant; why the latter was refused, if it was."""
+    with contextlib.suppress(NoAnswer):
+        commands.run("adopt", ANSWER, "-o", FOLDERS["recalibrated"], "--recalibrated", "--quiet")
+    try:
+        commands.run("adopt", ANSWER, "-o", FOLDERS["adopted"], "--quiet")
+    except NoAnswer as failure:
+        return str(failure)
+    return ""
+
+
+def _calibrate(commands: Commands) -> None:
+    """Calibrate the plain plant where there is an earlier run."""
+    plant = commands.folder / "plant"
+    for earlier in commands.folder.glob(f"{Path(EARLIER).stem}.csv*"):
+        commands.run("calibrate", "plant", earlier.name, "-o", "plant/found.yaml", "--quiet")
+        text = (plant / PLANT).read_text(encoding="utf-8").rstrip()
+        write_text(plant / PLANT, f"{text}\ncalibration: [found.yaml]\n")
+
+
+def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
+    """By signal: unit, rows that every plant predicts, and root mean square errors of each plant.
+
+    A plant that was not written predicts what the one before it does.
+    """
+    folder = commands.folder
+    rules = compile_plant(folder / "plant" / PLANT)
+    copy = folder / f"{TEST}{_suffix(test)}"
+    shutil.copyfile(test, copy)
+    measured = read_recording(copy, rules)
+    off: dict[str, dict[str, Array]] = {}
+    for model, name in FOLDERS.items():
+        if (folder / name / PLANT).is_file():
+            target = folder / f"{model}.csv"
+            try:
+                commands.run("simulate", name, copy.name, "-o", target.name, "--quiet")
+            except NoAnswer:
+                continue
+            simulated = read_recording(target, rules)
+            off[model] = {
+                s.id: np.where(
+                    _judged(s.id, rules, measured),
+                    (simulated.values[s.id] - measured.values[s.id]) / s.factor,
+                    np.nan,
+                )
+                for s in rules.signals
+                if s.id in simulated.values and s.id in measured.values
+            }
+    moved = [n for n in off.get("shipped", {}) if any(np.nansum(abs(o[n])) for o in off.values())]
+    return {n: _errors(rules.signal_by_id[n], {m: o[n] for m, o in off.items()}) for n in moved}
+
+
+def _judged(name: str, rules: Ruleset, measured: Recording) -> Bools:
+    """Rows, shape (n,), in which no reading of the signal's module is below its minimum: there the
+    module type judges nothing, as when a pump stands still."""
+    module = name.partition(".")[0]
+    least = {s.id: s.minimum for s in rules.signals if s.id.partition(".")[0] == module}
+    there = [
+        measured.values[n] >= m for n, m in least.items() if m is not None and n in measured.values
+    ]
+    return np.all(there, axis=0) if there else np.ones(len(measured.time), dtype=bool)
+
+
+def _errors(signal: SignalSpec, off: Mapping[str, Array]) -> dict[str, Any]:
+    known = np.all([np.isfinite(o) for o in off.values()], axis=0)
+    found: dict[str, Any] = {"unit": signal.unit, "rows": int(known.sum())}
+    last = None
+    for model in MODELS:
+        if model in off and known.any():
+            last = float(np.sqrt(np.mean(off[model][known] ** 2)))
+        found[model] = last
+    return found
+
+
+def _suffix(file: Path) -> str:
+    return ".csv.gz" if file.name.endswith(".gz") else ".csv"
+
+
+def _sources() -> str:
+    """Where this very tool lies, so that its processes run no other."""
+    return os.pathsep.join(str(Path(p.__path__[0]).parent) for p in (rulec, rulec_runtime))
+
+
+def _cpu() -> float:
+    """Seconds of processor that ended child processes had."""
+    times = os.times()
+    return times.children_user + times.children_system

@@ -1,0 +1,334 @@
+"""A folder of rigs: read it, and say with place and remedy what is wrong with it.
+
+A rig is a folder with `plain/` (plant.yaml and what it names: the plant without the effect),
+`train*.csv` and `test.csv` (other days or set points), `rig.yaml`, and, where something is known,
+`answer.yaml` with its seal `answer.sha256`. `earlier.csv`, if there, calibrates the plain plant.
+Every recording may be packed (`.gz`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.knowledge.read import read_all
+from rulec.knowledge.unit_lists import table_of
+from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
+from rulec.language.document import Document, Path_, read_document
+from rulec.language.schema import check_schema
+from rulec.language.units import UnitTable
+from rulec.mismatch.structure import hypotheses
+from rulec.passes.pipeline import compile_plant
+
+PLAIN, PLANT, ABOUT = "plain", "plant.yaml", "rig.yaml"
+TRAIN, TEST, EARLIER = "train", "test", "earlier"
+ANSWER, SEAL, ALARMS = "answer.yaml", "answer.sha256", "false-alarms.yaml"
+
+SCHEMAS = Path(__file__).parent / "schema"
+NO_UNITS = UnitTable({}, {})
+OF_THE_TOOL = frozenset(
+    (
+        *(hypotheses.SWAPPED, hypotheses.UNIT, hypotheses.SIGN),
+        *(hypotheses.CLOCK, hypotheses.CONNECTION),
+        *("impossible-reading", "stuck-reading", "coarse-steps", "drop-outs"),
+    )
+)
+"""Ids that the tool tells and no entry of the knowledge base has: cables, headers, dead sensors."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """A true value ± u of a parameter, in `unit`; without a `name` of every id."""
+
+    parameter: str
+    value: float
+    u: float
+    unit: str
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """One thing that the plain plant leaves out.
+
+    `names` are ids that are right, none where no entry names it; `places` are modules, or
+    `module.place` as the tool tells them.
+    """
+
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+    sizes: tuple[Size, ...] = ()
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is known of a rig; without `missing` silence is right. `beside` are ids that are no
+    false names, but not asked for; `units` are those in which sizes may be stated."""
+
+    missing: tuple[Missing, ...]
+    beside: tuple[str, ...]
+    source: str
+    units: UnitTable = NO_UNITS
+
+
+@dataclass(frozen=True)
+class GreyBox:
+    """Error of a model made by hand on the rows of test.csv, root mean square, in `unit`."""
+
+    signal: str
+    error: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """A rig whose folder is in order; `truth` is None where nothing is known or shown."""
+
+    folder: Path
+    title: str
+    licence: str
+    source: str
+    signal: str
+    grey_box: tuple[GreyBox, ...]
+    train: tuple[Path, ...]
+    test: Path
+    earlier: Path | None
+    truth: Truth | None
+    seal: str
+
+    @property
+    def name(self) -> str:
+        """That of its folder."""
+        return self.folder.name
+
+
+@dataclass(frozen=True)
+class FalseAlarm:
+    """A wrong finding that was told once: id, place, what happened, and what is right."""
+
+    rig: str
+    wrong: str
+    place: str
+    story: str
+    right: str
+
+
+def rigs_in(folder: Path, only: str = "") -> list[Rig]:
+    """All rigs of a folder whose name holds `only`; raises `Refusal` with every mistake in them."""
+    if not folder.is_dir():
+        raise Refusal(
+            f"--real {folder}: there is no such folder; rulec prove --make-rigs makes one"
+        )
+    places = sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
+    chosen = [p for p in places if only in p.name]
+    if not chosen:
+        why = f"--only {only}: no rig has this in its name" if places else "there is no rig in it"
+        raise Refusal(f"--real {folder}: {why}; a rig is a folder with {PLAIN}/ and {TRAIN}.csv")
+    rigs, wrong = [], []
+    for place in chosen:
+        try:
+            rigs.append(read_rig(place))
+        except Refusal as refused:
+            wrong.append(refused.for_terminal())
+    if wrong:
+        raise Refusal("\n".join(wrong))
+    return rigs
+
+
+def false_alarms_in(folder: Path) -> tuple[FalseAlarm, ...]:
+    """The manifest beside the rigs; none where there is no such file."""
+    file = folder / ALARMS
+    if not file.is_file():
+        return ()
+    return tuple(FalseAlarm(**entry) for entry in checked(file, "false-alarms")["false_alarms"])
+
+
+def read_rig(folder: Path) -> Rig:
+    """Read and check a rig; raises `Refusal` with place and remedy."""
+    about = checked(_needed(folder / ABOUT, "name, title, licence and source"), "rig")
+    plant = _needed(folder / PLAIN / PLANT, "the plant without the effect")
+    train, tests, earlier = (recordings_of(folder, part) for part in (TRAIN, TEST, EARLIER))
+    for part, files, meant in ((TRAIN, train, "shown to the tool"), (TEST, tests, "kept from it")):
+        if not files:
+            raise _lacking(folder / f"{part}.csv", f"rows that are {meant}")
+    if len(tests) > 1:
+        raise _lacking(folder / f"{TEST}.csv", "one file with all rows that are kept from the tool")
+    rules = compile_plant(plant)
+    _in_order(_read(folder / ABOUT), rules)
+    _same_readings(rules, train, tests[0])
+    return Rig(
+        folder=folder,
+        title=about["title"],
+        licence=about["licence"],
+        source=about["source"],
+        signal=about.get("signal", ""),
+        grey_box=tuple(GreyBox(**figure) for figure in about.get("grey_box", ())),
+        train=train,
+        test=tests[0],
+        earlier=earlier[0] if earlier else None,
+        truth=_truth(folder, rules),
+        seal=_seal(folder),
+    )
+
+
+def recordings_of(folder: Path, part: str) -> tuple[Path, ...]:
+    """Files of a part: `train.csv`, `train-2.csv.gz` and so on."""
+    found = (*folder.glob(f"{part}*.csv"), *folder.glob(f"{part}*.csv.gz"))
+    return tuple(sorted(found))
+
+
+def checked(file: Path, kind: str) -> Mapping[str, Any]:
+    """A YAML file that keeps to its schema; raises `Refused` with every mistake."""
+    document = _read(file)
+    wrong = check_schema(document, kind, SCHEMAS)
+    if wrong:
+        raise Refused(wrong)
+    found: Mapping[str, Any] = document.data
+    return found
+
+
+def _read(file: Path) -> Document:
+    document, wrong = read_document(file)
+    if document is None:
+        raise Refused(wrong)
+    return document
+
+
+def _in_order(about: Document, rules: Ruleset) -> None:
+    """Readings that are named are the plant's, and figures are in their units."""
+    wrong, named = [], list[tuple[Path_, str, str]]()
+    if "signal" in about.data:
+        named.append((("signal",), about.data["signal"], ""))
+    for number, figure in enumerate(about.data.get("grey_box", ())):
+        named.append((("grey_box", number, "signal"), figure["signal"], figure["unit"]))
+    for path, name, unit in named:
+        known = rules.signal_by_id
+        if name not in known:
+            hint = did_you_mean(name, known)
+            message = f"the plant has no reading '{name}'"
+            wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
+        elif unit and unit != known[name].unit:
+            message, hint = f"'{name}' is in {known[name].unit}", "give its error in that unit"
+            wrong.append(Diagnostic(about.place(*path), "KB023", message, hint))
+    if wrong:
+        raise Refused(wrong)
+
+
+def _needed(file: Path, meant: str) -> Path:
+    if not file.is_file():
+        raise _lacking(file, meant)
+    return file
+
+
+def _lacking(file: Path, meant: str) -> Refused:
+    message = f"a rig needs '{file.name}'"
+    return Refused([Diagnostic(Place(str(file.parent)), "KB001", message, f"put there {meant}")])
+
+
+def _same_readings(rules: Ruleset, train: Sequence[Path], test: Path) -> None:
+    """Every file is a recording of the plant, and the last one can judge what the others show."""
+    shown = {name for file in train for name in _readings(file, rules)}
+    lacking = sorted(shown - _readings(test, rules))
+    if lacking:
+        message = f"{test.name} lacks columns that {TRAIN} has: {', '.join(lacking)}"
+        raise Refused([Diagnostic(Place(str(test)), "KB001", message, "write the same columns")])
+
+
+def _readings(file: Path, rules: Ruleset) -> set[str]:
+    return set(read_recording(file, rules).values)
+
+
+def _seal(folder: Path) -> str:
+    """The hash that was written when the rig was made; empty without one.
+
+    Raises `Refused` where the answer is not the one that was sealed.
+    """
+    answer, seal = folder / ANSWER, folder / SEAL
+    if not seal.is_file():
+        if answer.is_file():
+            raise _lacking(seal, f"the SHA-256 of {ANSWER}: sha256sum {ANSWER} > {SEAL}")
+        return ""
+    written = seal.read_text(encoding="utf-8", errors="replace").split()
+    found = digest_of(answer) if answer.is_file() else ""
+    if not written or (found and written[0].lower() != found):
+        message = f"{ANSWER} is not the one that was sealed: its SHA-256 is {found or 'unknown'}"
+        hint = "bring back the sealed answer, or seal this one anew and say so"
+        raise Refused([Diagnostic(Place(str(seal)), "KB023", message, hint)])
+    return written[0].lower()
+
+
+def digest_of(file: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _truth(folder: Path, rules: Ruleset) -> Truth | None:
+    file = folder / ANSWER
+    if not file.is_file():
+        return None
+    found = checked(file, "sealed-answer")
+    knowledge = read_all(folder / PLAIN).by_kind
+    units = table_of(knowledge.get("units", ()), [])
+    wrong = [
+        *_contradictions(_read(file), found),
+        *_strangers(_read(file), knowledge, rules),
+        *_no_units(_read(file), units),
+    ]
+    if wrong:
+        raise Refused(wrong)
+    missing = tuple(
+        Missing(_list(e["names"]), _list(e["places"]), tuple(Size(**s) for s in e.get("sizes", ())))
+        for e in found.get("effects", ())
+    )
+    return Truth(missing, tuple(found.get("beside", ())), found["source"], units)
+
+
+def _list(value: str | Sequence[str]) -> tuple[str, ...]:
+    return (value,) if isinstance(value, str) else tuple(value)
+
+
+def _contradictions(document: Document, found: Mapping[str, Any]) -> Iterator[Diagnostic]:
+    if bool(found.get("nothing")) == bool(found.get("effects")):
+        message = "an answer says either 'nothing: true' or 'effects'"
+        hint = "where nothing is known, leave the file out"
+        yield Diagnostic(document.place("nothing"), "KB021", message, hint)
+
+
+def _strangers(
+    document: Document, by_kind: Mapping[str, tuple[Document, ...]], rules: Ruleset
+) -> Iterator[Diagnostic]:
+    """Ids that no entry has, and modules that the plant does not have."""
+    known = {d.data[kind] for kind in ("effect", "fault") for d in by_kind.get(kind, ())}
+    known |= OF_THE_TOOL
+    modules = {signal.id.partition(".")[0] for signal in rules.signals}
+    for number, effect in enumerate(document.data.get("effects", ())):
+        for key, right, what in (
+            ("names", known, "effect or fault"),
+            ("places", modules, "module of the plant"),
+        ):
+            for text in _list(effect[key]):
+                word = text.partition(".")[0]
+                if word not in right:
+                    place = document.place("effects", number, key)
+                    hint = did_you_mean(word, right)
+                    yield Diagnostic(place, "KB023", f"there is no {what} '{word}'", hint)
+
+
+def _no_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]:
+    """Units of sizes that nobody knows."""
+    for number, effect in enumerate(document.data.get("effects", ())):
+        for i, size in enumerate(effect.get("sizes", ())):
+            try:
+                units.parse(size["unit"])
+            except ValueError:
+                place = document.place("effects", number, "sizes", i, "unit")
+                hint = did_you_mean(size["unit"], units.units)
+                yield Diagnostic(place, "KB023", f"there is no unit '{size['unit']}'", hint)

@@ -1,0 +1,344 @@
+"""Scores of what the tool said of a rig, and of all rigs together."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rulec.language.units import UnitTable
+from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
+from rulec.prove.real.form import FalseAlarm, Missing, Rig, Size, Truth
+from rulec.prove.scores import bootstrap
+
+SILENT = "none"
+UNNAMED = "unnamed"
+Form = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An id and where it would be: `module.place`, or the module alone."""
+
+    name: str
+    places: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Told:
+    """A finding: what it leaves open (its headline first), and the probability of its class."""
+
+    causes: tuple[Cause, ...]
+    probability: float
+    form: Form
+
+    @property
+    def headline(self) -> Told:
+        """The same without what it leaves open."""
+        return replace(self, causes=self.causes[:1])
+
+    @property
+    def text(self) -> str:
+        """As a table shows it."""
+        first, others = self.causes[0], len(self.causes) - 1
+        more = f" or {others} more" if others else ""
+        return f"{first.name}{more} at {first.places[0]} {100 * self.probability:.0f} %"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """A rig and its scores; None where a score does not apply.
+
+    Attributes
+    ----------
+    place, headline, named : share of what is missing whose place is told; whose id is the headline
+        of a finding; whose id is in a set that a finding leaves open
+    probability : of the class that holds a right id
+    inside : intervals of sizes that hold the truth, and all that were told of a right id
+    false : findings that are right for nothing that is missing
+    sure : those of them that are told with CERTAIN and more
+    silent : is nothing told? None where something is missing
+    utility : of the ambiguity set, as `utility` says
+    predicted : by reading, errors of the plants on unseen rows; `signal` is the one that counts
+    """
+
+    rig: Rig
+    verdict: str
+    said: tuple[Told, ...]
+    place: float | None
+    headline: float | None
+    named: float | None
+    probability: float | None
+    inside: tuple[int, int]
+    false: tuple[Told, ...]
+    silent: bool | None
+    utility: float | None
+    predicted: Mapping[str, Form]
+    noise: Mapping[str, float]
+    signal: str
+    refused: str
+    error: str
+    cpu: float
+
+    @property
+    def sure(self) -> tuple[Told, ...]:
+        """Wrong, and told as certain."""
+        return tuple(f for f in self.false if f.probability >= CERTAIN)
+
+    def ratio(self, over: str) -> float | None:
+        """Error of the adopted plant over that of another model, on the signal that counts."""
+        errors = self.predicted.get(self.signal, {})
+        other = self.grey_box if over == "grey box" else errors.get(over)
+        return errors["adopted"] / other if other and errors.get("adopted") else None
+
+    @property
+    def grey_box(self) -> float | None:
+        """Error of a model made by hand, on the signal that counts."""
+        return next((g.error for g in self.rig.grey_box if g.signal == self.signal), None)
+
+
+def scored(rig: Rig, asked: Form) -> Scored:
+    """Judge what was asked of a rig."""
+    form, truth = asked["form"] or {}, rig.truth
+    said = tuple(told(effect) for effect in form.get("effects", ()) if effect["sort"] != "free")
+    missing = truth.missing if truth else ()
+    verdict = str(form.get("verdict", "no answer"))
+    noise = {fit["signal"]: fit["heldout"]["noise"] for fit in form.get("fits") or ()}
+    right = [_best(m, said) for m in missing]
+    return Scored(
+        rig=rig,
+        verdict=verdict,
+        said=said,
+        place=_mean(_place_right(m, form) for m in missing),
+        headline=_mean(_name_right(m, [f.headline for f in said], verdict) for m in missing),
+        named=_mean(_name_right(m, said, verdict) for m in missing),
+        probability=_mean(found.probability for found in right if found),
+        inside=_inside(truth, right),
+        false=_false(truth, said),
+        silent=verdict == SILENT if truth and not missing else None,
+        utility=utility(missing, said, int(form.get("tried") or 0)) if truth and form else None,
+        predicted=asked["predicted"],
+        noise=noise,
+        signal=_signal(rig, form, asked["predicted"]),
+        refused=asked["refused"],
+        error=asked["error"],
+        cpu=asked["cpu"],
+    )
+
+
+def told(effect: Form) -> Told:
+    """A finding with all that it leaves open: its class, and what is likely enough where unsure."""
+    sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
+    others = (
+        a
+        for a in effect["alternatives"]
+        if a.get("same") or (sure < CERTAIN and a["probability"] >= MENTIONED)
+    )
+    places = tuple(f"{m}.{effect['place']}" for m in effect["modules"])
+    if effect["sort"] == "structure":
+        places = tuple(effect["place"].split())
+    more = dict.fromkeys(Cause(a["effect"], _places_of(a["id"], places)) for a in others)
+    own = Cause(effect["effect"], places)
+    return Told((own, *(c for c in more if c != own)), sure, effect)
+
+
+def _places_of(id_: str, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Where an alternative would be, by its id as in `A.cold-line@law(dp, M1.T)`.
+
+    One without a place, such as a fault, is where the finding itself is.
+
+    >>> _places_of("A.cold-line@law(dp, M1.T)", ()), _places_of("A.leakage", ("A.Q",))
+    (('A.law',), ('A.Q',))
+    """
+    name, at, place = id_.partition("@")
+    return (f"{name.partition('.')[0]}.{place.partition('(')[0]}",) if at else usual
+
+
+def _at(missing: Missing, places: Sequence[str]) -> bool:
+    """At one of the places that are right? A module alone stands for all places in it."""
+    return any(p == right or p.startswith(f"{right}.") for p in places for right in missing.places)
+
+
+def _is(missing: Missing, found: Told) -> bool:
+    return any(c.name in missing.names and _at(missing, c.places) for c in found.causes)
+
+
+def _best(missing: Missing, said: Sequence[Told]) -> Told | None:
+    """The finding that holds a right id, the surest of several."""
+    return max((f for f in said if _is(missing, f)), key=lambda f: f.probability, default=None)
+
+
+def _name_right(missing: Missing, said: Sequence[Told], verdict: str) -> float:
+    if not missing.names:
+        return float(verdict == UNNAMED)
+    return float(_best(missing, said) is not None)
+
+
+def _place_right(missing: Missing, form: Form) -> float:
+    found = [f"{p['module']}.{p['place']}" for p in form.get("locations", ())]
+    found += [p for e in form.get("effects", ()) for c in told(e).causes for p in c.places]
+    hidden = form.get("hidden_driver")
+    return float(
+        _at(missing, [*found, f"{hidden['module']}.{hidden['place']}"] if hidden else found)
+    )
+
+
+def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
+    """Where nothing is known of a rig, nothing is false."""
+    if truth is None:
+        return ()
+    beside = set(truth.beside)
+    return tuple(
+        f
+        for f in said
+        if not any(_is(m, f) for m in truth.missing) and f.causes[0].name not in beside
+    )
+
+
+def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int]:
+    """Intervals of sizes that meet the truth within 95 %, its own uncertainty added."""
+    if truth is None:
+        return 0, 0
+    pairs = [(m, f) for m, f in zip(truth.missing, right, strict=True) if f]
+    hits = [hit for m, f in pairs for hit in _hits(m, f, truth.units)]
+    return sum(hits), len(hits)
+
+
+def _hits(missing: Missing, found: Told, units: UnitTable) -> Iterator[bool]:
+    for size in missing.sizes:
+        told_ = _interval(found.form, size.parameter)
+        if size.name in ("", found.form["effect"]) and told_:
+            low, high, unit = told_
+            value, u = _in_unit(size, unit, units)
+            reach = COVERAGE_OF_DEGREES * u
+            yield low - reach <= value <= high + reach
+
+
+def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:
+    """Value and u in another unit; NaN in one of another dimension."""
+    if unit == size.unit:
+        return size.value, size.u
+    own, other = units.parse(size.unit), units.parse(unit)
+    if own.dimension != other.dimension:
+        return math.nan, math.nan
+    return other.from_si(own.to_si(size.value)), size.u * own.factor / other.factor
+
+
+def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
+    """Ends of the 95 % interval of a parameter, or of the degree of the first period; unit."""
+    found = effect["parameters"].get(parameter)
+    if found and found.get("lower") is not None and found.get("upper") is not None:
+        return float(found["lower"]), float(found["upper"]), str(found["unit"])
+    periods = effect.get("periods") or ()
+    if parameter == "degree" and periods and periods[0].get("u") is not None:
+        degree, reach = periods[0]["degree"], COVERAGE_OF_DEGREES * periods[0]["u"]
+        return degree - reach, degree + reach, str(periods[0].get("unit", "1"))
+    return None
+
+
+def utility(missing: Sequence[Missing], said: Sequence[Told], candidates: int) -> float:
+    """Utility of what is left open, 1 where it is the answer alone.
+
+    With f candidates, a diagnosis of N causes of which n are false, m missed: 1 - n (N + 1)/(f (n +
+    1)) - m (f - N + 1)/(f (m + 1)), as a mean over all diagnoses that the findings leave open.
+    Silence where one thing is missing has about 0.5. Ids that are right for the same thing are the
+    same cause, so there is one true diagnosis. Source: DX competition 2026, synthetic track
+    (github.com/jdekleer/dxc26synth, m_utl of ambiguity groups).
+    """
+    true = frozenset(str(number) for number, m in enumerate(missing) if m.names)
+    open_ = [[_cause(missing, cause) for cause in found.causes] for found in said]
+    diagnoses = set(map(frozenset, itertools.product(*open_)))
+    f = max(candidates, 1 + max(map(len, (true, *diagnoses))))
+    return float(np.mean([_pair_utility(w, true, f) for w in diagnoses]))
+
+
+def _cause(missing: Sequence[Missing], cause: Cause) -> str:
+    """Number of the missing thing that it is right for, else its place and id."""
+    right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
+    number = next(right, None)
+    return f"{cause.places[0]} {cause.name}" if number is None else str(number)
+
+
+def _pair_utility(w: frozenset[str], true: frozenset[str], f: int) -> float:
+    false, missed, size = len(w - true), len(true - w), len(w)
+    return 1 - false * (size + 1) / (f * (false + 1)) - missed * (f - size + 1) / (f * (missed + 1))
+
+
+def _signal(rig: Rig, form: Form, predicted: Form) -> str:
+    """The reading whose prediction counts: as the rig says, else as the tool does."""
+    fit = form.get("fit") or {}
+    wanted = (rig.signal, fit.get("signal"), *predicted)
+    return next((str(name) for name in wanted if name in predicted), "")
+
+
+def _mean(values: Iterator[float] | Any) -> float | None:
+    found = list(values)
+    return float(np.mean(found)) if found else None
+
+
+@dataclass(frozen=True)
+class Total:
+    """A score over the rigs that have it, with the 95 % interval of a bootstrap over them."""
+
+    title: str
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+def totals(found: Sequence[Scored]) -> list[Total]:
+    """Every score over the rigs that have it."""
+    known = [s for s in found if s.rig.truth is not None]
+    columns: list[tuple[str, Sequence[float | None]]] = [
+        ("place right", [s.place for s in found]),
+        ("name right, headline", [s.headline for s in found]),
+        ("name right, in its class", [s.named for s in found]),
+        ("probability of the right class", [s.probability for s in found]),
+        (
+            "size inside its interval",
+            [s.inside[0] / s.inside[1] if s.inside[1] else None for s in found],
+        ),
+        ("false names a rig", [float(len(s.false)) for s in known]),
+        (f"rigs with a wrong name at {CERTAIN:g}", [float(bool(s.sure)) for s in known]),
+        ("silent where nothing is missing", [s.silent for s in found]),
+        ("utility of the ambiguity set", [s.utility for s in found]),
+    ]
+    rows = [_total(title, values, exponent=False) for title, values in columns]
+    for over in ("shipped", "recalibrated", "grey box"):
+        logs = [math.log(r) if (r := s.ratio(over)) else None for s in found]
+        rows.append(_total(f"error on unseen rows over {over}", logs, exponent=True))
+    return [row for row in rows if row.count]
+
+
+def _total(title: str, values: Sequence[float | None], *, exponent: bool) -> Total:
+    there = [float(v) for v in values if v is not None]
+    if not there:
+        return Total(title, math.nan, math.nan, math.nan, 0)
+    ends = (float(np.mean(there)), *bootstrap(there, np.mean))
+    value, low, high = map(math.exp, ends) if exponent else ends
+    return Total(title, value, low, high, len(there))
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A false alarm of the manifest, and whether it is told again, with its probability."""
+
+    known: FalseAlarm
+    again: float | None
+
+
+def alarms(manifest: Sequence[FalseAlarm], found: Sequence[Scored]) -> list[Alarm]:
+    """Those of rigs that were asked."""
+    by_name = {s.rig.name: s for s in found}
+    return [Alarm(a, _again(a, by_name[a.rig])) for a in manifest if a.rig in by_name]
+
+
+def _again(alarm: FalseAlarm, scored_: Scored) -> float | None:
+    wrong = Missing((alarm.wrong,), (alarm.place,))
+    found = _best(wrong, [f.headline for f in scored_.said])
+    return found.probability if found else None
