@@ -448,6 +448,13 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
         metavar=("RECIPES", "SOURCE", "DIR"),
         help="make a folder of rigs from recipes and a copy of the recordings",
     )
+    which.add_argument(
+        "--blind",
+        nargs=2,
+        metavar=("PLANT", "RECORDING"),
+        help="conceal every effect of the catalogue in replays of your recording, and tell which "
+        "of them rulec mismatch would have told",
+    )
     cases = prove.add_mutually_exclusive_group()
     cases.add_argument(
         "--hard",

@@ -8,14 +8,50 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rulec_runtime.commands.destinations import (
+    check_outputs,
+    console,
+    progress_of,
+    write_json,
+    write_to,
+)
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.made import made_now
+
+from rulec.api.given import folder_of
 
 SUITE, RIGS = "rulec.prove", "rulec.prove.real"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Start the suite with the same options."""
+    """Start the suite with the same options; a blind test of a recording needs none of it."""
+    if options.blind:
+        return _blind(options)
     suite = RIGS if options.real or options.make_rigs else SUITE
     return _waited_for([sys.executable, "-m", suite, "--lifeline", *words_of(options)])
+
+
+def _blind(options: argparse.Namespace) -> int:
+    from rulec.prove import blind
+
+    drawn = [name for name in ("hard", "production", "contacts", "only") if getattr(options, name)]
+    if drawn:
+        raise Misused(f"--{drawn[0]}: a blind test asks for every effect; leave --{drawn[0]} out")
+    check_outputs(options)
+    plant, recording = options.blind
+    folder_of(plant)
+    with progress_of(options, "reading the plant") as progress:
+        found = blind.blind(Path(plant), recording, progress)
+    out = console(options)
+    blind.show(out, found)
+    if options.report:
+        write_to(options.report, blind.page(found, made_now("rulec")))
+        out.print(styled("[dim]report: {}[/]", options.report))
+    write_json(options, found.form())
+    return 0
 
 
 def _waited_for(asked: Sequence[str]) -> int:

@@ -22,6 +22,7 @@ from rulec_runtime.report.text import counted, number, safe
 
 from rulec.api.mismatch import mismatch
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.answer.json_form import power_form
 from rulec.mismatch.result import Seen, SelfProof
 
 OFTEN, SOMETIMES = 0.9, 0.1
@@ -40,21 +41,30 @@ class Blind:
 
     @property
     def groups(self) -> tuple[tuple[str, list[Seen]], ...]:
-        """Effects by how often they are told at their usual size."""
-        least = (OFTEN, SOMETIMES, 0.0)
-        titles = ("Told as a rule", "Told at times", "Told at larger sizes, or not at all")
-        ends = [share * self.proof.replays for share in (*least, 0.0)]
-        found = []
-        for i, title in enumerate(titles):
-            below = ends[i - 1] if i else float("inf")
-            own = [e for e in self.proof.effects if ends[i] <= e.told_usual < below]
-            found.append((title, sorted(own, key=lambda e: (-e.told_usual, e.id))))
-        return tuple(found)
+        """Effects by how often they are told at their usual size, the most often first."""
+        many = self.proof.replays
+        shown = sorted(self._shown, key=lambda e: (-e.told_usual, e.id))
+        often = [e for e in shown if e.told_usual >= OFTEN * many]
+        times = [e for e in shown if SOMETIMES * many <= e.told_usual < OFTEN * many]
+        larger = [e for e in shown if e.told_usual < SOMETIMES * many and e.seen_from is not None]
+        every = (("Told as a rule", often), ("Told at times", times), ("Told where larger", larger))
+        return tuple((title, effects) for title, effects in every if effects)
+
+    @property
+    def _shown(self) -> list[Seen]:
+        return [e for e in self.proof.effects if e.usual > 0.0]
+
+    @property
+    def unseen(self) -> list[str]:
+        """Titles of effects that no reading shows, or not for sure at any size."""
+        there = {e.id for _, effects in self.groups for e in effects}
+        return [title_of(e) for e in self.proof.effects if e.id not in there]
 
     @property
     def headline(self) -> str:
         """The answer in one sentence."""
-        often, count = len(self.groups[0][1]), len(self.proof.effects)
+        least, count = OFTEN * self.proof.replays, len(self.proof.effects)
+        often = sum(e.told_usual >= least for e in self._shown)
         return (
             f"This recording would tell {often} of {counted(count, 'effect')} at their usual size; "
             f"with nothing missing it would tell something in {self.proof.called_missing} of "
@@ -63,13 +73,7 @@ class Blind:
 
     def form(self) -> dict[str, Any]:
         """Machine form; sizes in the unit beside them."""
-        return {
-            "plant": self.plant,
-            "recording": self.recording,
-            "replays": self.proof.replays,
-            "nothing": {"called_missing": self.proof.called_missing},
-            "effects": [vars(seen) for seen in self.proof.effects],
-        }
+        return {"plant": self.plant, "recording": self.recording, **power_form(self.proof)}
 
 
 def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind:
@@ -84,34 +88,42 @@ def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind
     return Blind(found.plant, found.recording, proof)
 
 
+def title_of(seen: Seen) -> str:
+    """What an effect is, and where.
+
+    >>> title_of(Seen(id="B.slip@Q_geo", title="Slip in B"))
+    'Slip in B, at Q_geo'
+    """
+    place = seen.id.partition("@")[2]
+    return f"{seen.title}, at {place}" if place else seen.title
+
+
 def cells(seen: Seen, replays: int) -> tuple[str, ...]:
     """One effect as a row of the table.
 
-    >>> cells(Seen(id="a", title="Leak in A", usual=10.0, unit="%", told_usual=3), 200)
+    >>> cells(Seen(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3), 200)
     ('Leak in A', '10 %', '3 of 200', 'no size', '')
-    >>> cells(Seen(id="b", title="Slip in B"), 200)[1:3]
-    ('', 'does not show')
     """
-    if not seen.usual > 0.0:
-        return (seen.title, "", "does not show", "", "")
     unit = "" if seen.unit == "1" else f" {seen.unit}"
     least = "no size" if seen.seen_from is None else f"{number(seen.seen_from, 1)}{unit}"
     instead = [f"{title} ({count})" for title, count in list(seen.other.items())[:2]]
     usual = f"{number(seen.usual, 2)}{unit}"
-    return (seen.title, usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
+    return (title_of(seen), usual, f"{seen.told_usual} of {replays}", least, ", ".join(instead))
 
 
 def show(out: Console, found: Blind) -> None:
     """The finding, then one table per group."""
     out.print(styled("[bold]{}[/]", found.headline))
     for title, effects in found.groups:
-        if not effects:
-            continue
         shown = Table(*COLUMNS, title=f"\n{title}", title_justify="left", box=None, pad_edge=False)
         for seen in effects:
             shown.add_row(*(styled("{}", c) for c in cells(seen, found.proof.replays)))
         out.print(shown)
-    out.print(styled("[dim]{}[/]", MEANING))
+    count = len(found.unseen)
+    if count:
+        out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
+        out.print("--report and --json list them.")
+    out.print(styled("\n[dim]{}[/]", MEANING))
 
 
 MEANING = (
@@ -121,9 +133,15 @@ MEANING = (
 )
 
 
+NEVER = "{} would not be told at any size that it may have."
+
+
 def page(found: Blind, made: Made | None = None) -> str:
     """One page to hand on; the same answer gives the same text."""
-    parts = (section(t, _rows(t, effects, found)) for t, effects in found.groups if effects)
+    parts = [section(t, _rows(t, effects, found)) for t, effects in found.groups]
+    if found.unseen:
+        body = f"<p>{safe('; '.join(found.unseen))}.</p>"
+        parts.append(section(NEVER.format(counted(len(found.unseen), "effect")), body))
     head = Head(
         kind="Blind test of a recording",
         verdict=found.headline,

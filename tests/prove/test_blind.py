@@ -7,6 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
+from rulec.cli import main
 from rulec.mismatch.result import Seen, SelfProof
 from rulec.prove.blind import Blind, blind, page, show
 from tests.conftest import ROOT
@@ -30,11 +31,8 @@ FOUND = Blind(
 
 
 def test_groups_by_how_often_they_are_told() -> None:
-    assert [[e.id for e in own] for _, own in FOUND.groups] == [
-        ["A.leakage"],
-        ["A.bent"],
-        ["A.slip"],
-    ]
+    assert [[e.id for e in own] for _, own in FOUND.groups] == [["A.leakage"], ["A.bent"]]
+    assert ["Slip"] == FOUND.unseen
     assert FOUND.headline.startswith("This recording would tell 1 of 3 effects")
     assert "in 1 of 200 replays" in FOUND.headline
 
@@ -45,12 +43,19 @@ def test_terminal_and_page_tell_the_same() -> None:
     show(out, FOUND)
     text = out.file.getvalue()  # type: ignore[attr-defined]
     html = page(FOUND)
-    for word in ("190 of 200", "0.7 %", "25 of 200", "does not show"):
+    for word in ("190 of 200", "0.7 %", "25 of 200", "1 effect would not be told"):
         assert word in text
         assert word in html
     assert "Slip in [b]A (4)" in text
     assert "Leakage &lt;in&gt; A" in html
     assert "no size" in html
+
+
+def test_options_of_drawn_cases_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    plant = ROOT / "plants" / "abc"
+    asked = ["prove", "--blind", str(plant), str(plant / "examples" / "healthy.csv"), "--hard"]
+    assert 2 == main(asked)
+    assert "leave --hard out" in capsys.readouterr().err
 
 
 @pytest.mark.prove

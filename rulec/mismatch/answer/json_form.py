@@ -21,6 +21,7 @@ from rulec.mismatch.result import (
     Period,
     Region,
     Repair,
+    SelfProof,
     Shape,
 )
 
@@ -49,11 +50,17 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "split": {"text": mismatch.split, "hash": mismatch.digest, "heldout": spans},
         "repair": _repair(mismatch, plant_file),
     }
-    if power is not None:
-        nothing = {"called_missing": power.called_missing}
-        form["power"] = {"replays": power.replays, "nothing": nothing, "effects": power.effects}
     result: dict[str, Any] = _form(form)
-    return result
+    return result | ({} if power is None else {"power": power_form(power)})
+
+
+def power_form(power: SelfProof) -> dict[str, Any]:
+    """What replays say, as JSON data."""
+    nothing = {"called_missing": power.called_missing}
+    found: dict[str, Any] = _form(
+        {"replays": power.replays, "nothing": nothing, "effects": power.effects}
+    )
+    return found
 
 
 def hidden_csv(hidden: HiddenDriver) -> str:
