@@ -32,7 +32,7 @@ class Reach:
     ranges: Mapping[str, tuple[float, float]]
     step: float
     present: Mapping[str, float] = field(default_factory=dict)
-    allowed: Allowed | None = None
+    allowed: Allowed = field(default_factory=lambda: Allowed({}))
 
 
 def reach_of(
@@ -92,7 +92,7 @@ def places_in(system: System, reach: Reach) -> Places:
     ends = [(0.0, 1.0) if i < limits.CORNERED else (0.5,) for i in range(len(names))]
     between = qmc.Sobol(len(names), scramble=False).random_base2(limits.PLACES_DOUBLED)
     table = low + np.concatenate([np.array(list(product(*ends))), between]) * (high - low)
-    if reach.allowed is not None:
+    if reach.allowed.inputs:
         for column, name in zip(table.T, names, strict=True):
             column[:] = reach.allowed.inputs[name].easy(column)
         table = table[np.sort(np.unique(table, axis=0, return_index=True)[1])]
@@ -181,7 +181,7 @@ class Within:
     @property
     def shortest(self) -> float:
         """How long a place is held at least, s."""
-        own = (self.reach.allowed or Allowed({})).inputs.values()
+        own = self.reach.allowed.inputs.values()
         return max([self.reach.step, *(part.hold for part in own)])
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
@@ -196,7 +196,7 @@ class Within:
         return sum(ramp + hold for ramp, hold in self.times(places))
 
     def _ramp(self, before: int, place: int) -> float:
-        allowed = (self.reach.allowed or Allowed({})).inputs
+        allowed = self.reach.allowed.inputs
         ways = {n: self.places.inputs[n] for n in allowed if n in self.places.inputs}
         return max(
             (
@@ -229,7 +229,7 @@ def within(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foreto
             low, high = signal.ends
             least = low if signal.minimum is None else max(low, signal.minimum)
             possible &= (values >= least) & (values <= high)
-    bounds = dict((reach.allowed or Allowed({})).readings)
+    bounds = reach.allowed.readings
     known = {n: b for n, b in bounds.items() if all(n in one.readings for one in told)}
     return Within(
         places=places,
@@ -254,12 +254,11 @@ def _costs(places: Places, reach: Reach, told: Sequence[Foretold]) -> tuple[tupl
     """Of each place the inputs and modules of which a change from the present point costs product;
     a flow that is not known may change."""
     costly: dict[str, NDArray[np.bool_]] = {}
-    allowed = reach.allowed or Allowed({})
-    for name, own in allowed.inputs.items():
+    for name, own in reach.allowed.inputs.items():
         if own.costs and name in reach.ranges:
             values = places.inputs[name]
             costly[name] = ~np.isclose(values, values[-1], rtol=1e-9, atol=0.0)
-    for module in sorted(allowed.costly):
+    for module in sorted(reach.allowed.costly):
         flows = np.array([one.flows.get(module, np.full(len(places), np.nan)) for one in told])
         same = np.abs(flows - flows[:, -1:]) <= SAME_FLOW * np.abs(flows[:, -1:])
         costly[module] = ~np.all(same, axis=0)
