@@ -15,7 +15,7 @@ from rulec.mismatch.answer.findings import told_of as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.shown import report, tell
 from rulec.mismatch.answer.story import explained_words
-from rulec.mismatch.answer.wording import region_words, value_and_u
+from rulec.mismatch.answer.wording import region_words, rounded
 from rulec.mismatch.result import (
     Errors,
     Evidence,
@@ -289,9 +289,8 @@ def test_regions_in_words(low: float | None, high: float | None, expected: str) 
 
 def test_values_have_the_digits_of_their_uncertainty() -> None:
     """Two digits of the uncertainty; as many decimals of the value."""
-    estimate = dataclasses.replace(WARM.parameters["b"], value=12.3456, u=0.034)
-    assert ("12.346", "0.034") == value_and_u(estimate)
-    assert ("1\u202f234", "57") == value_and_u(dataclasses.replace(estimate, value=1234.4, u=57.0))
+    assert ("12.346", "0.034") == rounded(12.3456, 0.034)
+    assert ("1\u202f234", "57") == rounded(1234.4, 57.0)
 
 
 KEYS = {

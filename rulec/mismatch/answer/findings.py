@@ -115,7 +115,10 @@ def sentence(
     candidate: Candidate, parameters: Mapping[str, Estimate], periods: tuple[Period, ...]
 ) -> str:
     """The sentence for the operator with its slots filled."""
-    slots = {name: quantity(estimate) for name, estimate in parameters.items()}
+    slots = {
+        name: quantity(estimate.value, estimate.u, estimate.unit)
+        for name, estimate in parameters.items()
+    }
     for unknown in candidate.unknowns:
         changing = periods and not unknown.fixed
         slots.setdefault(unknown.name, _of_periods(periods) if changing else unknown.title)

@@ -5,7 +5,6 @@ The sentence below each is computed from what is drawn.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,23 +122,17 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _drivers(mismatch: Mismatch, drawn: Drawn) -> tuple[list[str], list[str]]:
-    """Titles of drivers that the mismatch depends on, and of all others; of either first that over
-    which the error moves most.
-
-    It depends on the drivers of what has no name, on readings by which it was located, and on those
-    in the equations of findings.
-    """
+    """Titles of drivers by which the mismatch was located, and of all others; of the others first
+    that over which the error moves most."""
     drivers = drawn.curves.drivers
 
     def moved(title: str) -> float:
         return span(middle_by(drivers[title], drawn.error("recalibrated"))[1])
 
     titles = {t.partition(" [")[0]: t for t in sorted(drivers, key=moved, reverse=True)}
-    shapes = [at.shape.driver for at in mismatch.locations if at.shape is not None]
-    regions = [part.variable for at in mismatch.locations for part in at.region]
-    words = {f"{f.module}.{w}" for f in mismatch.findings for w in re.findall(r"\w+", f.equation)}
-    names = dict.fromkeys([*shapes, *regions, *(name for name in titles if name in words)])
-    followed = [titles[name] for name in names if name in titles]
+    names = [at.shape.driver for at in mismatch.locations if at.shape is not None]
+    names += [part.variable for at in mismatch.locations for part in at.region]
+    followed = [titles[name] for name in dict.fromkeys(names) if name in titles]
     return followed, [title for title in titles.values() if title not in followed]
 
 
@@ -155,23 +148,22 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(sound**2))) if len(sound) else np.nan
 
 
-def pictures_of(
-    mismatch: Mismatch, calendar: Calendar | None = None
-) -> tuple[list[Figure], list[Figure]]:
+def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Figure]:
     """All pictures that the comparison allows: first those over what the mismatch depends on."""
     drawn = curves_of(mismatch)
     shapes = [(at, at.shape) for at in mismatch.locations if at.shape is not None]
     shapes = [(at, shape) for at, shape in shapes if shape.driver != TIME]
-    first = [_left_out(location, shape, i) for i, (location, shape) in enumerate(shapes)]
-    then: list[Figure] = []
+    figures = [_left_out(location, shape, i) for i, (location, shape) in enumerate(shapes)]
     if drawn is not None:
-        then.append(_over_time(drawn, calendar))
         followed, others = _drivers(mismatch, drawn)
-        for i, title in enumerate([*followed, *others][:DRIVERS]):
-            (first if i == 0 and followed else then).append(_over_driver(drawn, i, title))
+        errors = [
+            _over_driver(drawn, i, title) for i, title in enumerate([*followed, *others][:DRIVERS])
+        ]
+        first = 1 if followed else 0
+        figures += [*errors[:first], _over_time(drawn, calendar), *errors[first:]]
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
-        then.append(_course(mismatch.hidden, calendar))
-    return first, then
+        figures.append(_course(mismatch.hidden, calendar))
+    return figures
 
 
 def _left_out(location: Location, shape: Shape, index: int) -> Figure:

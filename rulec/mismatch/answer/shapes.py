@@ -13,7 +13,7 @@ from rulec.effects.candidate import TIME
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model, Variable
-from rulec.mismatch.result import Beaten, Estimate, Region, Shape
+from rulec.mismatch.result import Beaten, Region, Shape
 from rulec.mismatch.search.curve_found import Branches, CurveFound, Lost
 
 LEGS = 3
@@ -110,7 +110,7 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
     gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))
     side = "risen" if branches.gap / found.place.factor > 0 else "fallen"
     return answer_of(branches, float(np.ptp(found.value))), (
-        f"{_quantity(gap, u, found.place.unit)} more after its driver has {side} "
+        f"{quantity(gap, u, found.place.unit)} more after its driver has {side} "
         f"({branches.rising} visits from below, {branches.falling} from above)"
     )
 
@@ -203,11 +203,7 @@ def _leg(curve: Curve, first: int, last: int, low: float, high: float) -> str:
 
 def _amount(curve: Curve, first: int, last: int) -> str:
     change, u = curve.change(first, last)
-    return _quantity(abs(change), u, curve.unit)
-
-
-def _quantity(value: float, u: float, unit: str) -> str:
-    return quantity(Estimate("", value, u, float("nan"), float("nan"), unit))
+    return quantity(abs(change), u, curve.unit)
 
 
 def _unit(unit: str) -> str:

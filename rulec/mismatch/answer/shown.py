@@ -75,15 +75,13 @@ def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> st
     made : when and by what; left out without.
     """
     style, parts = letter(mismatch), story(mismatch, brief=False)
-    leading, others = pictures_of(mismatch, subject.calendar)
     sections = [
         f'<section class="finding is-{style}"><h3>{safe(part.title)}</h3>{_html(part)}</section>'
         for part in parts
         if part.first
     ]
-    pictures = [("What it depends on", numbered(leading))] * bool(leading)
-    pictures += [("Pictures", numbered(others, 1 + len(leading)))] * bool(others)
-    sections += [section(title, "".join(figures)) for title, figures in pictures]
+    if figures := "".join(numbered(pictures_of(mismatch, subject.calendar))):
+        sections.append(section("Pictures", figures))
     sections += [section(safe(part.title), _html(part)) for part in parts if not part.first]
     said, more = verdict(mismatch)
     found = [name for f in mismatch.findings for name in (f.module, *f.members)]
@@ -104,12 +102,8 @@ def _html(part: Part) -> str:
     rows = [list(map(safe, row)) for row in part.rows]
     shown = table(part.title, columns(*part.titles), rows) if rows else ""
     texts = "".join(f"<p>{safe(text)}</p>" for text in part.texts)
-    told = [(term.capitalize(), lines) for term, lines in part.facts]
-    return shown + texts + (_framed(facts(told), part.first) if told else "")
-
-
-def _framed(body: str, first: bool) -> str:
-    return body if first else f'<div class="facts">{body}</div>'
+    told = facts(part.facts) if part.facts else ""
+    return shown + texts + (told if part.first or not told else f'<div class="facts">{told}</div>')
 
 
 def verdict(mismatch: Mismatch) -> tuple[str, str]:

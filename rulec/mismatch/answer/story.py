@@ -17,10 +17,10 @@ from rulec.mismatch.answer.wording import (
     is_repaired,
     periods_words,
     region_words,
+    rounded,
     share,
     text_plot,
     titled,
-    value_and_u,
 )
 from rulec.mismatch.result import (
     Evidence,
@@ -280,7 +280,7 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
     rows = [
         (
             f"{f.module}: {name}{f', {e.title}' if e.title else ''}",
-            *value_and_u(e),
+            *rounded(e.value, e.u),
             interval(e),
             "" if e.unit == "1" else e.unit,
         )

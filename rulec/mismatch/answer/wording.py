@@ -27,9 +27,6 @@ VERDICTS = {
 MISCONNECTED = "The plant file says otherwise than the readings what feeds what"
 """Meaning of a verdict where that comes first."""
 
-PACES = ((2 * 86400.0, "day", 24.0), (3600.0, "hour", 1.0), (0.0, "minute", 1.0 / 60.0))
-"""From which length of a growth, s, its rate is told per which time, and how many hours that is."""
-
 SPANS = 4
 """Periods named one by one."""
 
@@ -52,28 +49,27 @@ def meaning(mismatch: Mismatch) -> str:
     return words[:1].upper() + words[1:]
 
 
-def value_and_u(estimate: Estimate) -> tuple[str, str]:
-    """Value and standard uncertainty, both to two digits of the latter; a dash without one.
+def rounded(value: float, u: float, *more: float) -> tuple[str, ...]:
+    """Numbers to two digits of a standard uncertainty, that last; a dash where there is none.
 
-    >>> value_and_u(Estimate("b", 0.0231234, 0.00112, 0.021, 0.025, "1/K"))
+    >>> rounded(0.0231234, 0.00112)
     ('0.0231', '0.0011')
     """
-    value, u = estimate.value, estimate.u
     if not (np.isfinite(value) and np.isfinite(u) and u > 0):
-        return number(value, 4), "–"
+        return (*(number(v, 4) for v in (value, *more)), "–")
     decimals = max(0, 1 - int(np.floor(np.log10(u))))
-    return fixed(value, decimals), fixed(u, decimals)
+    return tuple(fixed(v, decimals) for v in (value, *more, u))
 
 
-def quantity(estimate: Estimate) -> str:
-    """A parameter in a sentence.
+def quantity(value: float, u: float, unit: str) -> str:
+    """A value in a sentence.
 
-    >>> quantity(Estimate("b", 0.009404, 0.000216, 0.009, 0.0098, "1/K"))
-    '0.00940 ± 0.00022 1/K'
+    >>> quantity(0.009404, 0.000216, "1/K"), quantity(0.2, 0.0, "1")
+    ('0.00940 ± 0.00022 1/K', '0.2')
     """
-    value, u = value_and_u(estimate)
-    told = value if u == "–" else f"{value} ± {u}"
-    return told if estimate.unit == "1" else f"{told} {estimate.unit}"
+    shown, spread = rounded(value, u)
+    told = shown if spread == "–" else f"{shown} ± {spread}"
+    return told if unit == "1" else f"{told} {unit}"
 
 
 def interval(estimate: Estimate) -> str:
@@ -82,11 +78,8 @@ def interval(estimate: Estimate) -> str:
     >>> interval(Estimate("b", 0.02, 0.001, 0.018, 0.0221, "1/K"))
     '0.0180 to 0.0221'
     """
-    low, high, u = estimate.lower, estimate.upper, estimate.u
-    if not u > 0:
-        return "fixed"
-    decimals = max(0, 1 - int(np.floor(np.log10(u)))) if np.isfinite(u) else 3
-    return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
+    low, high, _ = rounded(estimate.lower, estimate.u, estimate.upper)
+    return f"{low} to {high}" if not estimate.u <= 0.0 else "fixed"
 
 
 def region_words(region: Region) -> str:
@@ -96,18 +89,14 @@ def region_words(region: Region) -> str:
     'A.T above 52 degC (80\\xa0% of it)'
     """
     low, high = (None if b is None else number(b, 4) for b in (region.low, region.high))
-    unit = "" if region.unit == "1" else f" {region.unit}"
+    words = f"at {low}" if region.low == region.high else f"from {low} to {high}"
+    if low is None or high is None:
+        words = f"below {high}" if low is None else f"above {low}"
+    words += "" if region.unit == "1" else f" {region.unit}"
     if low is None and high is None:
-        words = f"{region.variable} anywhere"
-    elif high is None:
-        words = f"{region.variable} above {low}{unit}"
-    elif low is None:
-        words = f"{region.variable} below {high}{unit}"
-    elif region.low == region.high:
-        words = f"{region.variable} at {low}{unit}"
-    else:
-        words = f"{region.variable} from {low} to {high}{unit}"
-    return words + (f" ({share(region.share)} of it)" if np.isfinite(region.share) else "")
+        words = "anywhere"
+    whole = f" ({share(region.share)} of it)" if np.isfinite(region.share) else ""
+    return f"{region.variable} {words}{whole}"
 
 
 def periods_words(periods: Sequence[tuple[float, float]]) -> str:
@@ -129,7 +118,7 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
 
 
 def growth_words(period: Period) -> str:
-    """Since when, from nothing to what, and how fast, in a time that is told well.
+    """Since when, from nothing to what, and how fast.
 
     >>> from rulec.mismatch.result import Growth
     >>> growth = Growth(rate=0.03, u=0.001, lower=0.028, upper=0.032, u_since=60.0)
@@ -138,16 +127,10 @@ def growth_words(period: Period) -> str:
     """
     growth, unit = period.growth, f" {period.unit}" if period.unit else ""
     assert growth is not None
-    length = period.until - period.since
-    per, hours = next((word, h) for least, word, h in PACES if length >= least)
-    rate, u = value_and_u(
-        Estimate("", growth.rate * hours, growth.u * hours, growth.lower, growth.upper, "")
-    )
+    rate, u = rounded(growth.rate, growth.u)
     size = f"{degree(period.degree, period.unit)} ± {degree(period.u, period.unit)}"
     until = f"{moment(period.until)}\u00a0s"
-    return (
-        f"grows since {onset(period)}, from 0 to {size} at {until} ({rate} ± {u}{unit} per {per})"
-    )
+    return f"grows since {onset(period)}, from 0 to {size} at {until} ({rate} ± {u}{unit} per hour)"
 
 
 def onset(period: Period) -> str:

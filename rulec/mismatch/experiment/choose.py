@@ -33,13 +33,15 @@ from rulec.mismatch.experiment.points import Within
 class Choice:
     """Places in the order in which they were chosen.
 
-    `certainty` is the expected probability of the true explanation before the first and after each.
-    `factors`, shape (explanations, explanations), are expected log Bayes factors, nats: of the
-    explanation of a row, if it is true, against that of a column.
+    `certainty` is the expected probability of the true explanation before the first and after each,
+    `worth` that after all of them if it is one of these. `factors`, shape (explanations,
+    explanations), are expected log Bayes factors, nats: of the explanation of a row, if it is true,
+    against that of a column.
     """
 
     places: tuple[int, ...]
     certainty: tuple[float, ...]
+    worth: float
     factors: Array
 
 
@@ -60,13 +62,14 @@ def chosen(
     left = [place for place in every if among is None or among[place]]
     places: list[int] = []
     factors = [np.zeros((len(odds), len(odds)))]
-    certainty = [certain(odds, factors[0])]
+    shares = odds / odds.sum()
+    worth = [certain(shares, factors[0])]
     while left and len(places) < most:
         grown = factors[-1][:, :, None] + np.array(
             [gains(one, true, places, left) for true, one in enumerate(told)]
         )
         sure = [
-            certain(odds, own) if in_time([*places, place]) else 0.0
+            certain(shares, own) if in_time([*places, place]) else 0.0
             for place, own in zip(left, np.moveaxis(grown, 2, 0), strict=True)
         ]
         best = int(np.argmax(sure))
@@ -74,10 +77,11 @@ def chosen(
             break
         places.append(left.pop(best))
         factors.append(grown[:, :, best])
-        certainty.append(sure[best])
+        worth.append(sure[best])
     # One step may tell nothing where two do.
-    kept = int(np.argmax(np.array(certainty) - limits.WORTH_A_STEP * np.arange(len(certainty))))
-    return Choice(tuple(places[:kept]), tuple(certainty[: kept + 1]), factors[kept])
+    kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
+    certainty = tuple(certain(odds, own) for own in factors[: kept + 1])
+    return Choice(tuple(places[:kept]), certainty, worth[kept], factors[kept])
 
 
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
@@ -181,12 +185,12 @@ def best_within(
         choice = plan(held, limited.may_run)
         if any(limited.costs[place] for place in choice.places):
             spared = plan(held, limited.free)
-            if spared.certainty[-1] >= choice.certainty[-1] - limits.WORTH_COST:
+            if spared.worth >= choice.worth - limits.WORTH_COST:
                 return spared
         return choice
 
     def worth(held: int) -> float:
-        return best(held).certainty[-1] - limits.WORTH_COST * math.log2(held)
+        return best(held).worth - limits.WORTH_COST * math.log2(held)
 
     longest, held = max(int(seconds // limited.seconds([0])), 1), 1
     while longer := [h for h in (2 * held, 4 * held) if h <= longest and worth(h) > worth(held)]:
@@ -194,13 +198,13 @@ def best_within(
     choice = best(held)
     unhurried = [plan(times, limited.may_run, math.inf) for times in (held, 2 * held)]
     wider = plan(held, limited.possible) if limited.forbidden else choice
-    better = wider.certainty[-1] > choice.certainty[-1] + limits.WORTH_A_STEP
+    better = wider.worth > choice.worth + limits.WORTH_A_STEP
     forbid = [n for n, there in limited.forbidden.items() if there[list(wider.places)].any()]
     return Best(
         choice,
         *_held(told, limited, held, settling),
         tuple(forbid) if better else (),
-        any(one.certainty[-1] > choice.certainty[-1] + limits.WORTH_COST for one in unhurried),
+        any(one.worth > choice.worth + limits.WORTH_COST for one in unhurried),
     )
 
 

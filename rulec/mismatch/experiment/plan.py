@@ -21,12 +21,19 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.choose import Best, best_within, covering
 from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.points import Reach, Within, places_in, reach_of, within
+from rulec.mismatch.experiment.points import Within, places_in, reach_of, within
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.refused import ExperimentRefused
 from rulec.mismatch.search.settled.candidate_sets import Again, refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
+
+NO_RANGES = (
+    "no input was changed in the recording, so how far one may be changed is not known; give "
+    "limits with --limits"
+)
+NOTHING_LEFT = "the limits leave no input of the recording that may be changed"
+"""Why nothing can be set."""
 
 
 def planned(
@@ -52,12 +59,16 @@ def planned(
     reach = reach_of(
         system, recording, sample, None if given is None else allowed_of(ruleset, given)
     )
-    _check_ranges(reach)
+    if not reach.ranges:
+        raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
     places = places_in(system, reach)
     every = range(len(again.sets))
     told = [foretold(again.geometry, again.models, i, places) for i in every]
     limited = within(ruleset, places, reach, told)
-    _check_time(limited, reach, seconds)
+    if not seconds >= limited.shortest:
+        raise ExperimentRefused(
+            f"--hours {seconds / 3600.0:g}: one step takes {limited.shortest / 3600.0:.3g} hours"
+        )
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
@@ -101,31 +112,6 @@ def _refitted(
             "what it does at others is not known, so no set points can be planned that tell it"
         )
     return again, tuple(one for one in standing if one not in again.sets)
-
-
-def _check_ranges(reach: Reach) -> None:
-    """Refuse where nothing may be set."""
-    if not reach.ranges:
-        raise ExperimentRefused(
-            "no input was changed in the recording, so how far one may be changed is not known; "
-            "give limits with --limits"
-            if reach.allowed is None
-            else "the limits leave no input of the recording that may be changed"
-        )
-
-
-def _check_time(limited: Within, reach: Reach, seconds: float) -> None:
-    """Refuse where there is no time for one step."""
-    least = limited.times([0])[0][1]
-    if not seconds >= least:
-        raise ExperimentRefused(
-            f"--hours {seconds / 3600.0:g}: one step takes {least / 3600.0:.3g} hours, "
-            + (
-                "the usual time from one settled mean of the recording to the next"
-                if least == reach.step
-                else "as the limits say"
-            )
-        )
 
 
 def _sample(time: Array) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -33,7 +32,7 @@ class Reach:
     ranges: Mapping[str, tuple[float, float]]
     step: float
     present: Mapping[str, float] = field(default_factory=dict)
-    allowed: Allowed | None = None
+    allowed: Allowed = field(default_factory=lambda: Allowed({}))
 
 
 def reach_of(
@@ -93,7 +92,7 @@ def places_in(system: System, reach: Reach) -> Places:
     ends = [(0.0, 1.0) if i < limits.CORNERED else (0.5,) for i in range(len(names))]
     between = qmc.Sobol(len(names), scramble=False).random_base2(limits.PLACES_DOUBLED)
     table = low + np.concatenate([np.array(list(product(*ends))), between]) * (high - low)
-    if reach.allowed is not None:
+    if reach.allowed.inputs:
         for column, name in zip(table.T, names, strict=True):
             column[:] = reach.allowed.inputs[name].easy(column)
         table = table[np.sort(np.unique(table, axis=0, return_index=True)[1])]
@@ -182,7 +181,7 @@ class Within:
     @property
     def shortest(self) -> float:
         """How long a place is held at least, s."""
-        own = () if self.reach.allowed is None else self.reach.allowed.inputs.values()
+        own = self.reach.allowed.inputs.values()
         return max([self.reach.step, *(part.hold for part in own)])
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
@@ -197,7 +196,7 @@ class Within:
         return sum(ramp + hold for ramp, hold in self.times(places))
 
     def _ramp(self, before: int, place: int) -> float:
-        allowed = {} if self.reach.allowed is None else self.reach.allowed.inputs
+        allowed = self.reach.allowed.inputs
         ways = {n: self.places.inputs[n] for n in allowed if n in self.places.inputs}
         return max(
             (
@@ -230,14 +229,14 @@ def within(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foreto
             low, high = signal.ends
             least = low if signal.minimum is None else max(low, signal.minimum)
             possible &= (values >= least) & (values <= high)
-    bounds = {} if reach.allowed is None else dict(reach.allowed.readings)
+    bounds = reach.allowed.readings
     known = {n: b for n, b in bounds.items() if all(n in one.readings for one in told)}
     return Within(
         places=places,
         reach=reach,
         possible=possible,
         forbidden={name: _leaves(told, name, *ends) for name, ends in known.items()},
-        costs=tuple(_costs(places, reach, told, place) for place in range(len(places))),
+        costs=_costs(places, reach, told),
         unwatched=tuple(sorted(bounds.keys() - known.keys())),
     )
 
@@ -251,24 +250,17 @@ def _leaves(told: Sequence[Foretold], name: str, low: float, high: float) -> NDA
     return ~keeps
 
 
-def _costs(places: Places, reach: Reach, told: Sequence[Foretold], place: int) -> tuple[str, ...]:
-    """Inputs and modules of which a change from the present point costs product."""
-    if reach.allowed is None:
-        return ()
-    moved = [
-        name
-        for name, own in reach.allowed.inputs.items()
-        if own.costs and name in reach.ranges
-        if not math.isclose(places.inputs[name][place], places.inputs[name][-1])
-    ]
-    flows = [
-        module
-        for module in sorted(reach.allowed.costly)
-        if any(_moves(one.flows.get(module), place) for one in told)
-    ]
-    return (*moved, *flows)
-
-
-def _moves(flow: Array | None, place: int) -> bool:
-    """Does a flow change? One that is not known may."""
-    return flow is None or not abs(flow[place] - flow[-1]) <= SAME_FLOW * abs(flow[-1])
+def _costs(places: Places, reach: Reach, told: Sequence[Foretold]) -> tuple[tuple[str, ...], ...]:
+    """Of each place the inputs and modules of which a change from the present point costs product;
+    a flow that is not known may change."""
+    costly: dict[str, NDArray[np.bool_]] = {}
+    for name, own in reach.allowed.inputs.items():
+        if own.costs and name in reach.ranges:
+            values = places.inputs[name]
+            costly[name] = ~np.isclose(values, values[-1], rtol=1e-9, atol=0.0)
+    for module in sorted(reach.allowed.costly):
+        flows = np.array([one.flows.get(module, np.full(len(places), np.nan)) for one in told])
+        same = np.abs(flows - flows[:, -1:]) <= SAME_FLOW * np.abs(flows[:, -1:])
+        costly[module] = ~np.all(same, axis=0)
+    at = range(len(places))
+    return tuple(tuple(n for n, there in costly.items() if there[place]) for place in at)

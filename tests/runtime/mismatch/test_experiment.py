@@ -126,6 +126,7 @@ def test_what_is_not_listed_is_never_sure() -> None:
     where it is true itself."""
     found = chosen(told(60.0, 1.0), 0.5 * HALVES, 1).certainty
     assert found == pytest.approx((2 * 0.25**2, 2 * 0.25 * (0.25 / 0.75)))
+    assert chosen(told(60.0, 1.0), 0.1 * HALVES, 1).places == (1,)
 
 
 @pytest.fixture(scope="module")

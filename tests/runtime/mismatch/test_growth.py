@@ -78,7 +78,7 @@ def test_growth_is_told_in_words_and_in_json() -> None:
     (finding,) = found.findings
     (told,) = dict(finding_facts(finding))["when"]
     assert told.startswith("grows since 96\u00a0s, from 0 to 0.5")
-    assert told.endswith("per minute)")
+    assert told.endswith("per hour)")
     assert "grows since 96\u00a0s" in found.headline
     form = json.loads(json.dumps(mismatch_form(found, "plant")))
     ((period,),) = (effect["periods"] for effect in form["effects"])

@@ -140,7 +140,7 @@ def test_the_machine_form_and_the_page_have_the_shape(drawn: Mismatch) -> None:
     assert [1.0, 2.0, 0.5] == form["shape"]["points"][0]
     assert {"answer": "no", "text": "because"} == form["memory"]
     assert [] == form["beaten"]
-    leading, _ = pictures_of(drawn, None)
+    leading = pictures_of(drawn, None)
     assert "shape0" == next(iter(leading)).name
 
 

@@ -16,7 +16,6 @@ from rulec.mismatch.result import (
     Alternative,
     Check,
     Errors,
-    Estimate,
     Finding,
     Fit,
     Location,
@@ -320,7 +319,7 @@ def test_a_quantity_has_as_many_digits_as_it_deserves(
     value: float, u: float, unit: str, expected: str
 ) -> None:
     """Two digits of the uncertainty; none where there is no uncertainty."""
-    assert expected == quantity(Estimate("b", value, u, value, value, unit))
+    assert expected == quantity(value, u, unit)
 
 
 def test_what_is_about_as_likely_stands_in_the_headline() -> None:

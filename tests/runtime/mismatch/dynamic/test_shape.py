@@ -154,7 +154,7 @@ def test_the_whole_answer(thin: Path) -> None:
     form = mismatch_form(found, "plant.yaml")
     (told,) = [f for f in form["locations"] if "shape" in f]
     assert {"shape", "memory", "beaten"} <= set(told)
-    leading, _ = pictures_of(found)
+    leading = pictures_of(found)
     assert "shape0" == leading[0].name
 
 
