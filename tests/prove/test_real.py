@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,7 @@ from rulec.prove.command import main as suite
 from rulec.prove.real import ask as asking
 from rulec.prove.real.ask import MODELS, Commands, lay_out, predicted
 from rulec.prove.real.command import main
+from rulec.prove.real.files import opened
 from rulec.prove.real.form import (
     ALARMS,
     ANSWER,
@@ -38,7 +41,6 @@ from rulec.prove.real.form import (
 )
 from rulec.prove.real.hide import differences, hide
 from rulec.prove.real.make import made
-from rulec.prove.real.packed import opened
 from rulec.prove.real.score import alarms, scored, told, totals, utility
 from rulec.prove.real.told import Result, form, page, tell
 from tests.conftest import ROOT, plain_yaml, recordings_folder
@@ -131,6 +133,15 @@ def test_a_wrong_folder_is_told(folder: Path, name: str, text: str | None, why: 
     assert "small" in said
 
 
+def test_two_calibrations_are_refused(folder: Path) -> None:
+    plant = folder / "small" / "plain" / "plant.yaml"
+    text = plant.read_text(encoding="utf-8")
+    plant.write_text(f"{text}calibration: [found.yaml]\n", encoding="utf-8")
+    shutil.copyfile(folder / "small" / "train.csv", folder / "small" / "earlier.csv")
+    with pytest.raises(Refusal, match="the plant is calibrated already"):
+        read_rig(folder / "small")
+
+
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
@@ -221,6 +232,15 @@ def test_unseen_rows_are_simulated(rig: Rig, tmp_path: Path) -> None:
         Commands(tmp_path, 0.01).run("version")
     with pytest.raises(asking.NoAnswer, match="rulec compile: "):
         Commands(tmp_path, 60.0).run("compile", "nowhere", "-o", "x.json")
+
+
+def test_a_command_ends_with_whoever_asked() -> None:
+    """At the end of its standard input, in the middle of its work."""
+    asked = [sys.executable, "-m", asking.TOOL, "check"]
+    done = subprocess.run(
+        asked, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False, cwd=ROOT
+    )
+    assert (1, "", "") == (done.returncode, done.stdout, done.stderr)
 
 
 def test_a_right_name(rig: Rig) -> None:

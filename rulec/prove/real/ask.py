@@ -13,7 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,19 +23,22 @@ import rulec_runtime
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 import rulec
 from rulec.limits import UNSURE
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.analyst import ANSWER, EARLIER, answered
+from rulec.prove.real.files import write_yaml, yaml_of
 from rulec.prove.real.form import PLAIN, PLANT, TEST, TRAIN, Rig
 
 Bools = NDArray[np.bool_]
+TOOL = "rulec.prove.real.tool"
 ASKED = "asked.json"
 MODELS = ("shipped", "recalibrated", "adopted")
 FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopted"}
+NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}, "cpu": 0.0}
+"""What was asked, before anything is answered."""
 
 MESSAGE = 300
 """Letters of a message that are kept."""
@@ -54,24 +57,31 @@ class Commands:
 
     def run(self, *words: object) -> None:
         """A command; raises `NoAnswer` with the end of what it said."""
-        asked = [sys.executable, "-m", "rulec", *map(str, words)]
-        given = {**os.environ, "PYTHONPATH": _sources()}
+        code, said = self._ended([sys.executable, "-m", TOOL, *map(str, words)], str(words[0]))
+        if code not in (0, UNSURE):
+            raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {code}'}")
+
+    def _ended(self, asked: Sequence[str], name: str) -> tuple[int, str]:
+        """Exit code, and what was said aside; the command ends with this process."""
+        lifeline, ours = os.pipe()
         try:
             done = subprocess.run(
                 asked,
                 cwd=self.folder,
-                env=given,
-                capture_output=True,
+                env={**os.environ, "PYTHONPATH": _sources()},
+                stdin=lifeline,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
                 text=True,
                 timeout=self.limit,
-                stdin=subprocess.DEVNULL,
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise NoAnswer(f"rulec {words[0]}: no answer in {self.limit:.0f} s") from None
-        if done.returncode not in (0, UNSURE):
-            said = " ".join(done.stderr.split())
-            raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {done.returncode}'}")
+            raise NoAnswer(f"rulec {name}: no answer in {self.limit:.0f} s") from None
+        finally:
+            os.close(lifeline)
+            os.close(ours)
+        return done.returncode, " ".join(done.stderr.split())
 
 
 def lay_out(rig: Rig, folder: Path) -> None:
@@ -91,12 +101,12 @@ def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
     Keys: those of `rulec mismatch --json` under `form` (None without an answer), `error`,
     `refused` (why nothing was adopted), `predicted` by signal, `cpu`, `seconds`.
     """
-    return answered(folder / ASKED, lambda: _asked(folder, test, limit))
+    return {**NOTHING, **answered(folder / ASKED, lambda: _asked(folder, test, limit))}
 
 
 def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
     begin, commands = _cpu(), Commands(folder, limit)
-    found: dict[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}}
+    found: dict[str, Any] = dict(NOTHING)
     try:
         _calibrate(commands)
         shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
@@ -126,9 +136,11 @@ def _calibrate(commands: Commands) -> None:
     """Calibrate the plain plant where there is an earlier run."""
     plant = commands.folder / "plant"
     for earlier in commands.folder.glob(f"{Path(EARLIER).stem}.csv*"):
-        commands.run("calibrate", "plant", earlier.name, "-o", "plant/found.yaml", "--quiet")
-        text = (plant / PLANT).read_text(encoding="utf-8").rstrip()
-        write_text(plant / PLANT, f"{text}\ncalibration: [found.yaml]\n")
+        try:
+            commands.run("calibrate", "plant", earlier.name, "-o", "plant/found.yaml", "--quiet")
+        except NoAnswer:
+            return  # what an earlier run does not determine stays as the sheet says
+        write_yaml(plant / PLANT, {**yaml_of(plant / PLANT), "calibration": ["found.yaml"]})
 
 
 def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
@@ -136,31 +148,31 @@ def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
 
     A plant that was not written predicts what the one before it does.
     """
-    folder = commands.folder
-    rules = compile_plant(folder / "plant" / PLANT)
-    copy = folder / f"{TEST}{_suffix(test)}"
+    rules = compile_plant(commands.folder / FOLDERS["shipped"] / PLANT)
+    copy = commands.folder / f"{TEST}{_suffix(test)}"
     shutil.copyfile(test, copy)
-    measured = read_recording(copy, rules)
-    off: dict[str, dict[str, Array]] = {}
+    off = {}
     for model, name in FOLDERS.items():
-        if (folder / name / PLANT).is_file():
-            target = folder / f"{model}.csv"
-            try:
-                commands.run("simulate", name, copy.name, "-o", target.name, "--quiet")
-            except NoAnswer:
-                continue
-            simulated = read_recording(target, rules)
-            off[model] = {
-                s.id: np.where(
-                    _judged(s.id, rules, measured),
-                    (simulated.values[s.id] - measured.values[s.id]) / s.factor,
-                    np.nan,
-                )
-                for s in rules.signals
-                if s.id in simulated.values and s.id in measured.values
-            }
+        if (commands.folder / name / PLANT).is_file():
+            with contextlib.suppress(NoAnswer):
+                target = f"{model}.csv"
+                commands.run("simulate", name, copy.name, "-o", target, "--quiet")
+                off[model] = _off(rules, commands.folder / target, copy)
     moved = [n for n in off.get("shipped", {}) if any(np.nansum(abs(o[n])) for o in off.values())]
     return {n: _errors(rules.signal_by_id[n], {m: o[n] for m, o in off.items()}) for n in moved}
+
+
+def _off(rules: Ruleset, target: Path, copy: Path) -> dict[str, Array]:
+    """By signal, simulated less measured in its unit, shape (n,); NaN where nothing is judged."""
+    simulated, measured = read_recording(target, rules), read_recording(copy, rules)
+    found = {}
+    for signal in rules.signals:
+        if signal.id in simulated.values and signal.id in measured.values:
+            off = simulated.values[signal.id] - measured.values[signal.id]
+            found[signal.id] = np.where(
+                _judged(signal.id, rules, measured), off / signal.factor, np.nan
+            )
+    return found
 
 
 def _judged(name: str, rules: Ruleset, measured: Recording) -> Bools:

@@ -161,6 +161,10 @@ def read_rig(folder: Path) -> Rig:
             raise _lacking(folder / f"{part}.csv", f"rows that are {meant}")
     if len(tests) > 1:
         raise _lacking(folder / f"{TEST}.csv", "one file with all rows that are kept from the tool")
+    if earlier and "calibration" in _read(plant).data:
+        message = f"there is an '{earlier[0].name}', but the plant is calibrated already"
+        place = _read(plant).key("calibration")
+        raise Refused([Diagnostic(place, "KB023", message, "leave one of them out")])
     rules = compile_plant(plant)
     _in_order(_read(folder / ABOUT), rules)
     _same_readings(rules, train, tests[0])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -16,9 +15,8 @@ from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.language.document import read_document
+from rulec.prove.real.files import opened, write_packed, write_yaml, yaml_of
 from rulec.prove.real.form import PLANT
-from rulec.prove.real.packed import opened, write_packed
 
 SAME = 1e-6
 """Numbers that differ by less, relatively, are the same: sums in another order are rounded
@@ -33,17 +31,17 @@ Names = Mapping[str, str]
 def hide(folder: Path) -> dict[str, str]:
     """Rename in a folder that is laid out; returns the modules' new names by the old ones."""
     plant = folder / "plant"
-    data = _data(plant / PLANT)
+    data = yaml_of(plant / PLANT)
     old = list(data["modules"])
     modules = {name: f"N{len(old) - i:03d}" for i, name in enumerate(sorted(old))}
     data["modules"] = {modules[n]: _untitled(entry) for n, entry in data["modules"].items()}
     data |= {"plant": "hidden", "title": "Hidden"}
     if "connections" in data:
         data["connections"] = [_renamed(text, modules) for text in data["connections"]]
-    _write(plant / PLANT, data)
+    write_yaml(plant / PLANT, data)
     for name in data.get("calibration", ()):
-        found = _data(plant / name)
-        _write(
+        found = yaml_of(plant / name)
+        write_yaml(
             plant / name, {**found, "modules": {modules[n]: m for n, m in found["modules"].items()}}
         )
     if "adjacency" in data:
@@ -84,7 +82,7 @@ def _rewrite_recordings(folder: Path, modules: Names, titles: Names) -> None:
 
 def _hide_columns(file: Path, modules: Names) -> dict[str, str]:
     """Rename in a column map; returns new titles by the old ones."""
-    data, titles = _data(file), {}
+    data, titles = yaml_of(file), {}
     columns = {}
     for number, (signal, entry) in enumerate(data["columns"].items()):
         given = entry["from"]
@@ -93,7 +91,7 @@ def _hide_columns(file: Path, modules: Names) -> dict[str, str]:
             titles[title] = f"x{number}{'abc'[part]}{unit.group() if unit else ''}"
         new = titles[given] if isinstance(given, str) else [titles[t] for t in given]
         columns[_other_title(signal, modules, number)] = {**entry, "from": new}
-    _write(file, {**data, "columns": columns})
+    write_yaml(file, {**data, "columns": columns})
     return titles
 
 
@@ -158,16 +156,3 @@ def _short(value: Any) -> str:
     return (
         "absent" if value is None else "there" if isinstance(value, Mapping | list) else str(value)
     )
-
-
-def _data(file: Path) -> dict[str, Any]:
-    """A YAML file as data; it was read before, so it is in order."""
-    document, _ = read_document(file)
-    assert document is not None
-    found: dict[str, Any] = dict(document.data)
-    return found
-
-
-def _write(file: Path, data: Mapping[str, Any]) -> None:
-    """As JSON, which is YAML."""
-    write_text(file, json.dumps(data, indent=1))

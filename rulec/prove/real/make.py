@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.write_file import write_text
 
 from rulec.language.document import read_document
+from rulec.prove.real.files import opened, write_packed, write_yaml
 from rulec.prove.real.form import (
     ABOUT,
     ALARMS,
@@ -32,7 +32,6 @@ from rulec.prove.real.form import (
     checked,
     digest_of,
 )
-from rulec.prove.real.packed import opened, write_packed
 
 Row = Mapping[str, str]
 Recipe = Mapping[str, Any]
@@ -64,17 +63,12 @@ def make(file: Path, recipe: Recipe, source: Path, folder: Path) -> None:
     for part in (TRAIN, TEST, EARLIER):
         if part in recipe:
             write_packed(folder / f"{part}.csv.gz", _table(file, recipe, part, source))
-    _as_yaml(folder / ABOUT, {"rig": recipe["recipe"], **recipe["rig"]})
+    write_yaml(folder / ABOUT, {"rig": recipe["recipe"], **recipe["rig"]})
     if "answer" in recipe:
-        _as_yaml(folder / ANSWER, recipe["answer"])
+        write_yaml(folder / ANSWER, recipe["answer"])
         write_text(folder / SEAL, f"{digest_of(folder / ANSWER)}  {ANSWER}\n")
     if "licence_file" in recipe:
         shutil.copyfile(file.parent / recipe["licence_file"], folder / "LICENSE")
-
-
-def _as_yaml(file: Path, data: Mapping[str, Any]) -> None:
-    """As JSON, which is YAML, so that it is written as it was read."""
-    write_text(file, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
 
 def _sources(recipe: Recipe) -> set[str]:

@@ -1,0 +1,43 @@
+"""Text files that may be packed (`.gz`), and YAML as data; the same text gives the same bytes."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from rulec_runtime.output.write_file import write_text
+
+from rulec.language.document import read_document
+
+
+@contextmanager
+def opened(file: Path) -> Iterator[IO[str]]:
+    """A text, packed or not."""
+    if file.suffix == ".gz":
+        with gzip.open(file, "rt", encoding="utf-8", newline="") as packed:
+            yield packed
+    else:
+        with file.open(encoding="utf-8", newline="") as plain:
+            yield plain
+
+
+def write_packed(file: Path, text: str) -> None:
+    """Write a text, packed where the name says so."""
+    data = text.encode()
+    file.write_bytes(gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
+
+
+def yaml_of(file: Path) -> dict[str, Any]:
+    """A YAML file as data, that was read before and is in order."""
+    document, _ = read_document(file)
+    assert document is not None
+    return dict(document.data)
+
+
+def write_yaml(file: Path, data: Mapping[str, Any]) -> None:
+    """As JSON, which is YAML: numbers and texts are written as they were read."""
+    write_text(file, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
