@@ -9,7 +9,8 @@ import os
 import shutil
 import tempfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.knowledge import check_knowledge, read_layers
 from rulec.knowledge.check_effect import EffectReader
 from rulec.language import document, schema
-from rulec.language.diagnostics import Diagnostic
-from rulec.language.document import Document
+from rulec.language.diagnostics import Diagnostic, Place
+from rulec.language.document import Document, Path_
 from rulec.passes.pipeline import compile_plant
 
 os.environ["RULEC_CHECKS"] = "1"
@@ -35,6 +36,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     # the user, nor from a run of other code.
     os.environ["RULEC_CACHE"] = tempfile.mkdtemp(prefix="rulec-tests-")
     atexit.register(shutil.rmtree, os.environ["RULEC_CACHE"], ignore_errors=True)
+
+Parse = Callable[[str, str], tuple[Document | None, list[Diagnostic]]]
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
@@ -80,8 +83,7 @@ def _each_text_read_once() -> Iterator[None]:
     the same effect: most of the time of a check, and half of that of compiling a small plant, goes
     into reading the knowledge base again."""
     with pytest.MonkeyPatch.context() as patch:
-        once = functools.lru_cache(maxsize=400)(document.parse_document)
-        patch.setattr(document, "parse_document", once)
+        patch.setattr(document, "parse_document", _parsed_once(document.parse_document))
         patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
         kept = _Kept()
         table_of, read = check_knowledge.table_of, EffectReader.read
@@ -96,6 +98,46 @@ def _each_text_read_once() -> Iterator[None]:
             lambda self: kept.of((self.document, self.units), self.found, lambda: read(self)),
         )
         yield
+
+
+def _parsed_once(parse: Parse) -> Parse:
+    """A parser that reads a text once, and where another file has the same one, names that file."""
+    kept: OrderedDict[str, Document] = OrderedDict()
+
+    @functools.lru_cache(maxsize=400)
+    def parsed(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
+        if text in kept:
+            return _renamed(kept[text], name), []
+        given, found = parse(name, text)
+        if given is not None and not found:
+            kept[text] = given
+            if len(kept) > 1000:
+                kept.popitem(last=False)
+        return given, found
+
+    return parsed
+
+
+def _renamed(of: Document, name: str) -> Document:
+    """A document of the same text in another file."""
+    values, keys = _Elsewhere(of.values, name), _Elsewhere(of.keys, name)
+    return Document(name, document._label(name), of.data, values, keys)
+
+
+class _Elsewhere(Mapping[Path_, Place]):
+    """The same places of another file."""
+
+    def __init__(self, places: Mapping[Path_, Place], name: str) -> None:
+        self._places, self._name = places, name
+
+    def __getitem__(self, path: Path_) -> Place:
+        return replace(self._places[path], file=self._name)
+
+    def __iter__(self) -> Iterator[Path_]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
 class _Kept:
@@ -121,18 +163,20 @@ class _Kept:
 
 
 def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:
-    """A check of a schema that keeps what it said of the last documents; these are not hashable."""
-    kept: OrderedDict[tuple[object, ...], tuple[Document, list[Diagnostic]]] = OrderedDict()
+    """A check of a schema that knows the data of the last documents without a mistake; these are
+    not hashable."""
+    kept: OrderedDict[tuple[object, ...], Document] = OrderedDict()
 
     def checked(of: Document, *rest: object) -> list[Diagnostic]:
-        # The document is kept with its id, so that no other gets it.
-        key = (id(of), *rest)
-        if key not in kept:
-            kept[key] = of, check(of, *rest)
-        kept.move_to_end(key)
-        if len(kept) > 400:
+        # The document is kept with the id of its data, so that no other gets it.
+        key = (id(of.data), *rest)
+        found = [] if key in kept else check(of, *rest)
+        if not found:
+            kept.setdefault(key, of)
+            kept.move_to_end(key)
+        if len(kept) > 1000:
             kept.popitem(last=False)
-        return list(kept[key][1])
+        return found
 
     return checked
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
 from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
@@ -75,11 +76,11 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     file = folder / "mismatch.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     repair = repair_of(read_form(file), file)
-    builder = open_builder(repair.plant)[1]
+    builder = opened(repair.plant)
     assert builder.sources is not None
     with put_in_place(folder / "new") as place:
         write_plant(place, builder.sources, adoption_of(builder, repair), repair)
-        compile_plant(place)
+    rules_of(folder / "new")
     return folder / "new"
 
 
@@ -87,6 +88,12 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
 def models_of(plant: Path) -> Compilation:
     """What the files of a plant say; they stay as they are."""
     return run_passes(Compilation(path=plant), "types")
+
+
+@functools.lru_cache(maxsize=8)
+def rules_of(plant: Path) -> Ruleset:
+    """The ruleset of a plant whose files stay as they are."""
+    return run_passes(models_of(plant)).ruleset
 
 
 def assert_same_flows(

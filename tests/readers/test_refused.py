@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import io
 import pickle
@@ -28,6 +29,14 @@ from rulec_runtime.recordings.recording import Recording, RecordingRefused, read
 from tests.readers.test_formats import READINGS
 from tests.readers.writers import WRITERS, excel
 from tests.runtime.sheets import example, write
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _what_was_there_before_is_no_garbage() -> None:
+    """With each refused file the reader looks for garbage, which takes seconds behind other tests:
+    only what is made here is looked through."""
+    gc.collect()
+    gc.freeze()
 
 
 def made(folder: Path, name: str) -> Path:

@@ -20,11 +20,10 @@ from rulec.effects.repair import read_form, repair_of
 from rulec.effects.write_plant import plant_files
 from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.read import read_plant
-from rulec.passes.pipeline import compile_plant
 from rulec.simulation.predict import predict
 from tests.conftest import ROOT
 from tests.states.plants import TANKS, random_inputs, write_inputs
-from tests.test_adopt import Found, adopted, mismatch, models_of, opened
+from tests.test_adopt import Found, adopted, mismatch, models_of, opened, rules_of
 
 CAUGHT = "upper.overflow-caught@inflow"
 
@@ -58,7 +57,7 @@ def assert_same_course(
     time, u = random_inputs(300)
     course = balances.run(time, u[:, None], np.array([True]), values)
     expected = course.shown[:, balances.outputs.index("shown:lower.y")]
-    rules = compile_plant(new)
+    rules = rules_of(new)
     file = read_file(write_inputs(folder / "in.csv", time, u), rules, [])
     # Beyond its range a sensor shows the end of it.
     shown = predict(rules, [file]).values["lower.y"]
@@ -103,7 +102,7 @@ def test_initial_states_are_taken_over(tmp_path: Path) -> None:
     """What was estimated of the beginning of a recording is where the new plant begins."""
     new, data, _ = adopted_tanks(tmp_path, CAUGHT)
     repair = data["repair"]
-    dynamics = compile_plant(new).dynamics
+    dynamics = rules_of(new).dynamics
     assert dynamics is not None
     for name in ("upper.h0", "lower.h0"):
         fitted = repair["values"][repair["parameters"].index(name)]
