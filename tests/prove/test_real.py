@@ -468,7 +468,7 @@ def test_unseen_rows_are_other_rows(tmp_path: Path) -> None:
 
 @pytest.mark.prove
 def test_every_recipe_makes_a_rig(tmp_path: Path) -> None:
-    names = tuple(f.stem for f in sorted(RECIPES.glob("*.yaml")) if f.name != ALARMS)
+    names = tuple(sorted(f.stem for f in RECIPES.glob("*.yaml") if f.name != ALARMS))
     assert list(names) == [rig.name for rig in rigs_in(_made(tmp_path, names))]
 
 
