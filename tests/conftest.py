@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge import check_knowledge, read_layers
 from rulec.knowledge.check_effect import EffectReader
+from rulec.knowledge.check_module import ModuleReader
 from rulec.language import document, schema
 from rulec.language.diagnostics import Diagnostic, Place
 from rulec.language.document import Document, Path_
+from rulec.language.reader import Reader
 from rulec.passes.pipeline import compile_plant
 
 os.environ["RULEC_CHECKS"] = "1"
@@ -86,16 +88,32 @@ def _each_text_read_once() -> Iterator[None]:
         patch.setattr(document, "parse_document", _parsed_once(document.parse_document))
         patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
         kept = _Kept()
-        table_of, read = check_knowledge.table_of, EffectReader.read
+        table_of, fault, sensor = (
+            check_knowledge.table_of,
+            check_knowledge.check_fault,
+            check_knowledge._sensor,
+        )
+        of_effect, of_module = EffectReader.read, ModuleReader.read
         patch.setattr(
             check_knowledge,
             "table_of",
             lambda lists, found: kept.of(tuple(lists), found, lambda: table_of(lists, found)),
         )
         patch.setattr(
-            EffectReader,
+            check_knowledge, "check_fault", lambda of: kept.read(of, (), lambda: fault(of))
+        )
+        patch.setattr(
+            check_knowledge,
+            "_sensor",
+            lambda of, faults: kept.read(of, faults.values(), lambda: sensor(of, faults)),
+        )
+        patch.setattr(EffectReader, "read", lambda of: kept.read(of, (), lambda: of_effect(of)))
+        patch.setattr(
+            ModuleReader,
             "read",
-            lambda self: kept.of((self.document, self.units), self.found, lambda: read(self)),
+            lambda of: kept.read(
+                of, (*of.sensors.values(), *of.faults.values()), lambda: of_module(of)
+            ),
         )
         yield
 
@@ -104,7 +122,7 @@ def _parsed_once(parse: Parse) -> Parse:
     """A parser that reads a text once, and where another file has the same one, names that file."""
     kept: OrderedDict[str, Document] = OrderedDict()
 
-    @functools.lru_cache(maxsize=400)
+    @functools.lru_cache(maxsize=2000)
     def parsed(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
         if text in kept:
             return _renamed(kept[text], name), []
@@ -160,6 +178,10 @@ class _Kept:
         if len(self._kept) > 2000:
             self._kept.popitem(last=False)
         return self._kept[key][1]
+
+    def read(self, reader: Reader, others: Iterable[object], read: Callable[[], Any]) -> Any:
+        """What a reader gives, which knows of no others."""
+        return self.of((reader.document, reader.units, *others), reader.found, read)
 
 
 def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:

@@ -30,10 +30,14 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 REPAIR, HOUR = "repair-a-model", "first-hour"
 SEARCH = ("mismatch", "experiment", "adopt", "recipe.csv", "compare.py", "repaired")
 """What takes long in the first hour, and what needs its answer."""
-LATER = ("first.csv", "second.csv", "together.json", "swapped.csv")
-"""Commands of the page about repairs about these files run in `make prove`, as each searches anew.
-In every run several recordings are asked about by plan-an-experiment, swapped columns in
-test_structure.py."""
+PLAN = "plan-an-experiment"
+LATER = {
+    REPAIR: ("first.csv", "second.csv", "together.json", "swapped.csv"),
+    PLAN: ("both.json", "limits.yaml"),
+}
+"""Commands of a page about these files run in `make prove`, as each searches anew. In every run
+several recordings are asked about in test_together.py, limits in test_experiment.py, swapped
+columns in test_structure.py."""
 NAMING = (".py", ".yaml", ".json", ".md", ".txt")
 """Kinds of files that may name a page."""
 PIP = ("--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", "site")
@@ -85,7 +89,14 @@ def run_commands(
 def test_commands_of_a_page_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run_commands(page, tmp_path, monkeypatch)
+    run_commands(page, tmp_path, monkeypatch, LATER.get(page.stem, ()))
+
+
+@pytest.mark.prove
+def test_recordings_together_say_more_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_commands(ROOT / "docs" / f"{PLAN}.md", tmp_path, monkeypatch)
 
 
 @pytest.fixture
@@ -122,7 +133,7 @@ def test_the_first_hour_goes_as_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize(
-    "without", [LATER, pytest.param((), marks=pytest.mark.prove)], ids=["in part", "whole"]
+    "without", [LATER[REPAIR], pytest.param((), marks=pytest.mark.prove)], ids=["in part", "whole"]
 )
 def test_a_model_is_repaired_as_its_page_says(
     without: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -22,7 +22,8 @@ from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import Array
 from rulec.prove.truth.whiten import Whitening
 
-DRAWS = 150
+FEW, MANY = 50, 150
+"""Plants that are drawn in every run, and in `make prove`."""
 
 
 def hard_scene(*difficulties: str) -> Scene:
@@ -79,7 +80,8 @@ def test_a_drift_is_the_sum_of_its_directions() -> None:
     assert drift_directions(drift, 90) @ weights == pytest.approx(drift(0.4, 90))
 
 
-def test_the_best_test_scatters_as_its_strength_says() -> None:
+@pytest.mark.parametrize("draws", [FEW, pytest.param(MANY, marks=pytest.mark.prove)])
+def test_the_best_test_scatters_as_its_strength_says(draws: int) -> None:
     """Plants of the same make with other parameters, form errors, drifts and noise, all solved.
 
     The best linear test for an effect that is not there has a variance of twice the strength; what
@@ -88,7 +90,7 @@ def test_the_best_test_scatters_as_its_strength_says() -> None:
     scene = hard_scene("form", "coloured", "drift")
     sharp = sight(scene)
     soft = blurred(sharp)
-    found = [_left_over(scene, number) for number in range(DRAWS)]
+    found = [_left_over(scene, number) for number in range(draws)]
     spreads = {}
     for name, seen in (("sharp", sharp), ("soft", soft)):
         change = some_change(seen)

@@ -27,9 +27,18 @@ from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search.settled.by_recording import Alone, ByRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.sets import Posterior, explain
-from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
+from tests.runtime.mismatch.made import (
+    USUAL,
+    alone,
+    compared,
+    opened,
+    recorded,
+    rows_at,
+    tour,
+    warming,
+)
 
-PLANT = "abc"
+PLANT, SLIP = "abc", "A.slip-temperature@Q_geo"
 SHIFT = 2.0
 """Standard uncertainties of its class by which a sensor is set anew between two recordings."""
 
@@ -184,18 +193,37 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     together = explain(rows, quiet)
     found = by_recording(both, rows.system, (), together, quiet)
     assert found is not None
-    alone = explain(rows_at(plant, first), quiet)
+    own = explain(rows_at(plant, first), quiet)
     assert "none" == found.alone[0].verdict
-    assert ("nothing", alone.nothing) == (
+    assert ("nothing", own.nothing) == (
         found.alone[0].likely[0].id,
         found.alone[0].likely[0].probability,
     )
     (moved,) = found.moved[1]
-    assert (alone.nothing, together.nothing) == (moved.before, moved.after)
+    assert (own.nothing, together.nothing) == (moved.before, moved.after)
     told_of = of_recordings(both, rows, found)
     assert ["0.csv", "1.csv"] == [part.name for part in told_of]
     assert [LENGTH, LENGTH] == [part.rows for part in told_of]
     assert all(0.5 * LENGTH < part.used <= LENGTH for part in told_of)
+
+
+def test_the_answer_tells_of_each_recording() -> None:
+    """A slip that follows the temperature shows in the second alone, which decides for both."""
+    plant, n = alone(), LENGTH // 2
+    slip = {SLIP: {"b": 0.02, "T0": USUAL}}
+    cold = recorded(plant, {**tour(plant[0], n), "A.T": np.full(n, USUAL)}, slip)
+    warm = recorded(plant, {**tour(plant[0], n, low=0.65), "A.T": warming(n)}, slip)
+    found = compared(plant, joined(cold, warm))
+    assert [("0.csv", "none"), ("1.csv", "named")] == [
+        (r.name, r.verdict) for r in found.recordings
+    ]
+    (update,) = found.changed
+    assert "1.csv" == update.recording
+    assert ["nothing", SLIP] == [moved.id for moved in update.moved]
+    before, after = np.array([(moved.before, moved.after) for moved in update.moved]).T
+    assert before[0] > 0.9 > 0.1 > after[0]
+    assert before[1] < 0.1 < 0.9 < after[1]
+    assert [SLIP] == [finding.id for finding in found.findings]
 
 
 def test_a_recording_with_too_little_in_it_says_nothing_alone() -> None:
@@ -236,8 +264,8 @@ def test_what_changed_is_one_sentence(moved: Sequence[Moved], text: str) -> None
 
 def test_updates_are_told_by_name() -> None:
     """Of the second and each later one."""
-    alone = Alone(0, "ambiguous", (Likely("a", "slip", 0.52),))
-    found = ByRecording((alone, alone, alone), {1: MOVED, 2: MOVED[:1]})
+    own = Alone(0, "ambiguous", (Likely("a", "slip", 0.52),))
+    found = ByRecording((own, own, own), {1: MOVED, 2: MOVED[:1]})
     updates = updates_of(("a.csv", "b.csv", "c.csv"), found)
     assert ["b.csv", "c.csv"] == [update.recording for update in updates]
     assert MOVED[:1] == updates[1].moved
