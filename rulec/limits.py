@@ -10,7 +10,9 @@ MAX_FILE_BYTES = 1_000_000
 """Bytes of a file of knowledge or of a plant; longer ones are refused. Origin: assumed."""
 
 KEPT_DOCUMENTS = 2048
-"""Documents, and what was read of them, that one process keeps. Origin: six times the library."""
+"""Documents, and what was read of them, that one process keeps: six times the library.
+
+Origin: assumed."""
 
 MAX_NESTING = 24
 """Levels of a YAML file; deeper ones are refused before anything is built. Origin: assumed."""

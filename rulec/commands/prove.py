@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import (
@@ -35,8 +36,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _blind(options: argparse.Namespace) -> int:
-    from rulec.prove import blind
-
+    # The suite lies above the commands, so it is started by its name.
+    blind = import_module(f"{SUITE}.blind")
     drawn = [name for name in ("hard", "production", "contacts", "only") if getattr(options, name)]
     if drawn:
         raise Misused(f"--{drawn[0]}: a blind test asks for every effect; leave --{drawn[0]} out")

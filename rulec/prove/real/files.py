@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from rulec_runtime.output.write_file import write_text
+from rulec_runtime.output.write_file import write_data, write_text
 
 from rulec.language.document import read_document
 
@@ -28,7 +28,7 @@ def opened(file: Path) -> Iterator[IO[str]]:
 def write_packed(file: Path, text: str) -> None:
     """Write a text, packed where the name says so."""
     data = text.encode()
-    file.write_bytes(gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
+    write_data(file, gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
 
 
 def yaml_of(file: Path) -> dict[str, Any]:
