@@ -31,6 +31,15 @@ OFTEN, SOMETIMES = 0.9, 0.1
 COLUMNS = ("effect", "usual size", "told", "told from", "told instead")
 
 
+MEANING = (
+    "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
+    "the size that half of the replays tell; told instead: in how many replays. Replays are made "
+    "by the model of this plant: what it leaves out itself is not in them."
+)
+
+NEVER = "{} would not be told at any size that it may have."
+
+
 @dataclass(frozen=True)
 class Blind:
     """What replays say of each effect, those told most often first."""
@@ -124,16 +133,6 @@ def show(out: Console, found: Blind) -> None:
         out.print(styled("\n[bold]{}[/]", NEVER.format(counted(count, "effect"))), end=" ")
         out.print("--report and --json list them.")
     out.print(styled("\n[dim]{}[/]", MEANING))
-
-
-MEANING = (
-    "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
-    "the size that half of the replays tell; told instead: in how many replays. Replays are made "
-    "by the model of this plant: what it leaves out itself is not in them."
-)
-
-
-NEVER = "{} would not be told at any size that it may have."
 
 
 def page(found: Blind, made: Made | None = None) -> str:
