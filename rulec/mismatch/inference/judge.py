@@ -24,7 +24,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.evidence import Evidence, Term
-from rulec.mismatch.search.refit import Model
+from rulec.mismatch.search.refit import Model, least_to_stand_out
 from rulec.mismatch.search.settled.scan import Column
 
 
@@ -177,11 +177,27 @@ class Judge:
     def judged(self, replays: Array) -> Judged:
         """Shares of all explanations; `replays` as drawn, shape (rows, replays)."""
         clean, more = self._scored(replays)
-        columns = self._evidence(self._shown.T @ clean)
+        moment = self._shown.T @ clean
+        columns = self._evidence(moment)
         every = np.concatenate([more[None], columns, self._of_terms(clean)])
         share = np.exp(every - np.logaddexp.reduce(every))
         count = 1 + len(columns)
-        return Judged(share[0], share[1:count], share[count:])
+        out = np.abs(moment) >= self._least[:, None] * self._gram[:, None]
+        return Judged(share[0], share[1:count] * out, share[count:])
+
+    @cached_property
+    def _least(self) -> Array:
+        """The size from which on each column stands out of what sensors and laws may be off by, SI,
+        shape (columns,); what begins or comes and goes does so by that."""
+        allowed = self.model.allowed(self.geometry)
+        return np.array(
+            [
+                least_to_stand_out(self.geometry, c.rows, allowed)
+                if c.since is None and c.course is None
+                else 0.0
+                for c in self.columns
+            ]
+        )
 
     def _scored(self, replays: Array) -> tuple[Array, Array]:
         """Replays in which residuals are replaced by their score, with the best column fitted, or

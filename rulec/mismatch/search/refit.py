@@ -9,7 +9,7 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
@@ -97,28 +97,50 @@ class Model:
         covariance: Array = inverse * np.outer(step, step)
         return covariance
 
-    def shows(self, geometry: Evidence) -> float:
-        """Probability that what is joined moves some output by more than `allowed`."""
-        null = {u.id: u.null for c in self.setting.joined for u in c.unknowns if not u.fixed}
-        allowed, hidden = self.allowed(geometry), 1.0
+    def stand_out(self, geometry: Evidence) -> dict[str, float]:
+        """Probability that an explanation, by its id, moves some output by more than `allowed`.
+
+        What is there all the time and moves less is no more than what sensors and laws may be off
+        by in some other way. What begins or comes and goes stands out by that.
+        """
+        begun = {self.setting.candidate_of(course).id for course in self.setting.courses}
+        allowed, found = self.allowed(geometry), dict.fromkeys(begun, 1.0)
+        null = {
+            u.id: (c.id, u.null) for c in self.setting.joined for u in c.unknowns if not u.fixed
+        }
         u = np.sqrt(np.diag(self.covariance)) / self.prior.coordinates.slopes(self.at)
         for i, name in enumerate(self.prior.names):
-            start = null.get(name.partition("#")[0])
-            if start is None:
+            id_, start = null.get(name.partition("#")[0], ("", None))
+            if start is None or id_ in begun:
                 continue
-            moved = geometry.shown(self.point.jacobian[:, [i]] * self.table[:, i].any())
-            ends = [allowed[name] / most for name, most in moved.items() if most > 0.0]
-            end, off = min(ends, default=np.inf), self.at[i] - start
-            hidden = min(hidden, float(np.diff(ndtr((np.array([-end, end]) - off) / u[i]))[0]))
-        return 1.0 if self.terms else 1.0 - hidden
+            end = least_to_stand_out(geometry, self.point.jacobian[:, i], allowed)
+            off = self.at[i] - start
+            inside = float(np.diff(ndtr((np.array([-end, end]) - off) / u[i]))[0])
+            found[id_] = max(found.get(id_, 0.0), 1.0 - inside)
+        return found
+
+    def shows(self, geometry: Evidence) -> float:
+        """Probability that what is joined moves some output by more than `allowed`."""
+        if self.terms:
+            return 1.0
+        return max(self.stand_out(geometry).values(), default=0.0)
 
     def allowed(self, geometry: Evidence) -> dict[str, float]:
-        """Error of each output that sensors within their class, and laws within their accuracy,
-        explain in 19 of 20 recordings, SI."""
+        """Error of each output that sensors within their class, and laws as inexact as they show
+        here, explain in 19 of 20 recordings, SI."""
         errors = [i for i, name in enumerate(self.prior.names) if name.startswith(ERROR)]
-        own = [geometry.forms, self.point.jacobian[:, errors], *geometry.of_class]
-        columns = np.concatenate(own, axis=1)
+        forms = geometry.forms * self.sizes.of(geometry.law)
+        columns = np.concatenate(
+            [forms, self.point.jacobian[:, errors], *geometry.of_class], axis=1
+        )
         return {n: common.NORMAL_95 * u for n, u in geometry.shown(columns).items()}
+
+
+def least_to_stand_out(geometry: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
+    """The size from which on something moves an output by more than is `allowed`, SI by output;
+    `slopes`, shape (rows,), are those by its size."""
+    moved = geometry.shown(slopes[:, None]) if slopes.any() else {}
+    return min((allowed[name] / most for name, most in moved.items() if most > 0.0), default=np.inf)
 
 
 @dataclass(frozen=True)

@@ -183,6 +183,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
     best, sets = posterior.told, posterior.sets
     alike = _alike(posterior, name)
     own = sum(p for names, p in sets.items() if names & alike)
+    own *= max(posterior.models[best].stand_out(posterior.geometry).get(candidate.id, 1.0), 1e-9)
     known = candidates_of(posterior)
     others: dict[str, float] = {}
     shapeless, curves = 0.0, _curves_like(posterior, name)
