@@ -150,7 +150,8 @@ class Finding:
     signals or outlets). `gain` is its own in log likelihood, prices paid (of settled plants on
     blocks that it was not fitted to, of plants that store on those it was); `rivals` lost. `closed`
     is its share of the gains of all explanations. `members` are all modules where it acts alike,
-    empty for one alone. A curve of its shape without a name has the probability `shapeless`.
+    empty for one alone. A curve of its shape without a name has the probability `shapeless`; that
+    only errors of laws and sensors are seen, `inexact`.
     """
 
     id: str
@@ -172,6 +173,7 @@ class Finding:
     closed: float
     members: tuple[str, ...] = ()
     shapeless: float = 0.0
+    inexact: float = 0.0
 
     @property
     def class_probability(self) -> float:

@@ -88,6 +88,7 @@ def _finding(model: Model, own: Accepted, share: float) -> Finding:
         closed=share,
         members=candidate.members,
         shapeless=own.shapeless * own.probability,
+        inexact=own.inexact,
     )
 
 

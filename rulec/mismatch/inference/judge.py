@@ -24,7 +24,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.evidence import Evidence, Term
-from rulec.mismatch.search.refit import Model, least_to_stand_out
+from rulec.mismatch.search.refit import Model, least_beyond
 from rulec.mismatch.search.settled.scan import Column
 
 
@@ -183,21 +183,21 @@ class Judge:
         share = np.exp(every - np.logaddexp.reduce(every))
         count = 1 + len(columns)
         out = np.abs(moment) >= self._least[:, None] * self._gram[:, None]
-        return Judged(share[0], share[1:count] * out, share[count:])
+        shown = share[1:count] * np.where(out, 1.0, 1.0 - of_search.INEXACT)
+        return Judged(share[0], shown, share[count:])
 
     @cached_property
     def _least(self) -> Array:
-        """The size from which on each column stands out of what sensors and laws may be off by, SI,
-        shape (columns,); what begins or comes and goes does so by that."""
-        allowed = self.model.allowed(self.geometry)
-        return np.array(
-            [
-                least_to_stand_out(self.geometry, c.rows, allowed)
-                if c.since is None and c.course is None
-                else 0.0
-                for c in self.columns
-            ]
+        """The size from which on each column stands out, SI, shape (columns,)."""
+        if not self.geometry.by_size:
+            return np.zeros(len(self.columns))
+        off_by = self.model.off_by(self.geometry)
+        sorts = (
+            (self.geometry.of_reading(c.candidate), c.since is not None or c.course is not None)
+            for c in self.columns
         )
+        every = zip(self.columns, sorts, strict=True)
+        return np.array([least_beyond(self.geometry, c.rows, off_by[own]) for c, own in every])
 
     def _scored(self, replays: Array) -> tuple[Array, Array]:
         """Replays in which residuals are replaced by their score, with the best column fitted, or

@@ -20,7 +20,8 @@ class Accepted:
     `unnamed` are the odds of what has no name, and of nothing. `curve` tells what it is over its
     driver, where it has no name. `same` are those of `others`, by id, that coincide with it: they
     predict the very same; with the values at which they do, SI by id. `shapeless` are the odds of
-    curves without a name that hold it as a special case, so that it may be one of them.
+    curves without a name that hold it as a special case, so that it may be one of them. `inexact`
+    is the probability that no more than errors of laws and sensors is seen.
     """
 
     candidate: Candidate
@@ -29,6 +30,7 @@ class Accepted:
     rivals: tuple[Rival, ...]
     unnamed: float = 0.0
     shapeless: float = 0.0
+    inexact: float = 0.0
     curve: CurveFound | None = None
     same: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
@@ -36,7 +38,7 @@ class Accepted:
     def probability(self) -> float:
         """Against all others that would do, and against what has no name, or nothing."""
         others = sum(odds for _, odds in self.others)
-        return 1.0 / (1.0 + self.unnamed + self.shapeless + others)
+        return (1.0 - self.inexact) / (1.0 + self.unnamed + self.shapeless + others)
 
     @property
     def class_probability(self) -> float:

@@ -117,6 +117,10 @@ FORM_KNOWN = 2.0
 """Factor within which the error of form of a law is as large as its accuracy says. Origin:
 assumed."""
 
+INEXACT = 0.5
+"""Probability that laws or sensors are off in some way of their own where an explanation moves no
+reading by more than they may be. Origin: assumed (nothing tells the two apart)."""
+
 SIZES_STEPS = 6
 """Steps by which errors of form of single laws are found, at most. Origin: numerical."""
 

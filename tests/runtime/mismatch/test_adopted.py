@@ -42,7 +42,7 @@ def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(Path(__file__).parent / "plant.yaml", place / "plant.yaml")
     rules, _ = alone()
     given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
-    slip = {"A.slip-temperature@Q_geo": {"b": 0.04, "T0": USUAL}}
+    slip = {"A.slip-temperature@Q_geo": {"b": 0.1, "T0": USUAL}}
     recording = recorded(alone(), given, slip, seed=3)
     columns = {"time [s]": recording.time}
     for signal in rules.signals:

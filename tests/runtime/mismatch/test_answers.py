@@ -19,6 +19,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.story import finding_facts
 from rulec.mismatch.answer.wording import VERDICTS
 from rulec.mismatch.inference.series import MODELS
 from rulec.mismatch.result import Finding, Mismatch
@@ -79,7 +80,7 @@ CASES = {
         "A.zero-drift-temperature@dp",
         {"z": 0.004},
     ),
-    "warm": Case("alone", {SLIP: {"b": 0.03, "T0": USUAL}}, "named", SLIP, {"b": 0.03}),
+    "warm": Case("alone", {SLIP: {"b": 0.1, "T0": USUAL}}, "named", SLIP, {"b": 0.1}),
     "leakage at times": Case(
         "abc", {"A.leakage": {"x": degrees(200, *SPANS)}}, "fault", "A.leakage"
     ),
@@ -119,6 +120,11 @@ def example(name: str) -> Mismatch:
     return compared(opened("abc"), read_recording(EXAMPLES / name, opened("abc")[0]))
 
 
+def words(finding: Finding) -> list[str]:
+    """What a report says of it."""
+    return [line for _, lines in finding_facts(finding) for line in lines]
+
+
 def named(mismatch: Mismatch, finding: str) -> Finding:
     return next(f for f in mismatch.findings if f.id == finding)
 
@@ -130,6 +136,16 @@ def test_what_was_planted_is_told(name: str) -> None:
     assert case.verdict == found.verdict
     assert [case.finding] * bool(case.finding) == [f.id for f in found.findings]
     assert found.hidden is None
+
+
+def test_what_laws_may_be_off_by_gives_no_sure_name() -> None:
+    """A third of the slip of the case above moves the pressure less than errors of laws do."""
+    weak = made(Case("alone", {SLIP: {"b": 0.03, "T0": USUAL}}, "ambiguous"))
+    found = compared(alone(), weak)
+    assert ("ambiguous", [SLIP]) == (found.verdict, [f.id for f in found.findings])
+    (finding,) = found.findings
+    assert finding.probability == pytest.approx(1.0 - finding.inexact, abs=0.02)
+    assert any("what laws and sensors may be off by" in f for f in words(finding))
 
 
 @pytest.mark.parametrize("name", [n for n, c in CASES.items() if c.values])

@@ -72,7 +72,7 @@ def test_replays_are_the_same_each_time(judge: Judge) -> None:
     assert np.allclose(1.0, np.std(first, axis=1) / expected, atol=0.25)
 
 
-@pytest.mark.parametrize(("size", "least", "most"), [(0.05, 190, 200), (1e-4, 0, 4)])
+@pytest.mark.parametrize(("size", "least", "most"), [(0.2, 190, 200), (1e-4, 0, 4)])
 def test_strong_is_told_and_tiny_is_not(judge: Judge, size: float, least: int, most: int) -> None:
     """Slip that follows the temperature, per kelvin."""
     told, other = asked_of(judge, columns_of(judge, SLIP), size, REPLAYS)
@@ -139,7 +139,7 @@ def _size(judge: Judge, column: int, rng: np.random.Generator) -> float:
 
 def test_what_was_found_is_concealed_at_its_size() -> None:
     """As the set that has it says; what has no column in the recording is never told."""
-    found = warm({SLIP: {"b": 0.03, "T0": USUAL}})
+    found = warm({SLIP: {"b": 0.1, "T0": USUAL}})
     values = found.models[frozenset({SLIP})].setting.values
     every = found.settled.rows.system.builder.candidates
     (seen,) = self_proof(found, every).effects

@@ -183,7 +183,6 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
     best, sets = posterior.told, posterior.sets
     alike = _alike(posterior, name)
     own = sum(p for names, p in sets.items() if names & alike)
-    own *= max(posterior.models[best].stand_out(posterior.geometry).get(candidate.id, 1.0), 1e-9)
     known = candidates_of(posterior)
     others: dict[str, float] = {}
     shapeless, curves = 0.0, _curves_like(posterior, name)
@@ -199,6 +198,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
     ranked = [(n, p) for n, p in sorted(others.items(), key=lambda o: -o[1])]
     odds = tuple((known[n], p / own) for n, p in ranked)
     told = sum(p for _, p in odds)
+    stands_out = posterior.models[best].stand_out(posterior.geometry).get(candidate.id, 1.0)
     same = [n for n, p in ranked if p >= common.REPORTED and _coincides(posterior, name, n)]
     return Accepted(
         candidate,
@@ -207,6 +207,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
         tuple(_rivals(posterior, name)),
         unnamed=max((1.0 - shapeless) / own - 1.0 - told, 0.0),
         shapeless=shapeless / own,
+        inexact=limits.INEXACT * (1.0 - stands_out),
         same={known[n].id: {} for n in same},
     )
 

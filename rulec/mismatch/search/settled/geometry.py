@@ -118,6 +118,7 @@ class Geometry(Evidence):
     def __init__(self, rows: Rows, *, exact: bool = False) -> None:
         system = rows.system
         self.rows = rows
+        self.readings = frozenset(s.id for s in system.ruleset.signals)
         self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
@@ -140,6 +141,7 @@ class Geometry(Evidence):
         self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
 
     usual_noise: Noise = (1.0,)
+    by_size = True
 
     @property
     def terms(self) -> int:
