@@ -150,7 +150,9 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-def bootstrap(values: Sequence[float], of: Callable[..., np.ndarray]) -> tuple[float, float]:
+def bootstrap(
+    values: Sequence[float] | np.ndarray, of: Callable[..., np.ndarray]
+) -> tuple[float, float]:
     """95 % interval of a mean or median by bootstrap over cases; NaN below two of them."""
     if len(values) < 2:
         return NAN, NAN

@@ -80,7 +80,18 @@ def asked(effects: list[dict[str, Any]] | None = None) -> dict[str, Any]:
     """What `ask` would give."""
     found = mismatch_form(NAMED, "plant.yaml")
     found["effects"] = found["effects"] if effects is None else effects
-    errors = {"unit": "m3/h", "rows": 9, "shipped": 4.0, "recalibrated": 2.0, "adopted": 1.0}
+    errors: dict[str, Any] = {
+        "unit": "m3/h",
+        "rows": 9,
+        "shipped": 4.0,
+        "recalibrated": 2.0,
+        "adopted": 1.0,
+    }
+    models = ("shipped", "recalibrated", "adopted")
+    own = {name: [errors[name] * (1.0 + 0.1 * i) for i in range(5)] for name in models}
+    course = {name: [float(i) + errors[name] for i in range(9)] for name in models}
+    measured = {"time": list(map(float, range(9))), "measured": list(map(float, range(9)))}
+    errors |= {"windows": own, "course": course | measured}
     return {
         "form": found,
         "error": "",
@@ -353,6 +364,9 @@ def test_results_are_told(result: Result) -> None:
     for text in (said, html):
         assert "[no] answer" in text
         assert "it was told" in text
+    assert '<figure id="rig-small"' in html
+    assert "0.5 to 0.5" in said
+    assert "course" not in data["rigs"]["small"]["predicted"]["boiler.Q"]
     assert ["verdict: named → none"] == data["rigs"]["small"]["hidden"]
     assert data["totals"]["place right"]["count"] == 2
     (ratio,) = (t for t in totals(result.scored) if t.title.endswith("recalibrated"))

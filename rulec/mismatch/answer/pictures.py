@@ -160,7 +160,7 @@ def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Fi
             _over_driver(drawn, i, title) for i, title in enumerate([*followed, *others][:DRIVERS])
         ]
         first = 1 if followed else 0
-        figures += [*errors[:first], _over_time(drawn, calendar), *errors[first:]]
+        figures += [*errors[:first], over_time(drawn, calendar), *errors[first:]]
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
         figures.append(_course(mismatch.hidden, calendar))
     return figures
@@ -194,7 +194,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
     )
 
 
-def _over_time(drawn: Drawn, calendar: Calendar | None) -> Figure:
+def over_time(drawn: Drawn, calendar: Calendar | None) -> Figure:
     """Measured against the models, and below it what each leaves."""
     curves = drawn.curves
     across = over(curves.time, calendar)

@@ -40,6 +40,12 @@ FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopt
 NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}, "cpu": 0.0}
 """What was asked, before anything is answered."""
 
+WINDOWS = 40
+"""Parts of the unseen rows, one after the other, whose errors count as independent."""
+
+DRAWN = 400
+"""Unseen rows of a picture, at most."""
+
 MESSAGE = 300
 """Letters of a message that are kept."""
 
@@ -144,27 +150,29 @@ def _calibrate(commands: Commands) -> None:
 
 
 def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
-    """By signal: unit, rows that every plant predicts, and root mean square errors of each plant.
+    """By signal: unit, rows that every plant predicts, root mean square errors of each plant, under
+    `windows` the same in windows of time, shape (windows,), and under `course` some of the rows.
 
     A plant that was not written predicts what the one before it does.
     """
     rules = compile_plant(commands.folder / FOLDERS["shipped"] / PLANT)
     copy = commands.folder / f"{TEST}{_suffix(test)}"
     shutil.copyfile(test, copy)
-    off = {}
+    off, measured = {}, read_recording(copy, rules)
     for model, name in FOLDERS.items():
         if (commands.folder / name / PLANT).is_file():
             with contextlib.suppress(NoAnswer):
                 target = f"{model}.csv"
                 commands.run("simulate", name, copy.name, "-o", target, "--quiet")
-                off[model] = _off(rules, commands.folder / target, copy)
+                off[model] = _off(rules, commands.folder / target, measured)
     moved = [n for n in off.get("shipped", {}) if any(np.nansum(abs(o[n])) for o in off.values())]
-    return {n: _errors(rules.signal_by_id[n], {m: o[n] for m, o in off.items()}) for n in moved}
+    own = {n: {m: o[n] for m, o in off.items()} for n in moved}
+    return {n: _errors(rules.signal_by_id[n], measured, own[n]) for n in moved}
 
 
-def _off(rules: Ruleset, target: Path, copy: Path) -> dict[str, Array]:
+def _off(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array]:
     """By signal, simulated less measured in its unit, shape (n,); NaN where nothing is judged."""
-    simulated, measured = read_recording(target, rules), read_recording(copy, rules)
+    simulated = read_recording(target, rules)
     found = {}
     for signal in rules.signals:
         if signal.id in simulated.values and signal.id in measured.values:
@@ -186,15 +194,24 @@ def _judged(name: str, rules: Ruleset, measured: Recording) -> Bools:
     return np.all(there, axis=0) if there else np.ones(len(measured.time), dtype=bool)
 
 
-def _errors(signal: SignalSpec, off: Mapping[str, Array]) -> dict[str, Any]:
+def _errors(signal: SignalSpec, measured: Recording, off: Mapping[str, Array]) -> dict[str, Any]:
     known = np.all([np.isfinite(o) for o in off.values()], axis=0)
     found: dict[str, Any] = {"unit": signal.unit, "rows": int(known.sum())}
-    last = None
+    if not known.any() or "shipped" not in off:
+        return {**found, **dict.fromkeys(MODELS)}
+    rows = np.flatnonzero(known)
+    some = rows[np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))]
+    reading = (measured.values[signal.id] - signal.offset) / signal.factor
+    windows, course = {}, {"time": measured.time[some], "measured": reading[some]}
+    own = off["shipped"]
     for model in MODELS:
-        if model in off and known.any():
-            last = float(np.sqrt(np.mean(off[model][known] ** 2)))
-        found[model] = last
-    return found
+        own = off.get(model, own)
+        square = own[rows] ** 2
+        found[model] = float(np.sqrt(np.mean(square)))
+        parts = np.array_split(square, min(WINDOWS, len(rows)))
+        windows[model] = [float(np.sqrt(np.mean(part))) for part in parts]
+        course[model] = reading[some] + own[some]
+    return {**found, "windows": windows, "course": {k: v.tolist() for k, v in course.items()}}
 
 
 def _suffix(file: Path) -> str:

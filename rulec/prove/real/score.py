@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
 from rulec.language.units import UnitTable
 from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
@@ -96,9 +97,33 @@ class Scored:
         return errors["adopted"] / other if other and errors.get("adopted") else None
 
     @property
+    def windows(self) -> Mapping[str, Sequence[float]]:
+        """Errors in windows of time by model, on the signal that counts; empty without any."""
+        found: Mapping[str, Sequence[float]] = self.predicted.get(self.signal, {}).get(
+            "windows", {}
+        )
+        return found
+
+    @property
+    def within(self) -> tuple[float, float]:
+        """95 % interval of the error of the adopted plant over that of the recalibrated one, by
+        bootstrap over windows; NaN without any."""
+        if not self.windows:
+            return math.nan, math.nan
+        pairs = np.array([self.windows["adopted"], self.windows["recalibrated"]]) ** 2
+        return bootstrap(pairs.T, _ratio)
+
+    @property
     def grey_box(self) -> float | None:
         """Error of a model made by hand, on the signal that counts."""
         return next((g.error for g in self.rig.grey_box if g.signal == self.signal), None)
+
+
+def _ratio(pairs: Array, axis: int) -> Array:
+    """Root of the ratio of means of squares, shape (samples,); `pairs` (samples, windows, 2)."""
+    adopted, other = np.moveaxis(pairs.mean(axis=axis), -1, 0)
+    ratio: Array = np.sqrt(adopted / other)
+    return ratio
 
 
 def scored(rig: Rig, asked: Form) -> Scored:

@@ -11,17 +11,18 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.document import Head, document, section
+from rulec_runtime.report.document import Head, document, numbered, section
 from rulec_runtime.report.made import Made
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
 
 from rulec.prove.real.ask import MODELS
 from rulec.prove.real.form import FalseAlarm
+from rulec.prove.real.pictures import draw
 from rulec.prove.real.score import Alarm, Scored, Told, Total, alarms, totals
 
 TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
-ERRORS = ("rig", "reading", *MODELS, "noise", "grey box")
+ERRORS = ("rig", "reading", *MODELS, "ratio", "noise", "grey box")
 WORDS = ("rig", "told", "", "reading", "wrong", "story", "right")
 """Headings of columns of words."""
 
@@ -30,7 +31,7 @@ NOTE = (
     "the set that a finding leaves open; p: probability told for that set; size: intervals that "
     "hold the truth; utility: of the ambiguity set, as the DX competition 2026 scores it. Errors: "
     "root mean square on rows that were never shown; a plant that was not written predicts as the "
-    "one before it."
+    "one before it; ratio: adopted over recalibrated, 95 % by bootstrap over windows of time."
 )
 
 
@@ -90,6 +91,7 @@ def page(result: Result, made: Made | None) -> str:
     rigs = [[safe(text) for text in _about(s)] for s in result.scored]
     of = columns("rig", "what", "licence", "source", "how the answer is known")
     body.append(section("Rigs", table("rigs", of, rigs)))
+    body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
     head = Head(kind="Real recordings", verdict=result.headline, made=made)
     return document(head, "".join(body))
 
@@ -149,9 +151,15 @@ def _error_rows(s: Scored) -> Iterator[list[str]]:
         errors = s.predicted[name]
         cells = [_number(errors[model]) for model in MODELS]
         cells[-1] += " *" if s.refused or s.error else ""
+        cells.append(_within(s) if name == s.signal else "–")
         grey = _number(s.grey_box) if name == s.signal else "–"
         title = f"{name} [{errors['unit']}]"
         yield [s.rig.name, title, *cells, _number(s.noise.get(name)), grey]
+
+
+def _within(s: Scored) -> str:
+    low, high = s.within
+    return "–" if math.isnan(low) or s.refused else f"{number(low, 2)} to {number(high, 2)}"
 
 
 def _total_row(t: Total) -> list[str]:
@@ -172,6 +180,10 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
             *("verdict", "place", "headline", "named", "probability", "inside", "silent"),
             *("utility", "predicted", "noise", "signal", "grey_box", "refused", "error", "cpu"),
         )
+    }
+    found["predicted"] = {
+        name: {key: value for key, value in errors.items() if key != "course"}
+        for name, errors in s.predicted.items()
     }
     found |= {"title": s.rig.title, "sealed": s.rig.seal, "said": [_told_form(t) for t in s.said]}
     found |= {"false": [_told_form(t) for t in s.false], "sure": [_told_form(t) for t in s.sure]}
