@@ -27,6 +27,7 @@ class Case:
     Attributes
     ----------
     base : the plant that is corrected, as recalibrated, else as shipped.
+    simulated : its predictions of training and test, beside what they are given.
     course : the reading that counts over the rows of training and, flagged as held out, of the
         test, where `measured` is NaN; in its unit.
     drivers : readings that a simulation takes as given, shape (rows of both,), SI.
@@ -39,7 +40,7 @@ class Case:
     rules: Ruleset
     base: Path
     train: Recording
-    test: Recording
+    simulated: tuple[Recording, Recording]
     course: Course
     drivers: Mapping[str, Array]
     off: Mapping[str, Array]
@@ -87,7 +88,7 @@ def case_of(rig: Rig, folder: Path, work: Path) -> Case | None:
         rules=rules,
         base=there[base],
         train=train,
-        test=test,
+        simulated=predicted,
         course=_course(ours.signal, rules, (train, test), predicted, seen[ours.signal]),
         drivers=_drivers(rules, (train, test), predicted[0]),
         off=off,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec.prove.aligned import Array
 from rulec.prove.baselines import one_thread
@@ -15,7 +16,7 @@ from tests.rig.peers import learnt
 from tests.rig.peers.case import Case
 from tests.rig.peers.catalogue import chosen
 from tests.rig.peers.library import Library, libraries
-from tests.rig.peers.lisdd import discovered, regions
+from tests.rig.peers.lisdd import Discovery, discovered, regions
 
 LEARN = {"GP": learnt.gaussian_process, "neural": learnt.neural, "PySINDy": learnt.sparse}
 STLSQ, LISDD, OURS = "catalogue STLSQ", "LISDD", "adopted"
@@ -71,10 +72,9 @@ def _by_terms(case: Case) -> dict[str, tuple[Array, list[tuple[Cause, ...]]]]:
     """By peer, its correction of the reading that counts, and causes over all readings."""
     n = len(case.course.time)
     found: dict[str, tuple[Array, list[tuple[Cause, ...]]]] = {p: (np.zeros(n), []) for p in NAMING}
-    train = ~case.course.heldout
     inputs = _standardised(case.drivers, case.course.learnt)
     for library in libraries(case):
-        region = regions(inputs, train & np.pad(library.course.learnt, (0, n - train.sum())))
+        region = regions(inputs, library.course.learnt)
         everywhere = np.ones(n, dtype=bool)
         terms = {
             STLSQ: [(j, w, everywhere) for j, w in enumerate(chosen(library)) if w],
@@ -82,16 +82,16 @@ def _by_terms(case: Case) -> dict[str, tuple[Array, list[tuple[Cause, ...]]]]:
         }
         for peer, own in terms.items():
             found[peer][1].extend(library.columns[j].causes for j, _, _ in own)
-            if library.signal == case.course.signal:
+            if library.course.signal == case.course.signal:
                 for j, weight, there in own:
-                    found[peer][0][~train] += weight * library.unseen(j) * there[~train]
+                    found[peer][0][there] += weight * library.columns[j].rows[there]
     return found
 
 
-def _local(library: Library, region: Array):  # type: ignore[no-untyped-def]
-    learnt_ = library.course.learnt
-    own = region[: len(learnt_)][learnt_]
-    return discovered(library.table[learnt_], library.course.residual[learnt_], own)
+def _local(library: Library, region: NDArray[np.intp]) -> list[Discovery]:
+    """What is missing where, by the rows of training."""
+    shown = library.course.learnt
+    return discovered(library.table[shown], library.course.residual[shown], region[shown])
 
 
 def _named(case: Case, causes: Iterable[tuple[Cause, ...]]) -> Named:

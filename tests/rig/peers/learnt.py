@@ -82,14 +82,16 @@ def _process(x: Array, y: Array) -> Predict:
 def _ensemble(x: Array, y: Array, penalty: float) -> Predict:
     from sklearn.neural_network import MLPRegressor
 
-    members = [
-        MLPRegressor(
-            hidden_layer_sizes=limits.HIDDEN,
-            alpha=penalty,
-            early_stopping=True,
-            max_iter=500,
-            random_state=seed,
-        ).fit(x, y)
-        for seed in range(limits.MEMBERS)
-    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the last round is taken, settled or not
+        members = [
+            MLPRegressor(
+                hidden_layer_sizes=limits.HIDDEN,
+                alpha=penalty,
+                early_stopping=True,
+                max_iter=500,
+                random_state=seed,
+            ).fit(x, y)
+            for seed in range(limits.MEMBERS)
+        ]
     return lambda table: np.mean([member.predict(table) for member in members], axis=0)

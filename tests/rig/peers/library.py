@@ -1,8 +1,8 @@
 """A library of our catalogue's own terms: how each candidate effect moves a reading.
 
 A column is the change of the predicted reading when an effect is joined to the base plant at its
-usual size, all else held; effects with shapes have several. Those that no reading tells apart are
-one column with several causes, as they are one class in our own answer.
+usual size, all else held; effects with shapes have several. Those that the reading does not tell
+apart are one column with several causes, as they are one class in our own answer.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from rulec_runtime.recordings.stationary import noise_at_work
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.limits import STATISTICAL_SHARE
+from rulec.mismatch.evidence.samples import ESTIMATION, HELDOUT
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.predict import Predictor, predictor_of
 from rulec.mismatch.evidence.steady.prepare import Data
@@ -37,81 +38,88 @@ from tests.rig.peers.case import Case
 class Column:
     """What an effect does to a reading, `rows` shape (n,) in its unit, and what else does so."""
 
-    setting: Configuration
     rows: Array
     causes: tuple[Cause, ...]
 
 
 @dataclass(frozen=True)
 class Library:
-    """Columns of a reading in training; `course` has its residual there, `test` predicts it on the
-    unseen rows."""
+    """Columns of a reading over the rows of training and test; `course` has its residual in
+    training."""
 
-    signal: str
     columns: tuple[Column, ...]
     course: Course
-    test: Predictor
-    factor: float
 
     @property
     def table(self) -> Array:
-        """Shape (rows of training, columns)."""
+        """Shape (rows of both, columns)."""
         return np.stack([c.rows for c in self.columns], axis=1)
-
-    def unseen(self, number: int) -> Array:
-        """A column on the unseen rows, shape (m,)."""
-        return _moved(self.test, self.columns[number].setting) / self.factor
 
 
 def libraries(case: Case) -> Iterator[Library]:
     """One for each reading that our plants predict."""
     ruleset, builder = open_builder(case.base)
-    train, test = (_system(ruleset, builder, part) for part in (case.train, case.test))
+    system = _system(ruleset, builder, case)
+    n = len(case.course.time) - len(case.train)
     for name, shown in case.shown.items():
-        relation = _relation(train, name, set(case.drivers))
+        relation = _relation(system, name, set(case.drivers))
         if relation is None:
             continue
         factor = ruleset.signal_by_id[name].factor
-        predictor = predictor_of(train, relation, name)
-        measured = np.where(shown, train.data.values[name], np.nan) / factor
+        predictor = predictor_of(system, relation, name)
+        known = np.where(shown, case.train.values[name], np.nan)
+        measured = np.concatenate([known, np.full(n, np.nan)]) / factor
         predicted = predictor.predicted(Configuration()) / factor
-        course = Course(name, case.train.time, ~shown, measured, predicted)
+        course = replace(case.course, signal=name, measured=measured, recalibrated=predicted)
         size = rms(course.residual[course.learnt])
         found = [
-            Column(setting, rows / factor, (Cause(c.name, (f"{c.module}.{c.place}",)),))
-            for c, setting, rows in _candidates(train, predictor)
+            Column(rows / factor, (Cause(c.name, (f"{c.module}.{c.place}",)),))
+            for c, rows in _candidates(system, predictor)
             if rms(rows[course.learnt]) > limits.SHOWN * size * factor
         ]
         if found:
-            columns = tuple(_told_apart(found, course))
-            yield Library(name, columns, course, predictor_of(test, relation, name), factor)
+            yield Library(tuple(_told_apart(found, course)), course)
 
 
-def _system(ruleset: Ruleset, builder: ModelBuilder, recording: Recording) -> System:
-    """A plant with every row of a recording as a point, settled or not, as a simulation has it."""
-    stretches, n = each_row(recording), len(recording)
-    points = points_of_stretches(recording, ruleset, stretches, noise_at_work(recording, ruleset))
+def _system(ruleset: Ruleset, builder: ModelBuilder, case: Case) -> System:
+    """A plant with every row of both simulations as a point, settled or not, the test held out.
+
+    What is predicted is as simulated: a predictor begins at the reading, and stays there where a
+    law has no value, so that a measured one would be handed on to who may not see it.
+    """
+    train, test = case.simulated
+    heldout = case.course.heldout
+    clock = np.concatenate([part.time - part.time[0] for part in case.simulated])
+    both = Recording(
+        time=clock + heldout * (clock.max() + train.interval),
+        values={name: np.append(v, test.values[name]) for name, v in train.values.items()},
+        segment=heldout.astype(int),
+        missing=train.missing,
+        notes=(),
+    )
+    stretches = each_row(both)
+    points = points_of_stretches(both, ruleset, stretches, noise_at_work(train, ruleset))
     noise = {
         name: np.maximum(points.statistical(name), STATISTICAL_SHARE * points.systematic[name])
         for name in points.values
     }
-    none = np.zeros(n, dtype=np.intp)
+    none = np.zeros(len(both), dtype=np.intp)
     data = Data(
         points=points,
-        time=recording.time,
+        time=both.time,
         noise=noise,
         block=none,
-        part=none,
+        part=np.where(heldout, HELDOUT, ESTIMATION),
         of_rows=True,
         split="",
         digest="",
         moving={},
         stretches=stretches,
-        sample=np.arange(n, dtype=np.intp),
+        sample=np.arange(len(both), dtype=np.intp),
         source=none,
         sources=(),
-        clock=recording.time - recording.time[0],
-        timed=recording.one_clock,
+        clock=clock,
+        timed=case.train.one_clock,
     )
     return system_of(ruleset, builder, data)
 
@@ -127,9 +135,7 @@ def _relation(system: System, signal: str, given: set[str]) -> str | None:
     return min(found, key=lambda name: found[name], default=None)
 
 
-def _candidates(
-    system: System, predictor: Predictor
-) -> Iterator[tuple[Candidate, Configuration, Array]]:
+def _candidates(system: System, predictor: Predictor) -> Iterator[tuple[Candidate, Array]]:
     """Candidates, each amplitude at its usual size and each shape, with what they move, SI."""
     for candidate in system.candidates:
         amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
@@ -150,7 +156,7 @@ def _candidates(
                 at = float(max(ends, key=lambda end: abs(end - null[unknown.id])))
                 values = {**null, **shape, unknown.id: at}
                 setting = Configuration().joining(candidate, values, fixed)
-                yield candidate, setting, _moved(predictor, setting)
+                yield candidate, _moved(predictor, setting)
 
 
 def _moved(predictor: Predictor, setting: Configuration) -> Array:
