@@ -64,8 +64,8 @@ def _learnt(inputs: Mapping[str, Array], course: Course, fits: Sequence[Fit], mo
         return np.zeros(len(table))
     predict = fits[best - 1](x, y)
     # In parts: a kernel between all rows and the learnt ones would take much memory.
-    parts = np.array_split(table, max(len(table) // limits.NETWORK_ROWS, 1))
-    return size * np.concatenate([predict(part) for part in parts])
+    pieces = np.array_split(table, max(len(table) // limits.NETWORK_ROWS, 1))
+    return size * np.concatenate([predict(piece) for piece in pieces])
 
 
 def _process(x: Array, y: Array) -> Predict:
