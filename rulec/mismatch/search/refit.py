@@ -21,6 +21,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx, ndtr
 
+from rulec.effects.candidate import TIME
 from rulec.knowledge.belief import Held
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
@@ -117,6 +118,23 @@ class Model:
             least = least_beyond(geometry, self._moved_by(geometry, i, start), own)
             found[id_] = max(found.get(id_, 0.0), self._beyond(i, start, least))
         return found
+
+    def within(self, geometry: Evidence) -> frozenset[str]:
+        """Names of terms without a name that are in no row more than sensors within their class,
+        and laws within their accuracy, may be off by: such a one is an error of form that has not
+        left its declared size. What follows time is none."""
+        if not geometry.by_size:
+            return frozenset()
+        every = np.concatenate([geometry.forms, *self._of_sensors(geometry)], axis=1)
+        allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
+        found = set()
+        last = len(self.forms) - sum(t.columns.shape[1] for t in self.terms)
+        for term, size in zip(self.terms, self.sizes.terms, strict=True):
+            first, last = last, last + term.columns.shape[1]
+            moved = np.abs(term.columns @ (size * self.forms[first:last]))
+            if term.driver != TIME and np.all(moved <= allowed):
+                found.add(term.name)
+        return frozenset(found)
 
     def _moved_by(self, geometry: Evidence, i: int, start: float) -> Array:
         """Residuals per unit of a value, shape (rows,), as far as it moves them from its null: a

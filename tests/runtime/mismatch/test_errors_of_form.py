@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.search.refit import refitted
+from rulec.mismatch.search.settled.best_set import told_of
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
 from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.sets import explain
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
@@ -57,3 +60,20 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
     rows = rows_at(alone(), replace(recording, values={**recording.values, "A.P_el": bent}))
     laws = refitted(Geometry(rows), Configuration()).sizes.laws
     assert laws["definition:A.P_law"] > 1.5 * max(laws[n] for n in laws if "P_law" not in n)
+
+
+@pytest.mark.parametrize(("reading", "told"), [("A.P_el", False), ("A.dp", True)])
+def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, told: bool) -> None:
+    """A ripple of 3 % is what the law of the power may be off by, and more than that of the line
+    may: only there something without a name is told."""
+    rules, _ = alone()
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
+    recording = recorded(alone(), given, {})
+    speed = recording.values["A.n"]
+    turn = (speed - speed.min()) / np.ptp(speed)
+    values = recording.values[reading] * (1.0 + 0.03 * np.sin(6.0 * np.pi * turn))
+    rows = rows_at(alone(), replace(recording, values={**recording.values, reading: values}))
+    found = explain(rows, lambda said: None)
+    assert {f"signal:{reading}~A.n"} == found.told
+    assert told == bool(told_of(found))
+    assert found.unseen < 0.1 if told else found.unseen > 0.9

@@ -77,12 +77,13 @@ def told_of(posterior: Posterior) -> Names:
     """Members of the best set that are likelier there than not, by any of their names.
 
     Of several that fit about equally, each may be unlikely, and one of them is there all the same.
+    Terms that stay within what laws may be off by are not told.
 
     Source: median probability model (Barbieri and Berger 2004).
     """
     best, sets = posterior.told, posterior.sets
     kept = set()
-    for name in best:
+    for name in best - posterior.models[best].within(posterior.geometry):
         rest = best - {name}
         alike = [names for names in sets if rest < names and len(names) == len(best)]
         same = frozenset[str]().union(*(names - rest for names in alike))

@@ -73,11 +73,13 @@ class Posterior:
         """Probability that nothing is left out that shows: nothing or, unless something is likely
         enough to be mentioned, what moves no reading by more than class and accuracy do."""
         others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
+        within = [n for n in others if n == self.models[n].within(self.geometry)]
+        nothing = self.nothing + sum(others.pop(names) for names in within)
         if max(others.values(), default=0.0) >= common.MENTIONED:
-            return self.nothing
+            return nothing
         shown = (self.models[n].shows(self.geometry) for n in others)
         hidden = (p * (1.0 - share) for p, share in zip(others.values(), shown, strict=True))
-        return self.nothing + sum(hidden)
+        return nothing + sum(hidden)
 
     @property
     def names(self) -> dict[str, float]:
