@@ -57,7 +57,7 @@ def test_no_tick_where_an_explanation_gains(plain: Explanation, more: float, exp
     """One that shows, and is as likely as nothing."""
     was = plain.found.posterior
     none, other = frozenset[str](), frozenset({"pump.x"})
-    shown: Any = SimpleNamespace(shows=lambda geometry: 1.0, terms=())
+    shown: Any = SimpleNamespace(shows=lambda geometry: 1.0, within=lambda geometry: none, terms=())
     odds = {none: was.odds[none], other: was.odds[none] + more}
     now = posterior(was.geometry, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
