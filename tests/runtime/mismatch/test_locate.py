@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
@@ -115,6 +117,19 @@ def test_predictions_solve_the_residual(plant: str) -> None:
     judged = predictor.points
     measured = found.data.values[predictor.signal.id]
     assert measured[judged] == pytest.approx(predicted[judged], rel=1e-9)
+
+
+def test_where_a_law_has_no_value_nothing_is_predicted() -> None:
+    """The reading itself, from which the search begins, would count as without error."""
+    rules, _ = alone()
+    found = rows_at(alone(), recorded(alone(), tour(rules, SAMPLES))).system
+    speed = found.data.values["A.n"].copy()
+    speed[0] = np.nan
+    points = replace(found.data.points, values={**found.data.values, "A.n": speed})
+    lost = replace(found, data=replace(found.data, points=points))
+    (predictor, *_) = predictors_for(lost, ("A.pump",), frozenset())
+    every = replace(predictor, points=np.ones(len(speed), dtype=bool))
+    assert [True, False] == np.isnan(every.predicted(Configuration()))[:2].tolist()
 
 
 def test_predictions_are_off_by_the_noise() -> None:

@@ -47,10 +47,11 @@ class Predictor:
             value, slope = self._value(setting, at)
             with np.errstate(all="ignore"):
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)
-            step = np.where(np.isfinite(step), step, 0.0)
-            at = at + step
-            settled = np.abs(step)
-            if np.nanmax(settled[self.points], initial=0.0) < 1e-9 * size:
+            # Where the law has no value the search stays at the reading, which is no prediction.
+            known = np.isfinite(step)
+            at = np.where(known, at + step, at)
+            settled = np.where(known, np.abs(step), np.inf)
+            if np.max(settled[self.points & known], initial=0.0) < 1e-9 * size:
                 break
         return np.where(self.points & (settled < 1e-3 * size), at, np.nan)
 
