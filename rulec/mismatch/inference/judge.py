@@ -189,8 +189,6 @@ class Judge:
     @cached_property
     def _least(self) -> Array:
         """The size from which on each column stands out, SI, shape (columns,)."""
-        if not self.geometry.by_size:
-            return np.zeros(len(self.columns))
         off_by = self.model.off_by(self.geometry)
         sorts = (
             (self.geometry.of_reading(c.candidate), c.since is not None or c.course is not None)

@@ -147,9 +147,8 @@ class Evidence(ABC):
     `forms` are rows of errors of form, shape (rows, errors), each of the law that `law` names;
     `moving` and `held` those of errors of sensors that move within their class, and of all others.
     `of_class` are rows of errors of sensors that are no values; `readings` are ids of all sensors.
-    An explanation must stand out `by_size` where its course does not make it stand out. A refit has
-    ended where a step gains less than `ended`, nats; `usual_noise` is where a search for what noise
-    is like begins.
+    A refit has ended where a step gains less than `ended`, nats; `usual_noise` is where a search
+    for what noise is like begins.
     """
 
     forms: Array
@@ -159,7 +158,6 @@ class Evidence(ABC):
     usual_noise: Noise
     ended: float = 1e-2
     of_class: tuple[Array, ...] = ()
-    by_size: bool = False
     readings: frozenset[str] = frozenset()
 
     @property
@@ -172,9 +170,9 @@ class Evidence(ABC):
     def candidates(self) -> Sequence[Candidate]:
         """What may be missing."""
 
-    def of_reading(self, candidate: Candidate) -> bool:
-        """Does it change what a sensor reads, and neither a law nor a parameter?"""
-        return f"{candidate.module}.{candidate.place}" in self.readings
+    def of_reading(self, changed: Candidate | Spot) -> bool:
+        """Is it what a sensor reads that changes, and neither a law nor a parameter?"""
+        return f"{changed.module}.{changed.place}" in self.readings
 
     @property
     @abstractmethod

@@ -9,7 +9,7 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
@@ -106,9 +106,7 @@ class Model:
 
     def stand_out(self, geometry: Evidence) -> dict[str, float]:
         """Probability of each explanation, by its id, that it moves some output by more than
-        `off_by`; empty where `geometry` does not tell by size."""
-        if not geometry.by_size:
-            return {}
+        `off_by`."""
         begun = {self.setting.candidate_of(course).id for course in self.setting.courses}
         readings = {c.id for c in self.setting.joined if geometry.of_reading(c)}
         off_by = self.off_by(geometry)
@@ -123,18 +121,20 @@ class Model:
         """Names of terms without a name that are in no row more than sensors within their class,
         and laws within their accuracy, may be off by: such a one is an error of form that has not
         left its declared size. What follows time is none."""
-        if not geometry.by_size:
-            return frozenset()
         every = np.concatenate([geometry.forms, *self._of_sensors(geometry)], axis=1)
         allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
-        found = set()
+        return frozenset(
+            term.name
+            for term, moved in self._moved_by_terms()
+            if term.driver != TIME and np.all(np.abs(moved) <= allowed)
+        )
+
+    def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
+        """Terms without a name, and what each does to the rows, shape (rows,)."""
         last = len(self.forms) - sum(t.columns.shape[1] for t in self.terms)
         for term, size in zip(self.terms, self.sizes.terms, strict=True):
             first, last = last, last + term.columns.shape[1]
-            moved = np.abs(term.columns @ (size * self.forms[first:last]))
-            if term.driver != TIME and np.all(moved <= allowed):
-                found.add(term.name)
-        return frozenset(found)
+            yield term, term.columns @ (size * self.forms[first:last])
 
     def _moved_by(self, geometry: Evidence, i: int, start: float) -> Array:
         """Residuals per unit of a value, shape (rows,), as far as it moves them from its null: a
@@ -179,12 +179,15 @@ class Model:
         and whether it begins.
 
         An error of a law, as large as it is found here, imitates what is there all the time, and
-        one of a sensor within its class another one of that sensor.
+        one of a sensor within its class another one of that sensor. A term without a name at a law
+        is an error of that law, too.
         """
         first, count = len(self.at), geometry.forms.shape[1]
         own, errors = slice(first, first + count), self.forms[:count]
-        found = np.linalg.cholesky(self._inverse[own, own] + np.outer(errors, errors))
-        laws = geometry.forms * self.sizes.of(geometry.law) @ found
+        spread = self._inverse[own, own] + np.outer(errors, errors) + 1e-12 * np.eye(count)
+        laws = geometry.forms * self.sizes.of(geometry.law) @ np.linalg.cholesky(spread)
+        terms = [m for t, m in self._moved_by_terms() if not geometry.of_reading(t.changed)]
+        laws = np.column_stack([laws, *terms])
         sensors = self._of_sensors(geometry)
         return {
             (of_sensor, begun): _allowed(

@@ -141,7 +141,6 @@ class Geometry(Evidence):
         self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
 
     usual_noise: Noise = (1.0,)
-    by_size = True
 
     @property
     def terms(self) -> int:

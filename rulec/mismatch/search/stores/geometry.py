@@ -57,6 +57,7 @@ class StoresGeometry(Evidence):
     def __init__(self, bench: SimulationProblem, near: Configuration | None = None) -> None:
         self.bench = bench
         self._sizes: dict[str, Size] = {}
+        self.readings = frozenset(s.id for s in bench.ruleset.signals)
         near = near or Configuration()
         ids, values = near.ids, {**bench.plain_values, **near.values, **near.fixed}
         law, forms = [], [np.zeros((self.count, 0))]
