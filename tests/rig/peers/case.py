@@ -34,6 +34,7 @@ class Case:
     off : by model, simulated less measured on the test rows, in the unit of the reading.
     judged : test rows that all our plants predict.
     shown : by reading, rows of training with a residual.
+    left : by reading, root mean square residual of training, in its unit.
     """
 
     scored: Scored
@@ -46,6 +47,7 @@ class Case:
     off: Mapping[str, Array]
     judged: NDArray[np.bool_]
     shown: Mapping[str, NDArray[np.bool_]]
+    left: Mapping[str, float]
 
     @property
     def stores(self) -> bool:
@@ -78,8 +80,8 @@ def case_of(rig: Rig, folder: Path, work: Path) -> Case | None:
     files = next(folder.glob("train-1.csv*")), next(folder.glob("test.csv*"))
     train, test = (read_recording(file, rules) for file in files)
     simulated = _simulated(there[base], files[0], work)
-    seen = _off(rules, simulated, files[0])
-    off = {m: _off(rules, folder / f"{m}.csv", files[1])[ours.signal] for m in there}
+    seen = _off(rules, simulated, train)
+    off = {m: _off(rules, folder / f"{m}.csv", test)[ours.signal] for m in there}
     off.setdefault("recalibrated", off["shipped"])
     off.setdefault("adopted", off["recalibrated"])
     predicted = read_recording(simulated, rules), read_recording(folder / f"{base}.csv", rules)
@@ -94,6 +96,7 @@ def case_of(rig: Rig, folder: Path, work: Path) -> Case | None:
         off=off,
         judged=np.all([np.isfinite(o) for o in off.values()], axis=0),
         shown={name: np.isfinite(o) for name, o in seen.items() if name in ours.predicted},
+        left={name: rms(o[np.isfinite(o)]) for name, o in seen.items() if np.isfinite(o).any()},
     )
 
 

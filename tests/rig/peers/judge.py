@@ -17,6 +17,7 @@ from tests.rig.peers.case import Case
 from tests.rig.peers.catalogue import chosen
 from tests.rig.peers.library import Library, libraries
 from tests.rig.peers.lisdd import Discovery, discovered, regions
+from tests.rig.peers.structure import located
 
 LEARN = {"GP": learnt.gaussian_process, "neural": learnt.neural, "PySINDy": learnt.sparse}
 STLSQ, LISDD, OURS = "catalogue STLSQ", "LISDD", "adopted"
@@ -36,6 +37,16 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Where:
+    """Places that structure leaves open: whether what is missing is among them, None where nothing
+    is known or missing, and how many of all they are."""
+
+    right: float | None
+    told: int
+    places: int
+
+
+@dataclass(frozen=True)
 class Judged:
     """A rig: errors on unseen rows by model, in `unit`, over so many `rows`; names by method."""
 
@@ -45,6 +56,7 @@ class Judged:
     rows: int
     errors: Mapping[str, float | None]
     names: Mapping[str, Named | None]
+    where: Where | None
 
 
 def judged(case: Case) -> Judged:
@@ -65,7 +77,18 @@ def judged(case: Case) -> Judged:
                 errors[peer] = case.error(correction)
                 names[peer] = _named(case, causes) if ours.rig.truth else None
     known = ours.predicted[ours.signal]
-    return Judged(ours.rig.name, ours.signal, known["unit"], known["rows"], errors, names)
+    about = ours.rig.name, ours.signal, known["unit"], known["rows"]
+    return Judged(*about, errors, names, _where(case))
+
+
+def _where(case: Case) -> Where | None:
+    found = located(case)
+    if found is None:
+        return None
+    open_, every = found
+    truth = case.scored.rig.truth
+    missing = truth.missing if truth else ()
+    return Where(_mean(float(_at(m, open_)) for m in missing), len(open_), every)
 
 
 def _by_terms(case: Case) -> dict[str, tuple[Array, list[tuple[Cause, ...]]]]:

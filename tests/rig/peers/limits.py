@@ -47,3 +47,6 @@ NEAR_BEST = 1.1
 
 PATIENCE = 600.0
 """Seconds for a simulation. Origin: assumed."""
+
+FIRES = 3.0
+"""Noise of a reading beyond which a residual fires. Origin: distribution (three sigma)."""

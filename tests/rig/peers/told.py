@@ -49,6 +49,16 @@ def parts(found: Sequence[Judged]) -> Iterator[tuple[str, Sequence[str], list[li
     ]
     yield "Names", ("rig", *headings), rows
     rows = [
+        [
+            j.rig,
+            "–" if (w := j.where).right is None else percent(w.right),
+            f"{w.told} of {w.places}",
+        ]
+        for j in found
+        if j.where
+    ]
+    yield "Where, by structure alone (Fault Diagnosis Toolbox)", ("rig", "right", "places"), rows
+    rows = [
         [s["model"], _number(s["over recalibrated"]), _number(s["ours there"]), str(s["rigs"])]
         for s in summary(found)["models"]
     ]
