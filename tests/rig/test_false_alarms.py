@@ -14,17 +14,6 @@ from rulec.prove.real.score import alarms, scored
 from tests.conftest import recordings_folder
 
 RECIPES = Path(__file__).parent / "recipes"
-KNOWN_GAPS = {"two-tanks": "an exponent of the pump fits as well as its saturation"}
-
-
-def cases() -> list[object]:
-    """The manifest; what is still told wrongly is marked as failing."""
-    found = []
-    for alarm in false_alarms_in(RECIPES):
-        why = KNOWN_GAPS.get(alarm.rig)
-        marks = [pytest.mark.xfail(strict=True, reason=why)] if why else []
-        found.append(pytest.param(alarm, marks=marks, id=f"{alarm.rig} {alarm.wrong}"))
-    return found
 
 
 @pytest.fixture(scope="session")
@@ -38,7 +27,7 @@ def rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.prove
-@pytest.mark.parametrize("alarm", cases())
+@pytest.mark.parametrize("alarm", false_alarms_in(RECIPES), ids=lambda a: f"{a.rig} {a.wrong}")
 def test_no_false_alarm_is_certain_again(alarm: FalseAlarm, rigs: Path, tmp_path: Path) -> None:
     if not (rigs / alarm.rig).is_dir():
         pytest.skip(f"the recordings of {alarm.rig} are not at hand")
