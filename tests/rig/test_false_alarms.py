@@ -33,5 +33,7 @@ def test_no_false_alarm_is_certain_again(alarm: FalseAlarm, rigs: Path, tmp_path
         pytest.skip(f"the recordings of {alarm.rig} are not at hand")
     rig = read_rig(rigs / alarm.rig)
     lay_out(rig, tmp_path / "work")
-    (again,) = alarms([alarm], [scored(rig, ask(tmp_path / "work", None, PATIENCE))])
+    asked = ask(tmp_path / "work", None, PATIENCE)
+    assert asked["form"] is not None, asked["error"]
+    (again,) = alarms([alarm], [scored(rig, asked)])
     assert (again.again or 0.0) < CERTAIN, alarm.story

@@ -126,7 +126,8 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
         f"{a.title} ({share(a.probability)})" for a in ordered if a.probability >= limits.PLAUSIBLE
     ]
     if finding.inexact >= limits.PLAUSIBLE:
-        others.append(f"what laws and sensors may be off by ({share(finding.inexact)})")
+        # First, as it is the reason why the finding is not sure.
+        others.insert(0, f"what laws and sensors may be off by ({share(finding.inexact)})")
     if others:
         yield "could also be", [listed(_some(others, brief, "explanation"))]
     if finding.periods:

@@ -34,7 +34,7 @@ def main() -> int:
     options = parser.parse_args()
     lacking = [name for name in NEEDED if find_spec(name) is None]
     if lacking:
-        parser.error(f"{', '.join(lacking)} not installed; pip install 'rulec[prove]'")
+        parser.error(f"{', '.join(lacking)} not installed; pip install '.[prove]'")
     wrong = without_folder(options, "json")
     if wrong:
         parser.error(wrong)

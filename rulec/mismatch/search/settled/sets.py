@@ -70,8 +70,9 @@ class Posterior:
 
     @property
     def unseen(self) -> float:
-        """Probability that nothing is left out that shows: nothing or, unless something is likely
-        enough to be mentioned, what moves no reading by more than class and accuracy do."""
+        """Probability that nothing is left out that shows: nothing, terms without a name that stay
+        within what laws and sensors may be off by, or, unless something is likely enough to be
+        mentioned, what moves no reading by more than class and accuracy do."""
         others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
         within = [n for n in others if n == self.models[n].within(self.geometry)]
         nothing = self.nothing + sum(others.pop(names) for names in within)
