@@ -10,6 +10,7 @@ from asyncua import Client, ua
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel, conversion
+from rulec_runtime.live.sources.opcua_nodes import attributes_of
 from rulec_runtime.live.sources.opcua_session import is_gone
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.reading_unit import parse_unit
@@ -34,7 +35,7 @@ async def scales_of(
     kind.
     """
     types = await _types(client, nodes)
-    ranks = await _read(client, nodes, ua.AttributeIds.ValueRank)
+    ranks = await attributes_of(client, nodes, ua.AttributeIds.ValueRank)
     units = await _units(client, nodes)
     scales: list[tuple[float, float] | str] = []
     notes: list[str] = []
@@ -61,18 +62,18 @@ async def scales_of(
 
 async def gone_of(client: Client, nodes: Sequence[ua.NodeId]) -> set[int]:
     """Which of the nodes the server has no more, by their places."""
-    classes = await _read(client, nodes, ua.AttributeIds.NodeClass)
+    classes = await attributes_of(client, nodes, ua.AttributeIds.NodeClass)
     return {i for i, one in enumerate(classes) if is_gone(one)}
 
 
 async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
     """The data type of each node; where it may hold anything, that of what it holds now."""
-    types = await _read(client, nodes, ua.AttributeIds.DataType)
+    types = await attributes_of(client, nodes, ua.AttributeIds.DataType)
     any_type = ua.NodeId(ua.ObjectIds.BaseDataType)
     open_ones = [
         i for i, t in enumerate(types) if t.StatusCode.is_good() and t.Value.Value == any_type
     ]
-    values = await _read(client, [nodes[i] for i in open_ones], ua.AttributeIds.Value)
+    values = await attributes_of(client, [nodes[i] for i in open_ones], ua.AttributeIds.Value)
     for i, value in zip(open_ones, values, strict=True):
         # A node that holds nothing yet may hold a number later; what comes is looked at anyway.
         kind = _KINDS.Double if value.Value is None else value.Value.VariantType
@@ -108,16 +109,6 @@ def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> t
     return channel.scale * factor, channel.offset * factor + offset
 
 
-async def _read(
-    client: Client, nodes: Sequence[ua.NodeId], attribute: ua.AttributeIds
-) -> list[ua.DataValue]:
-    found: list[ua.DataValue] = []
-    for i in range(0, len(nodes), limits.NODES_PER_CALL):
-        part = list(nodes[i : i + limits.NODES_PER_CALL])
-        found += await client.uaclient.read_attributes(part, attribute)
-    return found
-
-
 async def _units(client: Client, nodes: Sequence[ua.NodeId]) -> list[str]:
     """The text of the property EngineeringUnits of each node, empty where there is none."""
     asked = []
@@ -138,7 +129,7 @@ async def _units(client: Client, nodes: Sequence[ua.NodeId]) -> list[str]:
             found = [r.NodeId for r in result.References or () if r.BrowseName.Name == _UNITS]
             units.append(found[0] if found else None)
     known = [unit for unit in units if unit is not None]
-    values = iter(await _read(client, known, ua.AttributeIds.Value) if known else [])
+    values = iter(await attributes_of(client, known, ua.AttributeIds.Value) if known else [])
     return [_unit_text(next(values)) if unit is not None else "" for unit in units]
 
 

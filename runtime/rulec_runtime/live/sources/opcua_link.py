@@ -12,11 +12,22 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import NoticeKind
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.abandon import bounded
 from rulec_runtime.live.sources.assembler import Assembler
 from rulec_runtime.live.sources.handover import Handover, now
 from rulec_runtime.live.sources.map import Server, SourceMap
-from rulec_runtime.live.sources.opcua_message import Message, node_of
+from rulec_runtime.live.sources.opcua_check import gone_of, scales_of
+from rulec_runtime.live.sources.opcua_nodes import namespaces_of, node_of, nodes_of
+from rulec_runtime.live.sources.opcua_session import (
+    Message,
+    bounded,
+    connected,
+    discard,
+    is_gone,
+    monitored,
+    number,
+    seconds,
+    subscribed,
+)
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.unread import usable
@@ -82,8 +93,6 @@ class Link:
 
     async def _session(self) -> None:
         """One connection; ends with an error. The client is closed or abandoned in any case."""
-        from rulec_runtime.live.sources.opcua_session import connected, discard, subscribed
-
         client = await connected(self._server)
         try:
             self._scales, self._lacking = {}, set(range(len(self._channels)))
@@ -107,10 +116,6 @@ class Link:
         Raises `SourceRefused` for others in the first answer; later their signals have no reading.
         Not every server says that a node is gone, so those that were there are asked for.
         """
-        from rulec_runtime.live.sources.opcua_check import gone_of, scales_of
-        from rulec_runtime.live.sources.opcua_nodes import namespaces_of, nodes_of
-        from rulec_runtime.live.sources.opcua_session import monitored
-
         uris = await namespaces_of(client)
         every = nodes_of(self._channels, uris, self.namespaces)
         self._lacking |= await gone_of(client, every)
@@ -176,8 +181,6 @@ class Link:
 
     def _values(self, message: Message) -> tuple[Mapping[str, tuple[float, str]], list[float]]:
         """Readings in SI that changed, or why there are none; and their stamps."""
-        from rulec_runtime.live.sources.opcua_session import is_gone, number, seconds
-
         values, stamps = {}, []
         for index, value in message.values:
             if index not in self._scales:

@@ -6,9 +6,30 @@ from collections.abc import Mapping, Sequence
 
 from asyncua import Client, ua
 
+from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel
-from rulec_runtime.live.sources.opcua_message import node_of
 from rulec_runtime.output.terminal import one_line
+
+
+def node_of(channel: Channel) -> ua.NodeId:
+    """The node id of a channel. Raises `SourceRefused`."""
+    try:
+        return ua.NodeId.from_string(channel.address)
+    except (ua.UaError, ValueError, TypeError):
+        raise channel.refused(
+            "this is no node id; write one such as ns=2;s=A.dp or ns=2;i=1001"
+        ) from None
+
+
+async def attributes_of(
+    client: Client, nodes: Sequence[ua.NodeId], attribute: ua.AttributeIds
+) -> list[ua.DataValue]:
+    """An attribute of each node, in requests that small controllers allow."""
+    found: list[ua.DataValue] = []
+    for i in range(0, len(nodes), limits.NODES_PER_CALL):
+        part = list(nodes[i : i + limits.NODES_PER_CALL])
+        found += await client.uaclient.read_attributes(part, attribute)
+    return found
 
 
 async def namespaces_of(client: Client) -> list[str]:

@@ -6,13 +6,11 @@ import asyncio
 import logging
 from collections.abc import Sequence
 
-from asyncua import Client, ua
+from asyncua import ua
 
-from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.abandon import bounded
 from rulec_runtime.live.sources.map import Server
-from rulec_runtime.live.sources.opcua_nodes import namespaces_of, numbered
-from rulec_runtime.live.sources.opcua_session import connected, discard
+from rulec_runtime.live.sources.opcua_nodes import attributes_of, namespaces_of, numbered
+from rulec_runtime.live.sources.opcua_session import bounded, connected, discard
 
 
 def read_once(server: Server, ids: Sequence[str], seconds: float) -> list[str]:
@@ -34,7 +32,7 @@ async def _read(server: Server, ids: Sequence[str]) -> list[str]:
         uris = await namespaces_of(client)
         nodes = [_node(text, uris) for text in ids]
         asked = [node for node in nodes if node is not None]
-        values = iter(await _values(client, asked))
+        values = iter(await attributes_of(client, asked, ua.AttributeIds.Value))
         return [_text(next(values)) if node is not None else "" for node in nodes]
     finally:
         await discard(client)
@@ -45,14 +43,6 @@ def _node(text: str, uris: Sequence[str]) -> ua.NodeId | None:
         return numbered(ua.NodeId.from_string(text), uris)
     except (ua.UaError, ValueError, TypeError):
         return None
-
-
-async def _values(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
-    found: list[ua.DataValue] = []
-    for i in range(0, len(nodes), limits.NODES_PER_CALL):
-        part = list(nodes[i : i + limits.NODES_PER_CALL])
-        found += await client.uaclient.read_attributes(part, ua.AttributeIds.Value)
-    return found
 
 
 def _text(value: ua.DataValue) -> str:

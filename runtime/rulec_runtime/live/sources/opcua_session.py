@@ -2,24 +2,44 @@
 
 Services used: those that open and close a session, Read, Browse, CreateSubscription,
 CreateMonitoredItems, Publish. Nothing writes or calls.
+
+A client of asyncua may hang for ever under packet loss, even when it is cancelled (its issues 70,
+1072, 1660). So nothing here waits for what was cancelled.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
 
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.abandon import abandon, bounded
 from rulec_runtime.live.sources.map import Channel, Server
-from rulec_runtime.live.sources.opcua_message import Message
 from rulec_runtime.live.sources.refused import SourceRefused
+
+T = TypeVar("T")
+
+_ABANDONED: set[asyncio.Task[Any]] = set()
+"""Tasks that were given up; a task that nobody holds may vanish while it runs."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """What a server published.
+
+    `time` is when, s since 1970, None where it says none; `values` are those that changed, each
+    with the index of its channel; `over` says why there will be no more.
+    """
+
+    time: float | None
+    values: Sequence[tuple[int, ua.DataValue]]
+    over: str
 
 
 async def connected(server: Server) -> Client:
@@ -192,3 +212,32 @@ async def discard(client: Client) -> None:
     transport = getattr(client.uaclient.protocol, "transport", None)
     if transport is not None:
         transport.abort()
+
+
+async def bounded(work: Coroutine[Any, Any, T], seconds: float) -> T:
+    """The result of work. Raises TimeoutError, and ConnectionError where it cancelled itself."""
+    task = asyncio.ensure_future(work)
+    try:
+        await asyncio.wait({task}, timeout=seconds)
+    finally:
+        if not task.done():
+            abandon(task)
+    if not task.done():
+        raise TimeoutError(f"no answer within {seconds:g} s")
+    if task.cancelled():
+        raise ConnectionError("the connection was closed")
+    return task.result()
+
+
+def abandon(task: asyncio.Task[Any]) -> None:
+    """Cancel a task and wait for nothing."""
+    _ABANDONED.add(task)
+    task.add_done_callback(_ended)
+    task._log_destroy_pending = False  # type: ignore[attr-defined] # it may hang to the very end
+    task.cancel()
+
+
+def _ended(task: asyncio.Task[Any]) -> None:
+    _ABANDONED.discard(task)
+    if not task.cancelled():
+        task.exception()  # nobody else asks; else the loop would report it
