@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rulec_runtime.fleet.plant_day import fetched
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Task, fetched
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
 

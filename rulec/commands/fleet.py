@@ -18,19 +18,17 @@ from rulec_runtime.commands.destinations import (
     progress_of,
     write_json,
 )
-from rulec_runtime.fleet.plant_day import Row
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Row, Task
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
 from rulec.api.given import ruleset_of
 from rulec.engines.engine import chosen
-from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.fleet_file import Fleet, read_fleet
 from rulec.fleet.judged import judged
 from rulec.fleet.page import fleet_page
 from rulec.fleet.places import tasks_of
-from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, ranked, verdict
 from rulec.fleet.store import Store, tables
 from rulec.fleet.trends import Trend, trends_of

@@ -11,7 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.commands.destinations import console, note_aside, progress_of, write_json
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Task
 from rulec_runtime.output.plural import plural
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import styled
@@ -20,8 +20,8 @@ from rulec.api.plant_day import ask_day
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import run as run_on
 from rulec.fleet.answers import UNTOLD, Answer, Answers, differing, told
+from rulec.fleet.fleet_file import Fleet
 from rulec.fleet.places import tasks_of
-from rulec.fleet.plan import Fleet
 from rulec.limits import WORKER_DEATHS
 
 ASKING = "asking plant-days"

@@ -6,18 +6,18 @@ for what `rulec.fleet.store` keeps.
 
 from __future__ import annotations
 
-import io
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Task
 from rulec_runtime.output.plural import plural
-from rulec_runtime.output.write_file import write_data, write_text
+from rulec_runtime.output.write_file import write_data
+
+from rulec.fleet.store import PlantDays, parquet_of
 
 ANSWERS, TABLE = "mismatch-answers", "mismatch"
 
@@ -92,24 +92,15 @@ def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
     )
 
 
-class Answers:
+class Answers(PlantDays):
     """Answers in a folder."""
 
     def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
-        self.folder, self._plant, self._day = folder, plant_key, day_key
-
-    def is_done(self, task: Task) -> bool:
-        """Whether this very work was done."""
-        return self.file(task).is_file()
+        super().__init__(folder, plant_key, day_key, ANSWERS, ".json")
 
     def keep(self, task: Task, form: Mapping[str, Any]) -> None:
-        """Write an answer, in the place of the one before."""
-        file = self.file(task)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_text(file, json.dumps(form, indent=1, ensure_ascii=False) + "\n")
-        for other in file.parent.glob("*.json"):
-            if other != file:
-                other.unlink()
+        """Write an answer."""
+        self.put(task, (json.dumps(form, indent=1, ensure_ascii=False) + "\n").encode())
 
     def rows(self, tasks: Iterable[Task]) -> list[Answer]:
         """Rows of plant-days that are done."""
@@ -119,25 +110,15 @@ class Answers:
     def write_table(self, rows: Sequence[Answer]) -> Path:
         """All rows as one Parquet file."""
         import pyarrow
-        import pyarrow.parquet
 
-        buffer = io.BytesIO()
         numbers = ("probability", "shipped", "recalibrated", "repaired", "noise")
         schema = pyarrow.schema(
             (name, pyarrow.float64() if name in numbers else pyarrow.string())
             for name in Answer.__dataclass_fields__
         )
-        table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
-        pyarrow.parquet.write_table(table, buffer)
         file = self.folder / f"{TABLE}.parquet"
-        write_data(file, buffer.getvalue())
+        write_data(file, parquet_of(map(asdict, rows), schema))
         return file
-
-    def file(self, task: Task) -> Path:
-        """Where the answer of a plant-day stands."""
-        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
-        folder = self.folder / ANSWERS / f"{self._day}={day}" / f"{self._plant}={plant}"
-        return folder / f"{task.key}.json"
 
 
 def differing(rows: Iterable[Answer]) -> list[Answer]:

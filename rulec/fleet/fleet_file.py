@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
-from rulec_runtime.fleet.task import hash_of
+from rulec_runtime.fleet.plant_day import hash_of
 from rulec_runtime.output.open_file import check_address, is_below, is_near
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 
-from rulec.fleet.plan import Fleet
 from rulec.knowledge.layers import PLANT, leads_out
 from rulec.knowledge.read import read_alone
 from rulec.knowledge.unit_lists import table_of
@@ -26,6 +25,41 @@ from rulec.language.reader import Reader
 RulesetOf = Callable[[Path], Ruleset]
 
 TIME, LOCAL = "time", "file://"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """What a fleet file says.
+
+    Attributes
+    ----------
+    recordings : folder, or address of one elsewhere, as ``s3://bucket/recordings``.
+    plant_key, day_key : names of the partitions, as in ``plant=P1/day=2026-01-01/``.
+    results : folder of results.
+    rulesets : text of each ruleset by its hash.
+    judged_by : folder of the plant, or its ruleset file, that each ruleset is of, by its hash.
+    titles : whether the fleet names columns.
+    plants : hash of the ruleset of each plant; of one that is not named, `default` counts.
+    only_named : whether plants that are not named are left out.
+    first, last : days, ISO 8601; empty where there is no end.
+    trace : whether every sample is judged.
+    """
+
+    name: str
+    title: str
+    recordings: str
+    plant_key: str
+    day_key: str
+    results: Path
+    rulesets: Mapping[str, str]
+    judged_by: Mapping[str, str]
+    titles: bool
+    plants: Mapping[str, str]
+    default: str
+    only_named: bool
+    first: str
+    last: str
+    trace: bool
 
 
 def read_fleet(path: Path, ruleset_of: RulesetOf, results: Path | None = None) -> Fleet:

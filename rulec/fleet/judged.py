@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from rulec_runtime.fleet.plant_day import Row, blank, judge_day
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Row, Task, blank, judge_day
 
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import run

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rulec_runtime.report.document import Head, document, section
 from rulec_runtime.report.text import percent, safe
 
-from rulec.fleet.plan import Fleet
+from rulec.fleet.fleet_file import Fleet
 from rulec.fleet.ranking import NOT_JUDGED, Ranked, verdict
 from rulec.fleet.trends import Trend
 

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Task
 from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal, to_install
 from rulec_runtime.recordings.formats import is_called_recording
 
-from rulec.fleet.plan import Fleet
+from rulec.fleet.fleet_file import Fleet
 
 Found = tuple[str, str]
 """Address of a file, and its mark: size and time of change."""

@@ -7,24 +7,50 @@ same work is not done twice, and other work (a new ruleset, a changed recording)
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from rulec_runtime.fleet.plant_day import POINTS, Row
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import POINTS, Row, Task
 from rulec_runtime.output.refusal import Refusal, to_install
 from rulec_runtime.output.write_file import write_data
 
 DONE, HEALTH, FINDINGS, TRACE = "plant-days", "health", "findings", "trace"
 
 
-class Store:
+class PlantDays:
+    """Files of plant-days below `room` of a folder, with names that end in `suffix`."""
+
+    def __init__(self, folder: Path, plant_key: str, day_key: str, room: str, suffix: str) -> None:
+        self.folder, self._plant, self._day = folder, plant_key, day_key
+        self._room, self._suffix = room, suffix
+
+    def is_done(self, task: Task) -> bool:
+        """Whether this very work was done."""
+        return self.file(task).is_file()
+
+    def file(self, task: Task) -> Path:
+        """Where the result of a plant-day stands."""
+        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
+        folder = self.folder / self._room / f"{self._day}={day}" / f"{self._plant}={plant}"
+        return folder / f"{task.key}{self._suffix}"
+
+    def put(self, task: Task, data: bytes) -> None:
+        """Write the result of a plant-day, in the place of the one before."""
+        file = self.file(task)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_data(file, data)
+        for other in file.parent.glob(f"*{self._suffix}"):
+            if other != file:
+                other.unlink()
+
+
+class Store(PlantDays):
     """Results in a folder."""
 
     def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
-        self.folder, self._plant, self._day = folder, plant_key, day_key
+        super().__init__(folder, plant_key, day_key, DONE, ".parquet")
         try:
             import pyarrow
             import pyarrow.parquet
@@ -57,14 +83,8 @@ class Store:
             ("notes", pyarrow.list_(text)),
         ]  # fmt: skip
 
-    def is_done(self, task: Task) -> bool:
-        """Whether this very work was done."""
-        return self._file(task).is_file()
-
     def keep(self, task: Task, row: Row) -> None:
         """Write what is told of a plant-day, in the place of what was told before."""
-        file = self._file(task)
-        file.parent.mkdir(parents=True, exist_ok=True)
         pyarrow = self._arrow
         fields = [
             *self._health,
@@ -72,15 +92,12 @@ class Store:
             (TRACE, pyarrow.list_(self._run)),
             (POINTS, pyarrow.list_(self._point)),
         ]
-        self._write(file, [row], pyarrow.schema(fields))
-        for other in file.parent.glob("*.parquet"):
-            if other != file:
-                other.unlink()
+        self.put(task, parquet_of([row], pyarrow.schema(fields)))
 
     def rows(self, tasks: Iterable[Task]) -> list[Row]:
         """What is told of plant-days that are done."""
         read = self._arrow.parquet.ParquetFile
-        return [row for task in tasks for row in read(self._file(task)).read().to_pylist()]
+        return [row for task in tasks for row in read(self.file(task)).read().to_pylist()]
 
     def write_tables(self, day: str, rows: Sequence[Row]) -> None:
         """Flat tables of a day: health, findings and trace."""
@@ -96,19 +113,17 @@ class Store:
         file.parent.mkdir(parents=True, exist_ok=True)
         # The day stands in the name of the folder.
         names = [n for n in schema.names if n != "day"]
-        self._write(file, rows, self._arrow.schema([schema.field(n) for n in names]))
+        write_data(file, parquet_of(rows, self._arrow.schema([schema.field(n) for n in names])))
 
-    def _write(self, file: Path, rows: Sequence[Row], schema: Any) -> None:
-        kept = [{name: row[name] for name in schema.names} for row in rows]
-        buffer = io.BytesIO()
-        table = self._arrow.Table.from_pylist(kept, schema=schema)
-        self._arrow.parquet.write_table(table, buffer)
-        write_data(file, buffer.getvalue())
 
-    def _file(self, task: Task) -> Path:
-        day, plant = (quote(part, safe="") for part in (task.day, task.plant))
-        folder = self.folder / DONE / f"{self._day}={day}" / f"{self._plant}={plant}"
-        return folder / f"{task.key}.parquet"
+def parquet_of(rows: Iterable[Mapping[str, Any]], schema: Any) -> bytes:
+    """A table as a Parquet file."""
+    import pyarrow.parquet
+
+    kept = [{name: row[name] for name in schema.names} for row in rows]
+    buffer = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(kept, schema=schema), buffer)
+    return buffer.getvalue()
 
 
 def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) -> list[Row]:

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.fleet.plant_day import judge_day
-from rulec_runtime.fleet.task import Task, hash_of
+from rulec_runtime.fleet.plant_day import Task, hash_of, judge_day
 
 from rulec.effects.match_effects import match_effects
 from rulec.passes.pipeline import compile_plant, run_passes

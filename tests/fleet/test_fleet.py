@@ -13,18 +13,16 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
-from rulec_runtime.fleet.plant_day import Row, judge_day
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
 from rulec.api.given import ruleset_of
 from rulec.cli import main
 from rulec.commands import fleet as command
 from rulec.engines.call import DASK, Engine
 from rulec.fleet import judged as fleet_judged
-from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.fleet_file import Fleet, read_fleet
 from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
-from rulec.fleet.plan import Fleet
 from rulec.fleet.ranking import ranked, verdict
 from rulec.language.diagnostics import Refused
 from rulec.limits import WORKER_DEATHS

@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Task
 
 from rulec.api.given import ruleset_of
 from rulec.api.plant_day import _recording, ask_day

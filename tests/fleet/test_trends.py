@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rulec_runtime.fleet.plant_day import Row, judge_day
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Row, Task, judge_day
 
 from rulec.fleet.trends import Trend, trends_of
 from rulec.prove.truth import healthy_run, record

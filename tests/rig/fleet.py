@@ -21,15 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rulec_runtime.fleet.plant_day import Row
-from rulec_runtime.fleet.task import Task
+from rulec_runtime.fleet.plant_day import Row, Task
 
 from rulec.api.given import ruleset_of
 from rulec.engines.call import DASK, Engine
-from rulec.fleet.fleet_file import read_fleet
+from rulec.fleet.fleet_file import Fleet, read_fleet
 from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
-from rulec.fleet.plan import Fleet
 from rulec.fleet.store import DONE, Store, tables
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
@@ -18,7 +20,6 @@ from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.blind import coverage_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
-from rulec_runtime.fleet.task import Task
 from rulec_runtime.output.open_file import check_address
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
@@ -27,6 +28,9 @@ from rulec_runtime.recordings.recording import Recording, recording_of
 from rulec_runtime.recordings.recording_file import read_file
 from rulec_runtime.report.blindness import blindness
 from rulec_runtime.report.json_form import diagnosis_form
+
+FORM = 3
+"""Version of what is told of a plant-day; another one makes all of them be judged again."""
 
 UNREAD = "unread"
 """Status of a plant-day of which nothing could be read."""
@@ -40,6 +44,37 @@ POINTS = "points"
 1970, readings in SI."""
 
 Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A plant-day.
+
+    Attributes
+    ----------
+    files : addresses of its recordings, in order of their names.
+    marks : of each file size and time of change, by which it is known whether it is the same.
+    ruleset : hash of the ruleset's text.
+    trace : whether every sample is judged as well.
+    """
+
+    plant: str
+    day: str
+    files: tuple[str, ...]
+    marks: tuple[str, ...]
+    ruleset: str
+    trace: bool
+
+    @property
+    def key(self) -> str:
+        """The same where the same work gives the same result."""
+        text = json.dumps([FORM, asdict(self)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def hash_of(ruleset: str) -> str:
+    """By which the text of a ruleset is known."""
+    return hashlib.sha256(ruleset.encode()).hexdigest()[:16]
 
 
 def judge_day(task: Task, ruleset: str) -> Row:
