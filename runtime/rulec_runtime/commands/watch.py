@@ -17,9 +17,8 @@ from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, concluded, nothing_yet
+from rulec_runtime.live.follower import Memory, concluded, nothing_yet, warm_up
 from rulec_runtime.live.look_process import LookProcess
-from rulec_runtime.live.warm_up import warm_up
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:

@@ -8,8 +8,7 @@ from pathlib import Path
 from rulec_runtime.commands.waiting import closed, waiting_in
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.journal.files import Files
-from rulec_runtime.live.journal.lines import LinesFile
+from rulec_runtime.live.journal.lines import Files, LinesFile
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.sinks import KeptSink, WatchSink

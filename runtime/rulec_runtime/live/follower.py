@@ -16,6 +16,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
@@ -33,6 +36,7 @@ from rulec_runtime.live.whole import looked
 from rulec_runtime.recordings.mending import mended
 
 __all__ = ["Memory", "Told", "concluded", "diagnosis_of", "follow", "looked_beside", "nothing_yet"]
+__all__ += ["warm_up"]
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,16 @@ def follow(
         told = _judged(ruleset, memory, new, looks)
         memory = told.memory
         yield told
+
+
+def warm_up(ruleset: Ruleset) -> None:
+    """Before the first row: a look at readings as they should be lays out all plans."""
+    rows = common.SHORTEST_STRETCH
+    values = {
+        name: np.full(rows, ruleset.signal_by_id[name].reference) for name in ruleset.observed
+    }
+    for _ in follow(ruleset, nothing_yet(ruleset, False), Rows(np.arange(float(rows)), values)):
+        pass
 
 
 def looked_beside(ruleset: Ruleset, memory: Memory, looks: Looks | None) -> Told | None:

@@ -28,14 +28,13 @@ class Judged:
 
     Attributes
     ----------
-    whole, own : operating points of all that is remembered, and those of the latest rows.
+    whole : operating points of all that is remembered.
     stretches : the stretches of the latest rows; `noise` of readings within them, SI.
     health : the sensors.
     seen, found : what each part of the plant says of the points, and what of the plant.
     """
 
     whole: History
-    own: History
     stretches: Stretches
     noise: Mapping[str, float]
     health: Health
@@ -66,7 +65,6 @@ def look(
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
     return diagnosis, Judged(
         whole=whole,
-        own=own,
         stretches=stretches,
         noise=noise,
         health=health,

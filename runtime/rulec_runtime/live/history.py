@@ -6,11 +6,10 @@ remains what a diagnosis takes from it, so the same passes judge it as if its ro
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
 from rulec_runtime.diagnosis.steady.parts import Part
@@ -58,17 +57,12 @@ def joined(before: History, recording: Recording, behind: History) -> History:
     points = replace(
         both,
         why={**old.why, **{n: w for n, w in new.why.items() if w}},
-        time=np.concatenate([times(old), times(new)]),
         lag={n: part for n, part in both.lag.items() if part.any()},
     )
-    first, second = before.timeline, behind.timeline
-    timeline = Timeline(
-        since=np.concatenate([first.since, second.since]),
-        until=np.concatenate([first.until, second.until]),
-        samples=np.concatenate([first.samples, second.samples]),
-        later=np.concatenate([first.later + len(recording), second.later]),
-        paused=np.concatenate([first.paused, second.paused]),
-    )
+    first = replace(before.timeline, later=before.timeline.later + len(recording))
+    second = behind.timeline
+    pairs = zip(_columns(first), _columns(second), strict=True)
+    timeline = Timeline(*(np.concatenate(pair) for pair in pairs))
     if len(second):
         pause = second.since[0] - first.until[-1]
         timeline.paused[len(first)] = pause > long_pause(recording.time)
@@ -88,15 +82,14 @@ def some(history: History, chosen: np.ndarray) -> History:
     group = np.cumsum(np.concatenate([[0], chosen[:-1].astype(int)]))
     paused = np.zeros(group[-1] + 1, dtype=bool)
     np.logical_or.at(paused, group, before.paused)
-    timeline = Timeline(
-        since=before.since[chosen],
-        until=before.until[chosen],
-        samples=before.samples[chosen],
-        later=before.later[chosen],
-        paused=paused[: int(chosen.sum())],
-    )
+    timeline = Timeline(*(column[chosen] for column in _columns(before)))
+    timeline = replace(timeline, paused=paused[: len(timeline)])
     halves = Halves(history.halves.apart[:, chosen], history.halves.excess[chosen])
     return History(history.points.at(chosen), halves, timeline)
+
+
+def _columns(timeline: Timeline) -> list[np.ndarray]:
+    return [getattr(timeline, field.name) for field in fields(timeline)]
 
 
 def only(history: History, part: Part, chosen: np.ndarray, behind: int) -> History:
@@ -108,9 +101,3 @@ def only(history: History, part: Part, chosen: np.ndarray, behind: int) -> Histo
         Halves(kept.halves.apart[part.observers], kept.halves.excess),
         replace(kept.timeline, later=kept.timeline.later - behind),
     )
-
-
-def times(points: Points) -> Array:
-    """When points were, s."""
-    assert points.time is not None
-    return points.time

@@ -1,4 +1,4 @@
-"""All that an operator may look at at one moment."""
+"""All that an operator may look at at one moment, and how old it is."""
 
 from __future__ import annotations
 
@@ -38,3 +38,20 @@ class Now:
     past: tuple[Event, ...]
     acknowledged: frozenset[str]
     diagnosis: Diagnosis | None
+
+
+class Arrival:
+    """When the count of rows last rose, by the clock of whoever looks: those of plants go wrong."""
+
+    def __init__(self) -> None:
+        self._rows = 0
+        self._since: float | None = None
+
+    def saw(self, rows: int, time: float) -> None:
+        """So many rows had come at a time, s, of a clock that only runs forward."""
+        if rows != self._rows:
+            self._rows, self._since = rows, time
+
+    def age(self, time: float) -> float | None:
+        """How long ago the last row came, s; None before any."""
+        return None if self._since is None else max(time - self._since, 0.0)

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from rulec_runtime.live.journal.lines import LinesFile, LinesOut
+from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 
 from tests.hostile.texts import STEERING
@@ -96,11 +96,3 @@ def test_disk_full(small_disk: Path) -> None:
         sink.commit("abc", [event(number + 1)], None, dated=True)
     assert events_in(file) == [event(n + 1) for n in range(number)]
     sink.close()
-
-
-def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
-    sink = LinesOut()
-    for _ in range(2):
-        sink.commit("abc", story(), None, dated=True)
-    lines = capsys.readouterr().out.splitlines()
-    assert [event_in(json.loads(line)) for line in lines] == story()

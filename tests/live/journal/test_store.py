@@ -68,7 +68,6 @@ def test_filters(journal: Journal) -> None:
     journal.commit("abc", story(), None)
     assert numbers(journal, kind=("sensor",)) == [2, 4]
     assert numbers(journal, status=("S", "F")) == [1, 3]
-    assert numbers(journal, subject="B.p") == [2, 4]
     assert numbers(journal, active=True) == [3]
     assert numbers(journal, since=1.7e9 + 2, until=1.7e9 + 3) == [2, 3]
     assert numbers(journal, limit=2) == [3, 4]

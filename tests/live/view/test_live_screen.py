@@ -11,9 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.now import Arrival, Now
 from rulec_runtime.live.view import live_screen
-from rulec_runtime.live.view.arrival import Arrival
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.live_screen import LiveScreen
 from rulec_runtime.output.terminal import Terminal

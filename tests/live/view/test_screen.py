@@ -10,8 +10,7 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.view.screen import screen
-from rulec_runtime.live.view.view_state import Look, View, after
+from rulec_runtime.live.view.screen import Look, View, after, screen
 from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.report.wording import STATUS

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import dataclass
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
@@ -22,10 +23,20 @@ UTC = Calendar(0.0, ((-math.inf, 0.0),))
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
 """Characters that no database of text keeps: null, and halves of pairs."""
 
-_TEXTS = ("what", "episode", "kind", "subject", "module", "status", "unit", "text", "action")
-_TIMES = ("time", "since", "until")
-_NUMBERS = (*_TIMES, "degree", "lower", "upper", "probability")
-FIELDS = ("number", *_NUMBERS, *_TEXTS, "told", "active", "alternatives", "iso")
+_TEXTS = ("kind", "subject", "module", "status", "unit", "action")
+_NUMBERS = ("since", "until", "degree", "lower", "upper", "probability")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An event of a plant; `iso` is its time in UTC, None where times have no date. Who has taken
+    note of its episode, and when, s since 1970; None if nobody has."""
+
+    plant: str
+    event: Event
+    iso: str | None
+    by: str | None
+    at: float | None
 
 
 def record_of(event: Event, dated: bool) -> Record:
@@ -34,58 +45,49 @@ def record_of(event: Event, dated: bool) -> Record:
     `text` says what is new, `told` what the episode is. A number that is not finite is None.
     """
     episode = event.episode
-    record: Record = {
+    if not math.isfinite(event.time):
+        raise JournalRefused(f"event {event.number} has no time")
+    return {
         "number": event.number,
         "iso": iso(event.time) if dated else None,
-        "what": event.what,
-        "episode": episode.id,
+        "time": float(event.time),
+        "what": keepable(event.what),
+        "text": keepable(event.text),
+        "episode": keepable(episode.id),
+        "told": keepable(episode.text),
         "active": episode.active,
         "alternatives": [[keepable(name), _finite(share)] for name, share in episode.alternatives],
-        "time": _finite(event.time),
-        "text": keepable(event.text),
-        "told": keepable(episode.text),
+        **{name: keepable(getattr(episode, name)) for name in _TEXTS},
+        **{name: _finite(getattr(episode, name)) for name in _NUMBERS},
     }
-    for name in _TEXTS + _NUMBERS:
-        if name not in record:
-            value = getattr(episode, name)
-            record[name] = keepable(value) if name in _TEXTS else _finite(value)
-    record["episode"] = keepable(episode.id)
-    if record["time"] is None:
-        raise JournalRefused(f"event {event.number} has no time")
-    return record
 
 
 def event_of(record: Record) -> Event:
     """The event of a record; raises `JournalRefused` if it is none."""
     try:
-        numbers = {n: _number(record[n]) for n in _NUMBERS}
-        texts = {n: _text(record[n]) for n in (*_TEXTS, "told")}
         number, active = record["number"], record["active"]
         if type(number) is not int or type(active) is not bool:
             raise TypeError
         fields: dict[str, Any] = {
-            "id": texts["episode"],
-            "active": active,
-            "text": texts["told"],
-            "alternatives": tuple((_text(n), _number(p)) for n, p in record["alternatives"]),
-            **{n: texts[n] for n in ("kind", "subject", "module", "status", "unit", "action")},
-            **{n: x for n, x in numbers.items() if n != "time"},
+            **{name: _text(record[name]) for name in _TEXTS},
+            **{name: _number(record[name]) for name in _NUMBERS},
         }
-        episode = Episode(**fields)
+        episode = Episode(
+            id=_text(record["episode"]),
+            text=_text(record["told"]),
+            active=active,
+            alternatives=tuple((_text(n), _number(p)) for n, p in record["alternatives"]),
+            **fields,
+        )
         return Event(
             number=number,
-            time=numbers["time"],
-            what=texts["what"],  # type: ignore[arg-type]
-            text=texts["text"],
+            time=_number(record["time"]),
+            what=_text(record["what"]),  # type: ignore[arg-type]
+            text=_text(record["text"]),
             episode=episode,
         )
     except (KeyError, TypeError, ValueError):
         raise JournalRefused("this is no event") from None
-
-
-def same(a: Record, b: Record) -> bool:
-    """Do two records say the same?"""
-    return all(a.get(name) == b.get(name) for name in FIELDS)
 
 
 def other_content(place: str, plant: str, number: int, kept: Record, new: Record) -> JournalRefused:

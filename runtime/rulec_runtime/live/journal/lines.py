@@ -1,9 +1,7 @@
-"""Events as lines of JSON, in a file or on standard output."""
+"""Events as lines of JSON in a file, and the state of a watch in another, without a database."""
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from rulec_runtime.live.journal.form import Record, event_from, form_for, json_l
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.append_file import Appended
 from rulec_runtime.output.json_file import Damaged, parse_json
-from rulec_runtime.output.terminal import write_machine_text
+from rulec_runtime.output.write_file import write_data
 
 _BEGINS = b'{"plant": "'
 """How each line of ours begins, also one that was not finished."""
@@ -117,28 +115,27 @@ class LinesFile:
             yield plant, record
 
 
-class LinesOut:
-    """A line per event on standard output, for another program."""
+class Files:
+    """Lines of events, then the file of the state behind them; at least one of the two.
 
-    place = "standard output"
+    A sink of an outbox: each is on the disk when `commit` returns. After a kill between the two
+    the next watch catches up with the events.
+    """
 
-    def __init__(self) -> None:
-        self._last: dict[str, int] = {}
+    def __init__(self, lines: LinesFile | None, state: Path | None) -> None:
+        self.lines, self.state = lines, state
+        self.place = str(state) if lines is None else lines.place
+        """What it is, for people."""
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
-        """Write events whose numbers were not written yet. Raises `JournalRefused` when nobody
-        reads them any more."""
-        last = self._last.get(plant, 0)
-        new = {event.number: event for event in events if event.number > last}
-        try:
-            for number in sorted(new):
-                write_machine_text(json_line(form_for(new[number], plant, dated)))
-                sys.stdout.flush()
-                self._last[plant] = number
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise JournalRefused("nobody reads standard output any more") from None
-        except OSError as error:
-            raise JournalTrouble(f"standard output: {error.strerror or error}") from None
+        """Add what is not there yet. Raises `JournalTrouble` where the disk is full,
+        `JournalRefused` for another event of a number that is taken."""
+        if self.lines is not None:
+            self.lines.commit(plant, events, None, dated=dated)
+        if self.state is not None and state is not None:
+            try:
+                write_data(self.state, state)
+            except OSError as error:
+                raise JournalTrouble(f"{self.state}: {error.strerror or error}") from None

@@ -15,15 +15,14 @@ import sqlalchemy as sa
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.database import READING, engine_of, prepared, told
-from rulec_runtime.live.journal.entry import Entry
 from rulec_runtime.live.journal.form import (
+    Entry,
     Record,
     event_of,
     keepable,
     name_of,
     other_content,
     record_of,
-    same,
 )
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.tables import ACKNOWLEDGED, EVENTS, STATES, checked
@@ -129,15 +128,16 @@ class Journal:
         new: dict[int, Record] = {}
         for record in records:
             before = new.setdefault(record["number"], record)
-            if not same(before, record):
+            if before != record:
                 raise other_content(self.place, plant, record["number"], before, record)
         if not new:
             return
         between = EVENTS.c.number.between(min(new), max(new))
         for row in connection.execute(sa.select(EVENTS).where(EVENTS.c.plant == plant, between)):
             kept = dict(row._mapping)
+            del kept["plant"]
             record = new.pop(kept["number"], kept)
-            if not same(kept, record):
+            if kept != record:
                 raise other_content(self.place, plant, kept["number"], kept, record)
         if new:
             rows = [{"plant": plant, **record} for _, record in sorted(new.items())]
@@ -169,7 +169,6 @@ class Journal:
         until: float | None = None,
         kind: Sequence[str] = (),
         status: Sequence[str] = (),
-        subject: str | None = None,
         active: bool = False,
         limit: int | None = None,
     ) -> Iterator[Entry]:
@@ -187,8 +186,7 @@ class Journal:
             beyond = (later.c.plant == EVENTS.c.plant) & (later.c.episode == EVENTS.c.episode)
             newer = sa.exists().where(beyond & (later.c.number > EVENTS.c.number))
             query = query.where(EVENTS.c.active, ~newer)
-        for column, value in (("plant", plant), ("subject", subject)):
-            query = query if value is None else query.where(EVENTS.c[column] == value)
+        query = query if plant is None else query.where(EVENTS.c.plant == plant)
         for column, values in (("kind", kind), ("status", status)):
             query = query.where(EVENTS.c[column].in_(values)) if values else query
         query = query if since is None else query.where(EVENTS.c.time >= since)

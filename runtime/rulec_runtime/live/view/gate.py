@@ -29,13 +29,12 @@ class PageRefused(Refusal):
 
 @dataclass(frozen=True)
 class Gate:
-    """`host` is where the page listens, `names` are further ones that it is known by; `seal` stands
-    in forms, so that only a page of this process can send one."""
+    """`host` is where the page listens; `seal` stands in forms, so that only a page of this process
+    can send one."""
 
     host: str
     port: int
     token: str | None
-    names: tuple[str, ...] = ()
     seal: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
     def __post_init__(self) -> None:
@@ -72,7 +71,7 @@ class Gate:
         try:
             ipaddress.ip_address(name)
         except ValueError:
-            own = {"localhost", self.host, *self.names}
+            own = {"localhost", self.host}
             if not is_loopback(self.host):
                 own |= {socket.gethostname(), socket.getfqdn()}
             return name != "" and name in {known.lower() for known in own}

@@ -5,22 +5,21 @@ from __future__ import annotations
 import contextlib
 import getpass
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Self
 
 from rich.console import Console
 from rich.live import Live
+from rich.text import Text
 
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.event_forms import line_of
+from rulec_runtime.live.now import Arrival, Now
 from rulec_runtime.live.steady import steady
-from rulec_runtime.live.view.arrival import Arrival
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
-from rulec_runtime.live.view.lines import closing_line, event_lines, last_number
-from rulec_runtime.live.view.screen import Screen, screen
-from rulec_runtime.live.view.view_state import Look, after, place_of
-from rulec_runtime.live.view.words import listed, news
-from rulec_runtime.output.terminal import terminal
+from rulec_runtime.live.view.screen import Look, Screen, after, place_of, screen
+from rulec_runtime.live.view.words import lead, link, listed, news, overall
+from rulec_runtime.output.terminal import styled, terminal
 
 
 def who() -> str:
@@ -101,7 +100,7 @@ class LiveScreen:
             return
         for line in event_lines(now, self._told):
             self._console.print(line, soft_wrap=True)
-        self._told = last_number(now, self._told)
+        self._told = max([self._told, *(event.number for event in now.past)])
 
     @property
     def failed(self) -> bool:
@@ -152,3 +151,21 @@ class LiveScreen:
         picture = self._picture()
         if picture is not None and self._live is not None:
             self._live.update(picture, refresh=True)
+
+
+def event_lines(now: Now, behind: int) -> Iterator[Text]:
+    """Events with a number beyond `behind`, oldest first."""
+    new = [event for event in reversed(now.past) if event.number > behind]
+    if new and behind and new[0].number > behind + 1:
+        yield styled(
+            "[dim]{} events in between stand in the journal[/]", new[0].number - behind - 1
+        )
+    for event in new:
+        yield line_of(event, now.calendar)
+
+
+def closing_line(now: Now) -> Text:
+    """How it stood when nobody looked any more."""
+    symbol, letter, meaning = overall(now)
+    status = " ".join(part for part in (symbol, letter, meaning) if part)
+    return styled("{}: {}; {}", status, lead(now), link(now)[1])

@@ -11,6 +11,7 @@ import json
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
 from urllib.parse import parse_qs
 
 import uvicorn
@@ -19,19 +20,54 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from rulec_runtime.live.now import Now
+from rulec_runtime.live.now import Arrival, Now
 from rulec_runtime.live.steady import steady, steady_loop
 from rulec_runtime.live.view import limits
-from rulec_runtime.live.view.board import Board
 from rulec_runtime.live.view.door import Door
 from rulec_runtime.live.view.gate import Gate
-from rulec_runtime.live.view.html import key_of, page_of
+from rulec_runtime.live.view.html import key_of, link_of, main_of, page_of, title_of
 from rulec_runtime.live.view.json_form import now_text
 from rulec_runtime.live.view.metrics import TYPE, metrics
 from rulec_runtime.live.view.visitor import Visitor
 from rulec_runtime.live.view.words import news
 
 Acknowledge = Callable[[str, str], None]
+
+
+class Board:
+    """What all pages show, made once a moment however many look at it.
+
+    `state_of` gives the present moment; it is asked from several threads, and answers at once.
+
+    `seal` stands in the forms of the page.
+    """
+
+    def __init__(self, state_of: Callable[[], Now], seal: str) -> None:
+        self._state_of = state_of
+        self._seal = seal
+        self._arrival = Arrival()
+        self._lock = threading.Lock()
+        self._made: tuple[Now, str] | None = None
+        self.closing = threading.Event()
+
+    def now(self) -> tuple[Now, float | None]:
+        """The present moment, and how long ago its last row came, s."""
+        now, clock = self._state_of(), steady()
+        with self._lock:
+            self._arrival.saw(now.rows, clock)
+            return now, self._arrival.age(clock)
+
+    def main(self, now: Now) -> str:
+        """HTML of all that changes, but for the connection."""
+        with self._lock:
+            if self._made is None or self._made[0] is not now:
+                self._made = (now, main_of(now, self._seal))
+            return self._made[1]
+
+    def watch(self) -> None:
+        """Look at the moment again and again, so that ages are right though nobody asks."""
+        while not self.closing.wait(limits.TICK):
+            self.now()
 
 
 class Page:
@@ -69,7 +105,6 @@ def serve(
     port: int,
     token: str | None,
     acknowledge: Acknowledge,
-    names: tuple[str, ...] = (),
 ) -> Page:
     """Serve the page until it is closed.
 
@@ -79,19 +114,18 @@ def serve(
     port : 0 takes any that is free; `Page.url` tells which.
     token : needed where `host` is not loopback; every request must then show it.
     acknowledge : takes the id of an episode and from where; called from a thread of the server.
-    names : further names by which browsers may know the machine, such as that of a proxy.
 
     Raises `PageRefused` where the page would be open to everybody, OSError where the port cannot
     be had.
     """
-    gate = Gate(host, port, token, names)
+    gate = Gate(host, port, token)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     bound = socket.create_server((host, port), family=family)
     with contextlib.suppress(OSError, AttributeError):
         after = int(1000 * limits.GONE)
         bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after)
     port = bound.getsockname()[1]
-    gate = Gate(host, port, token, names, gate.seal)
+    gate = replace(gate, port=port)
     board = Board(state_of, gate.seal)
     config = uvicorn.Config(
         application(board, gate, acknowledge),
@@ -195,8 +229,8 @@ class Streams:
                     main = self._board.main(now)
                     if main != sent:
                         sent = main
-                        yield _event("now", {"main": main, "title": self._board.title(now)})
-                    yield _event("beat", self._board.link(now, age))
+                        yield _event("now", {"main": main, "title": title_of(now)})
+                    yield _event("beat", link_of(now, age))
                 await asyncio.sleep(limits.REDRAWN)
         finally:
             self.count -= 1
