@@ -39,6 +39,11 @@ class Now:
     acknowledged: frozenset[str]
     diagnosis: Diagnosis | None
 
+    @property
+    def judged(self) -> bool:
+        """Was anything? Else that nothing was found says nothing."""
+        return self.diagnosis is not None and self.diagnosis.judged > 0
+
 
 class Arrival:
     """When the count of rows last rose, by the clock of whoever looks: those of plants go wrong."""

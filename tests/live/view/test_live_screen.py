@@ -76,7 +76,7 @@ def test_mistake_in_a_picture_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> 
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(live_screen, "screen", broken)
+    monkeypatch.setattr(live_screen, "Screen", broken)
     console = Terminal(file=io.StringIO(), width=80, height=24, force_terminal=True)
     live = LiveScreen(nobody, console, _none())
     with live:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.view.screen import Look, View, after, screen
+from rulec_runtime.live.view.screen import Look, Screen, View, after
 from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.report.wording import STATUS
@@ -26,7 +26,7 @@ def drawn(now: Now, look: Look | None = None, size: tuple[int, int] = (80, 24)) 
     """Lines without colour."""
     out = io.StringIO()
     console = Terminal(file=out, width=size[0], height=size[1])
-    console.print(screen(now, look or Look(), *size, age=3.2), end="")
+    console.print(Screen(now, look or Look(), *size, age=3.2), end="")
     return out.getvalue().split("\n")
 
 
@@ -117,12 +117,12 @@ def test_every_line_of_the_body_can_be_reached() -> None:
         lines = drawn(now, look)
         seen.update(lines)
         marked.append(sum(line.startswith("> ") for line in lines))
-        look = after(look, "down", now, screen(now, look, 80, 24).room(console))
+        look = after(look, "down", now, Screen(now, look, 80, 24).room(console))
     assert {*marked[: len(now.active)]} == {1}
     assert look.selected == listed(now)[-1].id
     assert any("began  B.dp is stuck" in line for line in seen)
     for _ in range(32):
-        look = after(look, "up", now, screen(now, look, 80, 24).room(console))
+        look = after(look, "up", now, Screen(now, look, 80, 24).room(console))
     assert look == Look(selected=listed(now)[0].id)
 
 
@@ -152,7 +152,7 @@ def test_no_text_steers_the_terminal(text: str) -> None:
         )
         for at in range(3):
             look = Look(selected=listed(now)[at].id, view=view)
-            console.print(screen(now, look, 80, 24), end="")
+            console.print(Screen(now, look, 80, 24), end="")
         plain = re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
         odd = {c for c in plain if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
         assert odd <= {"\n"}

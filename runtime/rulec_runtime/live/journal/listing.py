@@ -64,7 +64,6 @@ def _acknowledged(out: Console, noted: Sequence[Entry], several: bool) -> None:
 
 
 def _by(entry: Entry) -> str:
-    """Who has taken note of an episode, and when."""
     date = None if entry.at is None else iso(entry.at)
     return f"{entry.by}, {date[:19].replace('T', ' ')} UTC" if date else f"{entry.by}"
 

@@ -78,7 +78,7 @@ class MqttSink:
     def show(self, now: Now) -> None:
         status = (now.status, len(now.active), now.connected, self._broker.sessions)
         clock = steady()
-        if not _known(now) or (status == self._shown and clock < self._due):
+        if not (now.active or now.judged) or (status == self._shown and clock < self._due):
             return
         try:
             self._broker.show(now.status, len(now.active), now.time, self._dated)
@@ -99,15 +99,10 @@ class HealthSink:
 
     def show(self, now: Now) -> None:
         told = tuple((e.module, e.status, e.text) for e in now.active)
-        if not _known(now) or (told, now.connected) == self._shown:
+        if not (now.active or now.judged) or (told, now.connected) == self._shown:
             return
         try:
             self._server.show(now.active, now.connected)
         except JournalTrouble:
             return  # tried again next time
         self._shown = (told, now.connected)
-
-
-def _known(now: Now) -> bool:
-    """Can anything be said? That nothing was judged yet is not that nothing was found."""
-    return bool(now.active) or (now.diagnosis is not None and now.diagnosis.judged > 0)

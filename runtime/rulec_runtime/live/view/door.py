@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any
 from urllib.parse import parse_qs
+
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from rulec_runtime.live.view.gate import Gate
 from rulec_runtime.live.view.html import POLICY
 
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-Inner = Callable[[Message, Receive, Send], Awaitable[None]]
-Headers = list[tuple[bytes, bytes]]
-
-ALWAYS: Headers = [
+ALWAYS = [
     (b"content-security-policy", POLICY.encode()),
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"same-origin"),
@@ -30,11 +25,11 @@ ALWAYS: Headers = [
 class Door:
     """Lets requests in that the gate knows; all others get a refusal and see no path."""
 
-    def __init__(self, inner: Inner, gate: Gate) -> None:
+    def __init__(self, inner: ASGIApp, gate: Gate) -> None:
         self._inner = inner
         self._gate = gate
 
-    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Of ASGI."""
         if scope["type"] != "http":
             return
@@ -47,18 +42,18 @@ class Door:
         found = [(n.decode("latin-1"), v.decode("latin-1")) for n, v in scope["headers"]]
         if not self._gate.knows_host(v for n, v in found if n == "host"):
             text = "this page is not known by that name; use the machine's address\n"
-            await _refuse(answered, 421, text)
+            answer: ASGIApp = PlainTextResponse(text, 421)
         elif self._token_in(scope):
             cookie = f"{self._gate.cookie}={self._gate.pass_}; HttpOnly; SameSite=Lax; Path=/"
-            extra = [(b"location", b"./"), (b"set-cookie", cookie.encode())]
-            await _refuse(answered, 303, "", extra)
+            answer = Response(status_code=303, headers={"location": "./", "set-cookie": cookie})
         elif self._gate.lets_in(_bearer(found), _cookies(found, self._gate.cookie)):
-            await self._inner(scope, receive, answered)
+            answer = self._inner
         else:
             text = "a token is needed: open /?token=TOKEN, or send Authorization: Bearer TOKEN\n"
-            await _refuse(answered, 401, text, [(b"www-authenticate", b"Bearer")])
+            answer = PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
+        await answer(scope, receive, answered)
 
-    def _token_in(self, scope: Message) -> bool:
+    def _token_in(self, scope: Scope) -> bool:
         """Is the token in the address of the page? It does not stay there."""
         if scope["method"] != "GET" or scope["path"] != "/":
             return False
@@ -87,11 +82,3 @@ def _cookies(headers: list[tuple[str, str]], name: str) -> list[str]:
         if cookie is not None:
             found.append(cookie.value)
     return found
-
-
-async def _refuse(send: Send, status: int, text: str, extra: Headers | None = None) -> None:
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), *(extra or [])]
-    body = text.encode()
-    headers.append((b"content-length", str(len(body)).encode()))
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body})

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterator
 from pathlib import Path
 
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.event_forms import QUIET
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.bars import Bar, bars_of
 from rulec_runtime.live.view.limits import BAR_ENDS, LATEST_EVENTS, RETRY, SILENT, STATIC
@@ -26,6 +27,7 @@ from rulec_runtime.live.view.words import (
 from rulec_runtime.report.html_story import REMARKS, ground_of
 from rulec_runtime.report.style import STYLE
 from rulec_runtime.report.text import counted, safe
+from rulec_runtime.report.wording import STATUS
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 LOOK = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
@@ -109,8 +111,12 @@ def key_of(episode: str) -> str:
 
 
 def _badge(symbol: str, letter: str, kind: str) -> str:
-    known = letter if letter in ("F", "C", "S", "M", "ok") else "none"
-    return f'<span class="{kind} is-{known}">{safe(f"{symbol} {letter}".strip())}</span>'
+    text = safe(f"{symbol} {letter}".strip())
+    return f'<span class="{kind} is-{_known(letter)}">{text}</span>'
+
+
+def _known(letter: str) -> str:
+    return letter if letter in STATUS else "none"
 
 
 def _sentence(text: str) -> str:
@@ -148,10 +154,6 @@ def _card(now: Now, card: Card, seal: str) -> str:
         f'<section class="finding is-{_known(episode.status)}"><h3>{mark(episode.status)} '
         f"{safe(card.title)}</h3><dl>{body}</dl>{why}{_note(card, seal)}</section>"
     )
-
-
-def _known(letter: str) -> str:
-    return letter if letter in ("F", "C", "S", "M") else "none"
 
 
 def _note(card: Card, seal: str) -> str:
@@ -226,16 +228,15 @@ def _blind(now: Now, active: list[Card], seal: str) -> str:
 
 
 def _past(now: Now) -> str:
-    rows = "".join(_events(now))
+    rows = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
     return f'<ol class="events">{rows}</ol>' if rows else ""
 
 
-def _events(now: Now) -> Iterator[str]:
-    for event in now.past[:LATEST_EVENTS]:
-        when, _, what, text = event_words(now, event)
-        seen = ' <span class="soft">✓ acknowledged</span>'
-        yield (
-            f"<li><span>{mark('ok' if what in ('ended', 'withdrawn') else event.episode.status)}"
-            f'</span><span><span class="soft">{safe(when)} {safe(what)}</span><br/>{safe(text)}'
-            f"{seen if event.episode.id in now.acknowledged else ''}</span></li>"
-        )
+def _event(now: Now, event: Event) -> str:
+    when, _, what, text = event_words(now, event)
+    letter = "ok" if what in QUIET else event.episode.status
+    noted = ' <span class="soft">✓ acknowledged</span>'
+    return (
+        f'<li><span>{mark(letter)}</span><span><span class="soft">{safe(when)} {safe(what)}</span>'
+        f"<br/>{safe(text)}{noted if event.episode.id in now.acknowledged else ''}</span></li>"
+    )

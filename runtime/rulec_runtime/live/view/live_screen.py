@@ -17,7 +17,7 @@ from rulec_runtime.live.now import Arrival, Now
 from rulec_runtime.live.steady import steady
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
-from rulec_runtime.live.view.screen import Look, Screen, after, place_of, screen
+from rulec_runtime.live.view.screen import Look, Screen, after, place_of
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
 from rulec_runtime.output.terminal import styled, terminal
 
@@ -145,7 +145,7 @@ class LiveScreen:
             return None
         width, height = self._console.size
         age = self._arrival.age(steady())
-        return screen(self._now, self._look, width, height, age, self._keys.there)
+        return Screen(self._now, self._look, width, height, age, self._keys.there)
 
     def _draw(self) -> None:
         picture = self._picture()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
+from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.words import modules
 from rulec_runtime.output.terminal import one_line
@@ -44,39 +45,25 @@ def metrics(now: Now, age: float | None) -> str:
 
 def _findings(now: Now, plant: Labels) -> Iterator[str]:
     """One series per active episode and quantity."""
-    known = [
-        (
-            {
-                **plant,
-                "kind": e.kind,
-                # Remarks are no names: each would be a series of its own.
-                "subject": e.subject if e.kind in ("fault", "sensor", "regime") else "",
-                "module": e.module,
-                "status": e.status,
-                "unit": e.unit,
-            },
-            e,
-        )
-        for e in now.active
-    ]
-    # Two episodes of the same name would be the same series twice: the worst stands first.
-    series = {tuple(sorted(labels.items())): (labels, e) for labels, e in reversed(known)}
-    shown = list(reversed(series.values()))
-    quantities = (
+    series: dict[tuple[str, ...], tuple[Labels, Episode]] = {}
+    for e in now.active:
+        # Remarks are no names: each would be a series of its own.
+        subject = e.subject if e.kind in ("fault", "sensor", "regime") else ""
+        own = {**plant, "kind": e.kind, "subject": subject, "module": e.module}
+        own |= {"status": e.status, "unit": e.unit}
+        # Two episodes of the same name would be the same series twice: the worst stands first.
+        series.setdefault(tuple(own.values()), (own, e))
+    quantities: tuple[tuple[str, str, Callable[[Episode], float]], ...] = (
         ("degree", "Degree of an active finding", lambda e: e.degree),
         ("degree_lower", "Lower 95 % bound of the degree", lambda e: e.lower),
         ("degree_upper", "Upper 95 % bound of the degree", lambda e: e.upper),
         ("rate", "Growth of the degree of an active finding per second", lambda e: e.rate),
         ("probability", "Probability of an active finding", lambda e: e.probability),
-        (
-            "acknowledged",
-            "1 if somebody has taken note of it",
-            lambda e: e.id in now.acknowledged,
-        ),
+        ("acknowledged", "1 if somebody has taken note of it", lambda e: e.id in now.acknowledged),
     )
     for name, text, value in quantities:
         yield from _head(f"rulec_finding_{name}", "gauge", text)
-        for labels, episode in shown:
+        for labels, episode in series.values():
             yield _sample(f"rulec_finding_{name}", labels, value(episode))
 
 

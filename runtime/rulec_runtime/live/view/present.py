@@ -14,8 +14,7 @@ from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.follower import Memory, diagnosis_of
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import PAST
-
-ORDER = ("F", "C", "S", "M", "ok")
+from rulec_runtime.report.wording import STATUS
 
 
 class Present:
@@ -86,5 +85,5 @@ class Present:
 
 def _active(memory: Memory) -> tuple[Episode, ...]:
     """What has not ended, the worst first."""
-    active = [one for one in memory.episodes if one.active]
-    return tuple(sorted(active, key=lambda one: (ORDER.index(one.status), one.since)))
+    order, active = list(STATUS), [one for one in memory.episodes if one.active]
+    return tuple(sorted(active, key=lambda one: (order.index(one.status), one.since)))

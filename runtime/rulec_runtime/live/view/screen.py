@@ -9,7 +9,6 @@ from typing import Literal
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.segment import Segment
 from rich.style import Style
-from rich.text import Text
 
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view import blocks
@@ -68,7 +67,8 @@ class Screen:
         if left > 0:
             part[-1:] = self._lines(console, options, styled("[dim]  ↓ {} more lines[/]", left + 1))
         part += [[Segment(" " * self.width)]] * (space - len(part))
-        foot = self._lines(console, options, self._foot())[:1]
+        keys = KEYS[self.look.view] if self.keys else "ctrl-c ends"
+        foot = self._lines(console, options, styled("[dim]{}[/]", keys))[:1]
         lines = [*head, *part, *foot][: self.height]
         for i, line in enumerate(lines):
             yield from line
@@ -84,7 +84,7 @@ class Screen:
             for part in blocks.head(self.now, self.age, self.width)
             for line in self._lines(console, options, part)
         ]
-        head = [*head[: max(self.height - 2, 1)], self._rule()]
+        head = [*head[: max(self.height - 2, 1)], [Segment("─" * self.width, Style(dim=True))]]
         body, seen = self._laid_out(console, options, whole=True)
         if len(body) > self._space(head):
             body, seen = self._laid_out(console, options, whole=False)
@@ -96,23 +96,22 @@ class Screen:
         body: list[Line] = []
         seen = (0, 0)
         selected = place_of(self.look, self.now)
-        for place, block in self._body(whole):
+        for place, block in self._body(selected, whole):
             lines = self._lines(console, options, block)
-            if place == selected and self.look.view == "plant":
+            if place == selected:
                 seen = (len(body), len(body) + len(lines))
             body += lines
         return body, seen
 
-    def _body(self, whole: bool) -> Iterator[tuple[int, RenderableType]]:
+    def _body(self, selected: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
         """Blocks; with those of an episode its place among them, else -1."""
         if self.look.view == "explanation" and self.now.active:
-            yield -1, blocks.explanation_of(self.now, place_of(self.look, self.now))
+            yield -1, blocks.explanation_of(self.now, selected)
         elif self.look.view == "past":
             yield -1, blocks.past(self.now)
         elif self.look.view == "help":
             yield -1, blocks.help_text()
         else:
-            selected = place_of(self.look, self.now)
             yield from blocks.plant(self.now, selected, self.width, whole)
 
     def _lines(
@@ -120,11 +119,11 @@ class Screen:
     ) -> list[Line]:
         """Lines of full width. What is not shown as written is replaced before widths count."""
         wide = options.update(width=self.width, height=None)
-        lines = console.render_lines(block, wide, pad=False)
-        return [
-            Segment.adjust_line_length([replace_text(s) for s in line if not s.control], self.width)
-            for line in lines
+        lines = [
+            [segment._replace(text=shown(segment.text)) for segment in line if not segment.control]
+            for line in console.render_lines(block, wide, pad=False)
         ]
+        return [Segment.adjust_line_length(line, self.width) for line in lines]
 
     def _space(self, head: list[Line]) -> int:
         return max(self.height - len(head) - 1, 1)
@@ -133,24 +132,6 @@ class Screen:
         """First line of the body, so that what is selected can be seen."""
         space = self._space(head) - 1
         return min(max(seen[1] - space, 0), seen[0])
-
-    def _rule(self) -> Line:
-        return [Segment("─" * self.width, Style(dim=True))]
-
-    def _foot(self) -> Text:
-        return styled("[dim]{}[/]", KEYS[self.look.view] if self.keys else "ctrl-c ends")
-
-
-def replace_text(segment: Segment) -> Segment:
-    """A segment whose characters are all shown."""
-    return segment._replace(text=shown(segment.text))
-
-
-def screen(
-    now: Now, look: Look, width: int, height: int, age: float | None = None, keys: bool = True
-) -> Screen:
-    """What an operator sees of one moment, on so many cells."""
-    return Screen(now, replace(look, scroll=max(look.scroll, 0)), width, height, age, keys)
 
 
 def place_of(look: Look, now: Now) -> int:

@@ -86,7 +86,8 @@ def _card(now: Now, episode: Episode) -> Card:
     elif episode.kind == "unknown":
         title = f"{UNKNOWN}: {episode.text}"
     measured = episode.kind == "fault"
-    size = f"{degree(episode.degree, episode.unit)} ({_bounds(episode)})" if measured else ""
+    ends = bounds(episode.lower, episode.upper, episode.unit)
+    size = f"{degree(episode.degree, episode.unit)} ({ends})" if measured else ""
     return Card(
         episode=episode,
         symbol=symbol_of(episode.status),
@@ -101,10 +102,6 @@ def _card(now: Now, episode: Episode) -> Card:
         acknowledged=episode.id in now.acknowledged,
         finding=finding,
     )
-
-
-def _bounds(episode: Episode) -> str:
-    return bounds(episode.lower, episode.upper, episode.unit)
 
 
 def _share(episode: Episode, fault: FaultSpec | None) -> tuple[float, ...]:
@@ -141,21 +138,17 @@ def symbol_of(letter: str) -> str:
 
 def overall(now: Now) -> tuple[str, str, str]:
     """Symbol, letter and meaning of the whole."""
-    if now.status == "ok" and not _judged(now):
+    if now.status == "ok" and not now.judged:
         return NOTHING_YET
     meaning = STATUS[now.status][1] if now.status in STATUS else ""
     return symbol_of(now.status), now.status, meaning
-
-
-def _judged(now: Now) -> bool:
-    return now.diagnosis is not None and now.diagnosis.judged > 0
 
 
 def lead(now: Now) -> str:
     """The most important thing in one line."""
     first = next(cards(now), None)
     if first is None:
-        what = overall(now)[2] if _judged(now) else NOTHING_YET[2]
+        what = overall(now)[2] if now.judged else NOTHING_YET[2]
         return what[:1].upper() + what[1:]
     episode, ruleset = first.episode, _ruleset(now)
     title = first.title
