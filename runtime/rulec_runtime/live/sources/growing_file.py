@@ -112,7 +112,6 @@ class GrowingFile:
             self._file = None
 
     def _look(self) -> list[Rows | Notice]:
-        """What has come since the last look."""
         if self._file is None and not self._path.is_file():
             return self._lost("is not there")
         file = self._file or self._open(self._path)

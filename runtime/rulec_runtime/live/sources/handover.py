@@ -12,7 +12,6 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import notice
-from rulec_runtime.live.steady import steady
 from rulec_runtime.output.plural import plural
 
 _Row = tuple[float, Array]
@@ -78,8 +77,3 @@ class Handover:
         table = np.array([values for _, values in rows])
         columns = {name: table[:, i].copy() for i, name in enumerate(self._signals)}
         return [Rows(np.array([time for time, _ in rows]), columns)]
-
-
-def now() -> float:
-    """Time of a notice of a dated source, s since 1970; it never goes back."""
-    return steady.wall()

@@ -66,17 +66,12 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceMap:
-    """Channels and servers; `interval` from row to row and `stale` in s.
-
-    Of MQTT alone: `time` is the key of the stamp, `client` the name that the broker knows us by.
-    """
+    """Channels and servers; `interval` from row to row and `stale` in s."""
 
     channels: tuple[Channel, ...]
     servers: tuple[Server, ...]
     interval: float
     stale: float
-    time: str = ""
-    client: str = ""
 
 
 _KEYS = ("endpoint", "interval", "stale", "signals", "servers", *ACCESS)
@@ -86,8 +81,7 @@ _OF_SIGNAL = ("unit", "scale", "offset", "server")
 def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> SourceMap:
     """Read a map; `endpoint` replaces the one it states. Raises `SourceRefused`."""
     whole = read_entries(path, kind.extra)
-    more = ("time", "client") if kind is MQTT else ()
-    entries = whole.items((*_KEYS, *more))
+    entries = whole.items(_KEYS)
     servers = _servers(path, kind, entries, endpoint)
     if "signals" not in entries:
         raise whole.refused(f"the map needs 'signals:' with entries '<signal>: <{kind.address}>'")
@@ -105,8 +99,6 @@ def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> So
         servers=tuple(s for s in servers.values() if s.name in used),
         interval=_number(entries, "interval", limits.INTERVAL, limits.SHORTEST_INTERVAL),
         stale=_number(entries, "stale", limits.STALE, limits.SHORTEST_INTERVAL),
-        time=entries["time"].text() if "time" in entries else "",
-        client=entries["client"].text() if "client" in entries else "",
     )
 
 
@@ -119,42 +111,40 @@ def _servers(
 ) -> dict[str, Server]:
     """All servers by name; the one without a name is what the source or the map itself states."""
     found: dict[str, Server] = {}
-    if endpoint or "endpoint" in entries:
-        text = endpoint or entries["endpoint"].text()
-        try:
-            _check_endpoint(text, kind)
-        except ValueError as error:
-            at = entries["endpoint"].place if not endpoint else "--source"
-            raise SourceRefused(f"{at}: {error}") from None
-        found[""] = Server(name="", endpoint=text, access=read_access(path, entries, text))
+    if endpoint:
+        found[""] = _server(path, kind, "", endpoint, "--source", entries)
+    elif "endpoint" in entries:
+        own = entries["endpoint"]
+        found[""] = _server(path, kind, "", own.text(), own.place, entries)
     if "servers" not in entries:
         return found
     if kind is MQTT:
         raise entries["servers"].refused("several brokers need a map and a source each")
     for name, entry in entries["servers"].items().items():
-        own = entry.items(("endpoint", *ACCESS))
-        if "endpoint" not in own:
+        keys = entry.items(("endpoint", *ACCESS))
+        if "endpoint" not in keys:
             raise entry.refused(f"server '{name}' needs 'endpoint: {kind.example}'")
-        text = own["endpoint"].text()
-        try:
-            _check_endpoint(text, kind)
-        except ValueError as error:
-            raise own["endpoint"].refused(str(error)) from None
-        access = read_access(path, {**entries, **own}, text)
-        found[name] = Server(name=name, endpoint=text, access=access)
+        own = keys["endpoint"]
+        found[name] = _server(path, kind, name, own.text(), own.place, {**entries, **keys})
     return found
 
 
-def _check_endpoint(text: str, kind: Kind) -> None:
+def _server(
+    path: Path, kind: Kind, name: str, text: str, place: str, keys: Mapping[str, Entry]
+) -> Server:
+    """The server of an endpoint, which stands at `place`. Raises `SourceRefused`."""
     try:
         parts = urlsplit(text)
         whole = parts.scheme in kind.schemes and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         whole = False
     if not whole:
-        raise ValueError(f"'{text[:60]}' is no endpoint; write one such as {kind.example}")
+        example = f"write one such as {kind.example}"
+        raise SourceRefused(f"{place}: '{text[:60]}' is no endpoint; {example}")
     if "@" in parts.netloc:
-        raise ValueError("an endpoint names no user; write 'user:' and 'password:' into the map")
+        remedy = "write 'user:' and 'password:' into the map"
+        raise SourceRefused(f"{place}: an endpoint names no user; {remedy}")
+    return Server(name=name, endpoint=text, access=read_access(path, keys, text))
 
 
 def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, Server]) -> Channel:

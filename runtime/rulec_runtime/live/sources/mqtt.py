@@ -16,15 +16,14 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.network import tls_reason
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.assembler import Assembler
-from rulec_runtime.live.sources.handover import Handover, now
+from rulec_runtime.live.sources.assembler import Assembler, usable
+from rulec_runtime.live.sources.handover import Handover
 from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.sparkplug import Heard, Sparkplug
-from rulec_runtime.live.sources.unread import usable
-from rulec_runtime.live.steady import Standstill
+from rulec_runtime.live.steady import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -77,8 +76,7 @@ class Mqtt:
     def _connecting(self) -> paho.Client:
         server = self._source.servers[0]
         access, parts = server.access, urlsplit(server.endpoint)
-        known = self._source.client
-        client = paho.Client(CallbackAPIVersion.VERSION2, client_id=known, clean_session=not known)
+        client = paho.Client(CallbackAPIVersion.VERSION2)
         if parts.scheme == "mqtts":
             try:
                 client.tls_set(
@@ -92,7 +90,10 @@ class Mqtt:
             client.username_pw_set(access.user, access.password or None)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
         client.on_subscribe = self._on_subscribe
-        client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
+        client.on_connect_fail = self._on_connect_fail
+        client.on_message = lambda _c, _d, message: self.receive(
+            message.topic, bytes(message.payload)
+        )
         client.reconnect_delay_set(1, int(limits.LAST_RETRY))
         port = parts.port or (8883 if parts.scheme == "mqtts" else 1883)
         client.connect_async(str(parts.hostname), port, limits.KEEP_ALIVE)
@@ -103,7 +104,7 @@ class Mqtt:
         while not self._stopped.wait(min(self._source.interval / 4, limits.TICK)):
             if lasted := still.lasted:
                 text = f"this computer stood still for {lasted:.0f} s, or its clock was set"
-                told = notice("gap", now() - lasted, f"{text}; rows may be missing")
+                told = notice("gap", steady.wall() - lasted, f"{text}; rows may be missing")
                 self._hand.notices([told])
             still.moves()
             self._rows.tick()
@@ -120,15 +121,15 @@ class Mqtt:
         denied = [t for t, code in zip(self._topics, codes, strict=False) if code.is_failure]
         if denied:
             text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
-            self._hand.notices([notice("refused", now(), text)])
+            self._hand.notices([notice("refused", steady.wall(), text)])
         signals = plural(len(self._scales), "signal", "signals")
         text = f"{endpoint}: {signals} of {plural(len(self._topics), 'topic', 'topics')}"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
-        found = [notice("connected", now(), text, still=self._rows.silent)]
+        found = [notice("connected", steady.wall(), text, still=self._rows.silent)]
         if self._gone is not None and self._rows.begun:
-            text = f"{endpoint}: not connected for {now() - self._gone:.3g} s"
+            text = f"{endpoint}: not connected for {steady.wall() - self._gone:.3g} s"
             found.append(notice("gap", self._gone, text))
         self._gone = None
         self._hand.notices(found)
@@ -149,12 +150,9 @@ class Mqtt:
     def _lost(self, why: str) -> None:
         """Told once until the connection stands again."""
         if self._gone is None:
-            self._gone = now()
+            self._gone = steady.wall()
             text = f"{self._source.servers[0].endpoint}: {why}"
             self._hand.notices([notice("lost", self._gone, text)])
-
-    def _on_message(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
-        self.receive(message.topic, bytes(message.payload))
 
     def receive(self, topic: str, payload: bytes) -> None:
         """A message as it came, whatever it holds."""
@@ -164,25 +162,23 @@ class Mqtt:
             if binary:
                 self._sparkplugged(self._sparkplug.heard(topic, payload))
             elif channels is not None:
-                self._found(values_of(payload, channels, self._source.time))
+                self._found(values_of(payload, channels))
         except BadPayload as bad:
             # Topics of a subscription with wildcards are the sender's words, as many as it likes.
             key = topic if channels is not None else "sparkplug"
             text = f"{topic}: a message is left out: {bad}"
-            self._hand.notices(self._remarks.tell("refused", (key, str(bad)), now(), text))
+            self._hand.notices(self._remarks.tell("refused", (key, str(bad)), steady.wall(), text))
 
     def _sparkplugged(self, heard: Heard) -> None:
-        """What a message of Sparkplug B says."""
         for kind, key, text in heard.remarks:
-            self._hand.notices(self._remarks.tell(kind, ("sparkplug", key), now(), text))
+            self._hand.notices(self._remarks.tell(kind, ("sparkplug", key), steady.wall(), text))
         for place in heard.gone:
             self._rows.lost(place)
         self._rows.living(heard.living)
         self._found(heard.values)
 
     def _found(self, found: Sequence[tuple[Channel, Value]]) -> None:
-        """Values of a message."""
-        here = now()
+        here = steady.wall()
         values, times = {}, []
         for channel, value in found:
             time = self._time(value.stamp, here)
@@ -206,15 +202,13 @@ class Mqtt:
         signal = channel.signal.id
         before = self._newest.get(signal, -float("inf"))
         if time <= before:
-            why = "it came twice" if time == before else f"it is {before - time:.3g} s late"
-            self._hand.notices(self._told(signal, "twice" if time == before else "late", why))
+            twice = time == before
+            why = "it came twice" if twice else f"it is {before - time:.3g} s late"
+            text, key = f"{signal}: a value is left out: {why}", (signal, twice)
+            self._hand.notices(self._remarks.tell("clock", key, steady.wall(), text))
             return False
         self._newest[signal] = time
         return True
-
-    def _told(self, signal: str, key: str, why: str) -> Sequence[Notice]:
-        text = f"{signal}: a value is left out: {why}"
-        return self._remarks.tell("clock", (signal, key), now(), text)
 
     def _reading(self, channel: Channel, value: Value) -> tuple[float, str]:
         """In SI; NaN where there is none, and why."""

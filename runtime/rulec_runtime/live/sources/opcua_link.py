@@ -12,8 +12,8 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import NoticeKind
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.assembler import Assembler
-from rulec_runtime.live.sources.handover import Handover, now
+from rulec_runtime.live.sources.assembler import Assembler, usable
+from rulec_runtime.live.sources.handover import Handover
 from rulec_runtime.live.sources.map import Server, SourceMap
 from rulec_runtime.live.sources.opcua_check import gone_of, scales_of
 from rulec_runtime.live.sources.opcua_nodes import namespaces_of, node_of, nodes_of
@@ -30,7 +30,6 @@ from rulec_runtime.live.sources.opcua_session import (
 )
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
-from rulec_runtime.live.sources.unread import usable
 from rulec_runtime.live.steady import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
@@ -161,12 +160,12 @@ class Link:
         if self._still.lasted:
             return  # it waited here for long; the connection is made anew at once
         self._heard = steady()
-        here = now()
+        here = steady.wall()
         published = message.time if message.time is not None else here
         if abs(published - here) > limits.CLOCK_APART:
             text = f"{self._server.endpoint}: its clock is {published - here:+.0f} s from ours; "
             key = (self._server.name, "apart")
-            told = self._remarks.tell("clock", key, now(), text + "rows bear our time")
+            told = self._remarks.tell("clock", key, steady.wall(), text + "rows bear our time")
             self._hand.notices(told)
             published = here
         values, stamps = self._values(message)
@@ -200,7 +199,7 @@ class Link:
         if step > limits.LATE_INTERVALS * self._interval:
             text = f"{self._server.endpoint}: it publishes every {step:.3g} s only"
             self._hand.notices(
-                self._remarks.tell("refused", (self._server.name, "slow"), now(), text)
+                self._remarks.tell("refused", (self._server.name, "slow"), steady.wall(), text)
             )
 
     def _tell_connected(self) -> None:
@@ -213,9 +212,9 @@ class Link:
             text += "; no 'server_certificate' in the map, so any server is trusted"
         self._rows.found(server.name)
         still = self._rows.silent
-        found = [notice("connected", now(), "; ".join([text, *self._notes]), still=still)]
+        found = [notice("connected", steady.wall(), "; ".join([text, *self._notes]), still=still)]
         if self._gone is not None and self._rows.begun:
-            quiet = now() - self._gone
+            quiet = steady.wall() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
             text += "; this computer stood still, or its clock was set" if self._stood else ""
             found.append(notice("gap", self._gone, text))
@@ -226,15 +225,15 @@ class Link:
         """This computer stood still for so many s: what the server has sent since is old, and it
         may have given us up. That is a gap; a server that is there is no alarm."""
         if self._alive:
-            self._gone, self._stood = now() - lasted, True
+            self._gone, self._stood = steady.wall() - lasted, True
             self._over.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection is over; told once until it stands again."""
         self._rows.lost(self._server.name)
         if self._gone is None or (kind == "refused" and text != self._told):
-            self._gone, self._told = self._gone or now(), text
-            self._hand.notices([notice(kind, now(), text)])
+            self._gone, self._told = self._gone or steady.wall(), text
+            self._hand.notices([notice(kind, steady.wall(), text)])
 
 
 def reason(error: Exception) -> str:

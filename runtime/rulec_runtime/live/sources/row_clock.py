@@ -99,7 +99,6 @@ class RowClock:
         return self._remarks.tell("clock", "anew", self.last, text)
 
     def _shown(self, time: float) -> str:
-        """A time for people."""
         if self.dated:
             with suppress(ValueError, OverflowError, OSError):  # where the calendar ends
                 return f"{datetime.fromtimestamp(float(time), UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -5,24 +5,18 @@ Source: Eclipse Sparkplug 3.0, section 6.4 and sparkplug_b.proto.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, scaled
-from rulec_runtime.live.sources.protobuf import (
-    NoMessage,
-    fields,
-    inside,
-    real,
-    whole,
-    words,
-)
+from rulec_runtime.live.sources.protobuf import NoMessage, fields, inside, real, whole, words
 
-_INTEGERS = {1: (8, True), 2: (16, True), 3: (32, True), 4: (64, True)} | {
-    5: (8, False),
-    6: (16, False),
-    7: (32, False),
-    8: (64, False),
+_INTEGERS = {
+    **{1: (8, True), 2: (16, True), 3: (32, True), 4: (64, True)},
+    **{5: (8, False), 6: (16, False), 7: (32, False), 8: (64, False)},
 }
 """Bits and sign of data types; the wire knows whole numbers without a sign alone."""
 
@@ -82,33 +76,14 @@ def message_of(payload: bytes) -> Message:
 
 
 def _metric(data: bytes) -> Metric:
-    found: dict[str, object] = {}
-    for number, part in fields(data):
-        if number == 1:
-            found["name"] = words(part)
-        elif number == 2:
-            found["alias"] = whole(part)
-        elif number == 3:
-            found["stamp"] = _stamp(part)
-        elif number == 4:
-            found["kind"] = whole(part, 32)
-        elif number == 5:
-            found["historical"] = bool(whole(part))
-        elif number == 7:
-            found["null"] = bool(whole(part))
-        elif number == 9:
-            found["quality"] = _quality(inside(part))
-        elif number in (10, 11, 14):
-            found["number"] = whole(part)
-        elif number in (12, 13):
-            found["number"] = real(part)
-    return Metric(**found)  # type: ignore[arg-type]
+    known = ((_FIELDS[n], part) for n, part in fields(data) if n in _FIELDS)
+    return Metric(**{name: read(part) for (name, read), part in known})
 
 
-def _quality(data: bytes) -> int | None:
+def _quality(data: int | bytes) -> int | None:
     """The property 'Quality' of a set: keys, and values in the same order."""
     keys, values = [], []
-    for number, part in fields(data):
+    for number, part in fields(inside(data)):
         if number == 1:
             keys.append(words(part))
         elif number == 2:
@@ -123,3 +98,21 @@ def _quality(data: bytes) -> int | None:
 def _stamp(data: int | bytes) -> float | None:
     """Sparkplug counts milliseconds."""
     return scaled(float(whole(data)), (1e3,))
+
+
+def _flag(data: int | bytes) -> bool:
+    return bool(whole(data))
+
+
+_FIELDS: Mapping[int, tuple[str, Callable[[int | bytes], Any]]] = {
+    1: ("name", words),
+    2: ("alias", whole),
+    3: ("stamp", _stamp),
+    4: ("kind", partial(whole, bits=32)),
+    5: ("historical", _flag),
+    7: ("null", _flag),
+    9: ("quality", _quality),
+    **dict.fromkeys((10, 11, 14), ("number", whole)),
+    **dict.fromkeys((12, 13), ("number", real)),
+}
+"""What a field of a metric is, by its number, and how it is read."""
