@@ -17,10 +17,9 @@ from rulec_runtime.live.batches import judged
 from rulec_runtime.live.beside import Looks
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, Told, follow, nothing_yet
+from rulec_runtime.live.last_evaluation import Asked, Looked, UnderWay
 from rulec_runtime.live.levels import far_after
-from rulec_runtime.live.look_process import LookProcess
-from rulec_runtime.live.looked import Asked, Looked, UnderWay
-from rulec_runtime.live.process_messages import read, written
+from rulec_runtime.live.look_process import LookProcess, read, written
 from rulec_runtime.live.whole import looked
 from rulec_runtime.recordings.recording import Recording
 

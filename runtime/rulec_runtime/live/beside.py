@@ -15,9 +15,8 @@ from typing import Protocol
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
-from rulec_runtime.live.last_evaluation import Known
+from rulec_runtime.live.last_evaluation import Asked, Known
 from rulec_runtime.live.levels import far_after
-from rulec_runtime.live.looked import Asked
 from rulec_runtime.live.memory import Memory
 
 

@@ -24,12 +24,16 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
 from rulec_runtime.live.beside import Due, Looks, asked_by
 from rulec_runtime.live.changes import changes
-from rulec_runtime.live.condensed_history import reference_and_latest, without_first
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.full_update import sight_of
-from rulec_runtime.live.last_evaluation import Known
-from rulec_runtime.live.looked import Looked, UnderWay
-from rulec_runtime.live.memory import Memory, appended, nothing_yet
+from rulec_runtime.live.last_evaluation import Known, Looked, UnderWay
+from rulec_runtime.live.memory import (
+    Memory,
+    appended,
+    nothing_yet,
+    reference_and_latest,
+    without_first,
+)
 from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.live.whole import looked

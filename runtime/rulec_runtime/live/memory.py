@@ -8,10 +8,10 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
-from rulec_runtime.live.last_evaluation import Known
-from rulec_runtime.live.looked import UnderWay
+from rulec_runtime.live.last_evaluation import Known, UnderWay
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -60,20 +60,18 @@ def nothing_yet(ruleset: Ruleset, dated: bool) -> Memory:
 def appended(ruleset: Ruleset, recent: Recording, rows: Rows, part: slice) -> Recording:
     """The latest rows with new ones behind them; a reading that comes late has none before."""
     time = rows.time[part]
-    names = [s.id for s in ruleset.signals if s.id in recent.values or s.id in rows.values]
 
-    def column(values: Array | None, count: int) -> Array:
-        return np.full(count, np.nan) if values is None else values
-
-    values = {}
-    for name in names:
-        new = rows.values.get(name)
-        values[name] = np.concatenate(
+    def column(name: str) -> Array:
+        old, new = recent.values.get(name), rows.values.get(name)
+        return np.concatenate(
             [
-                column(recent.values.get(name), len(recent)),
-                column(None if new is None else new[part], len(time)),
+                np.full(len(recent), np.nan) if old is None else old,
+                np.full(len(time), np.nan) if new is None else new[part],
             ]
         )
+
+    here = recent.values.keys() | rows.values.keys()
+    values = {s.id: column(s.id) for s in ruleset.signals if s.id in here}
     segment = int(recent.segment[-1]) if len(recent) else 0
     return replace(
         recent,
@@ -81,4 +79,30 @@ def appended(ruleset: Ruleset, recent: Recording, rows: Rows, part: slice) -> Re
         values=values,
         segment=np.concatenate([recent.segment, np.full(len(time), segment)]),
         missing=tuple(s.id for s in ruleset.signals if s.id in ruleset.read and s.id not in values),
+    )
+
+
+def without_first(recent: Recording, cut: int) -> Recording:
+    """The rows from a number on."""
+    return _chosen(recent, np.arange(cut, len(recent))) if cut else recent
+
+
+def reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Recording:
+    """The latest rows; while a fault is there, also those before it, which it is compared with."""
+    n, kept = len(recent), limits.KEPT_ROWS
+    active = [one.since for one in episodes if one.kind == "fault" and one.active]
+    sound = int(np.searchsorted(recent.time, min(active))) if active else 0
+    first = np.arange(max(sound - kept // 2, 0), sound) if sound < n - kept else np.arange(0)
+    chosen = np.concatenate([first, np.arange(n - kept, n)])
+    rows = _chosen(recent, chosen.astype(int))
+    behind = np.arange(len(chosen)) >= len(first)
+    return replace(rows, segment=np.where(behind, rows.segment.max() + 1, rows.segment))
+
+
+def _chosen(recent: Recording, chosen: np.ndarray) -> Recording:
+    return replace(
+        recent,
+        time=recent.time[chosen],
+        values={name: column[chosen] for name, column in recent.values.items()},
+        segment=recent.segment[chosen],
     )

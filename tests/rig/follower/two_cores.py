@@ -18,10 +18,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.follower import follow, nothing_yet, warm_up
-from rulec_runtime.live.last_evaluation import Known
+from rulec_runtime.live.last_evaluation import Asked, Known, Looked
 from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.look_process import LookProcess
-from rulec_runtime.live.looked import Asked, Looked
 from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.recording import Recording
 
