@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +24,22 @@ from tests.soak.summary import summed
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-journal": (killed.journal_killed, 50),
     "kill-lines": (killed.lines_killed, 50),
-    "opcua": (sources.opcua_killed, 50),
-    "mqtt": (sources.mqtt_killed, 50),
-    "opcua-shifted": (sources.opcua_shifted, 10),
+    "opcua": (partial(sources.killed, "opcua"), 50),
+    "mqtt": (partial(sources.killed, "mqtt"), 50),
+    "opcua-shifted": (partial(sources.killed, "opcua", shifts=True), 10),
     "opcua-odd": (odd.opcua, 9),
-    "network-opcua": (network.opcua, 10),
-    "network-mqtt": (network.mqtt, 10),
+    "network-opcua": (partial(network.through, "opcua"), 10),
+    "network-mqtt": (partial(network.through, "mqtt"), 10),
     "clock-seconds": (clocks.seconds, 3),
     "clock-dates": (clocks.dates, 3),
-    "clock-opcua": (clocks.opcua, 3),
-    "clock-mqtt": (clocks.mqtt, 3),
+    "clock-opcua": (partial(clocks.served, "opcua"), 3),
+    "clock-mqtt": (partial(clocks.served, "mqtt"), 3),
     "frozen-file": (frozen.file, 5),
-    "frozen-opcua": (frozen.opcua, 5),
-    "frozen-mqtt": (frozen.mqtt, 5),
-    "disk-journal": (disk.journal, 10),
-    "disk-lines": (disk.lines, 10),
-    "disk-lines-killed": (disk.lines_killed, 10),
+    "frozen-opcua": (partial(frozen.served, "opcua"), 5),
+    "frozen-mqtt": (partial(frozen.served, "mqtt"), 5),
+    "disk-journal": (partial(disk.full, options=disk.JOURNAL), 10),
+    "disk-lines": (partial(disk.full, options=disk.LINES), 10),
+    "disk-lines-killed": (partial(disk.full, options=(*disk.LINES, "--waiting", "."), kills=2), 10),
     "disk-read-only": (disk.read_only, 10),
     "database": (disk.database, 1),
     "page-crowd": (crowd.page, 50),

@@ -10,8 +10,7 @@ from rulec_runtime.live.episode import Event
 
 from tests.soak import score
 from tests.soak.plant import LEAD, OFF, ON, Logger, course
-from tests.soak.served import maps, write_play
-from tests.soak.sources import STEP, Served
+from tests.soak.sources import STEP, Served, watched
 from tests.soak.watching import Watch
 
 HOUR = 3600.0
@@ -47,27 +46,13 @@ def _logged(folder: Path, since: float | None) -> dict[str, Any]:
     return {**found, "rows_lost": found["rows"] - found["rows_judged"]}
 
 
-def opcua(folder: Path, times: int) -> dict[str, Any]:
-    """Stamps of an OPC UA server."""
-    return _served("opcua", folder)
-
-
-def mqtt(folder: Path, times: int) -> dict[str, Any]:
-    """Stamps of MQTT messages."""
-    return _served("mqtt", folder)
-
-
-def _served(kind: str, folder: Path) -> dict[str, Any]:
-    what, served = course(folder, ROWS), Served(kind, folder)
-    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
-    start = time.time() + 2.0
-    write_play(folder / "play.json", what, start, STEP, JUMPS)
-    served.start()
-    watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
-    watch.start()
+def served(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    """Stamps of an OPC UA server, or of MQTT messages."""
+    what, source = course(folder, ROWS), Served(kind, folder)
+    watch, start = watched(folder, what, source, lead=2.0, jumps=JUMPS)
     time.sleep(max(start + (ROWS - 2) * STEP - time.time(), 0.0))
     code = watch.interrupt()
-    served.kill()
+    source.kill()
     return _result(folder, watch, code, what.planted, ROWS)
 
 

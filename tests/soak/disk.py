@@ -21,23 +21,13 @@ FREE = 4.0
 GONE = 60.0  # s that the database is gone
 
 
-def journal(folder: Path, times: int) -> dict[str, Any]:
-    """A journal on the disk: the watch runs on."""
-    return _full(folder, times, ("--journal", "small/journal.db"))
+JOURNAL = ("--journal", "small/journal.db")
+LINES = ("--events", "small/events.jsonl", "--state", "small/state")
 
 
-def lines(folder: Path, times: int) -> dict[str, Any]:
-    """Events and state on the disk: it runs on as well."""
-    return _full(folder, times, ("--events", "small/events.jsonl", "--state", "small/state"))
-
-
-def lines_killed(folder: Path, times: int) -> dict[str, Any]:
-    """The same, killed twice while the disk is full; what waits may wait on another one."""
-    options = ("--events", "small/events.jsonl", "--state", "small/state", "--waiting", ".")
-    return _full(folder, times, options, kills=2)
-
-
-def _full(folder: Path, times: int, options: tuple[str, ...], kills: int = 0) -> dict[str, Any]:
+def full(folder: Path, times: int, options: tuple[str, ...], kills: int = 0) -> dict[str, Any]:
+    """What `options` name is on the disk: the watch runs on. It is killed so often while the disk
+    is full."""
     rows = int((times + 1) * (FULL + FREE) / PAUSE) + LEAD + ON + OFF
     what, small = course(folder, rows), folder / "small"
     with _disk(small) as there:

@@ -8,24 +8,13 @@ from typing import Any
 
 from tests.soak import score
 from tests.soak.plant import LEAD, OFF, ON, Logger, course
-from tests.soak.served import maps, write_play
-from tests.soak.sources import STEP, Served
+from tests.soak.sources import STEP, Served, watched
 from tests.soak.watching import Watch
 
 FROZEN = 15.0  # s: longer than all that a source, a server or a broker waits
 AGAIN = 15.0  # s between two times
 PATIENCE = 30.0
 PAUSE = 0.1  # s from row to row of a file
-
-
-def opcua(folder: Path, times: int) -> dict[str, Any]:
-    """Beside an OPC UA server that goes on."""
-    return _served("opcua", folder, times)
-
-
-def mqtt(folder: Path, times: int) -> dict[str, Any]:
-    """Beside an MQTT broker that goes on."""
-    return _served("mqtt", folder, times)
 
 
 def file(folder: Path, times: int) -> dict[str, Any]:
@@ -45,20 +34,16 @@ def file(folder: Path, times: int) -> dict[str, Any]:
     return {**_result(folder, watch, again, code, what.planted, written), "rows_lost": lost}
 
 
-def _served(kind: str, folder: Path, times: int) -> dict[str, Any]:
+def served(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    """Beside an OPC UA server or an MQTT broker that goes on."""
     rows = int((20.0 + (times + 1) * (FROZEN + AGAIN + 5.0)) / STEP)
     # A fault outlasts a standstill, whose rows are lost: servers keep one value.
-    what, served = course(folder, rows, 250, 100), Served(kind, folder)
-    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
-    start = time.time() + 5.0
-    write_play(folder / "play.json", what, start, STEP)
-    served.start()
-    watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
-    watch.start()
+    what, source = course(folder, rows, 250, 100), Served(kind, folder)
+    watch, start = watched(folder, what, source)
     again = _frozen(folder, watch, times)
     time.sleep(max(start + rows * STEP - time.time(), 0.0))
     code = watch.interrupt()
-    served.kill()
+    source.kill()
     return _result(folder, watch, again, code, what.at(start, STEP), start + rows * STEP)
 
 

@@ -56,75 +56,71 @@ def _rows(what: Course, times: int) -> Iterator[bytes]:
         yield (",".join([str(2_000_000 + k), *row]) + "\n").encode()
 
 
+class _Shown:
+    """A watch in a terminal of its own, and all that it shows there."""
+
+    def __init__(self, folder: Path, source: str, *more: str) -> None:
+        rules = folder / "abc.ruleset.json"
+        rules.write_text(compiled("abc").to_json(), encoding="utf-8")
+        self._folder, self._shown = folder, list[bytes]()
+        self._ours, theirs = pty.openpty()
+        words = ["--source", source, "--journal", "journal.db", *more]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rulec_runtime", "watch", rules.name, *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": SOURCES, "TERM": "xterm", "COLUMNS": "80"},
+            stdin=subprocess.PIPE,
+            stdout=theirs,
+            stderr=theirs,
+            preexec_fn=heed_interrupts,
+        )
+        os.close(theirs)
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def ended(self, seconds: float) -> tuple[int, bytes, list[Any]]:
+        """Exit code, all that the terminal got, events."""
+        code = self.process.wait(seconds)
+        self._reader.join(5)
+        os.close(self._ours)
+        return code, b"".join(self._shown), score.events_of(self._folder / "journal.db")
+
+    def _read(self) -> None:
+        try:
+            while data := os.read(self._ours, 65536):
+                self._shown.append(data)
+        except OSError:  # the other end is closed
+            return
+
+
 def _watched(
     folder: Path, source: str, rows: list[bytes], *more: str
 ) -> tuple[int, bytes, list[Any]]:
-    """Exit code, all that a terminal gets, events; rows go in by a pipe, not faster than read."""
-    rules = folder / "abc.ruleset.json"
-    rules.write_text(compiled("abc").to_json(), encoding="utf-8")
-    ours, theirs = pty.openpty()
-    shown: list[bytes] = []
-    reader = Thread(target=_read, args=(ours, shown), daemon=True)
-    words = ["--source", source, "--journal", "journal.db", *more]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rulec_runtime", "watch", rules.name, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": SOURCES, "TERM": "xterm", "COLUMNS": "80"},
-        stdin=subprocess.PIPE,
-        stdout=theirs,
-        stderr=theirs,
-    )
-    os.close(theirs)
-    reader.start()
-    assert process.stdin is not None
+    """What came of it; rows go in by a pipe, not faster than read."""
+    watch = _Shown(folder, source, *more)
+    pipe = watch.process.stdin
+    assert pipe is not None
     for k in range(0, len(rows), 50):
-        process.stdin.write(b"".join(rows[k : k + 50]))
-        process.stdin.flush()
+        pipe.write(b"".join(rows[k : k + 50]))
+        pipe.flush()
         time.sleep(0.02)
-    process.stdin.close()
-    code = process.wait(300)
-    reader.join(5)
-    os.close(ours)
-    return code, b"".join(shown), score.events_of(folder / "journal.db")
-
-
-def _read(terminal: int, shown: list[bytes]) -> None:
-    try:
-        while data := os.read(terminal, 65536):
-            shown.append(data)
-    except OSError:  # the other end is closed
-        return
+    pipe.close()
+    return watch.ended(300)
 
 
 def messages(folder: Path, times: int) -> dict[str, Any]:
     """MQTT messages of a real broker; sound ones follow."""
     what, served = course(folder, ROWS), Served("mqtt", folder)
-    rules = folder / "abc.ruleset.json"
-    rules.write_text(compiled("abc").to_json(), encoding="utf-8")
     (folder / "map.yaml").write_text(maps("mqtt", what, served.host, served.port, STEP))
     write_play(folder / "play.json", what, time.time() + 86_400.0, STEP)
     served.start()
-    ours, theirs = pty.openpty()
-    shown: list[bytes] = []
-    Thread(target=_read, args=(ours, shown), daemon=True).start()
-    words = ["--source", "mqtt", "--map", "map.yaml", "--journal", "journal.db"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rulec_runtime", "watch", rules.name, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": SOURCES, "TERM": "xterm", "COLUMNS": "80"},
-        stdin=subprocess.DEVNULL,
-        stdout=theirs,
-        stderr=theirs,
-        preexec_fn=heed_interrupts,
-    )
-    os.close(theirs)
+    watch = _Shown(folder, "mqtt", "--map", "map.yaml")
     time.sleep(5.0)
     _publish(served, what, times)
-    lives = process.poll() is None
-    process.send_signal(signal.SIGINT)
-    code = process.wait(60)
+    lives = watch.process.poll() is None
+    watch.process.send_signal(signal.SIGINT)
+    result = _result(times, *watch.ended(60), what)
     served.kill()
-    result = _result(times, code, b"".join(shown), score.events_of(folder / "journal.db"), what)
     return {**result, "lives": lives}
 
 

@@ -9,9 +9,7 @@ from typing import Any
 
 from tests.soak import lossy, score
 from tests.soak.plant import course
-from tests.soak.served import maps, write_play
-from tests.soak.sources import STEP, Served, of_connection
-from tests.soak.watching import Watch
+from tests.soak.sources import STEP, Served, of_connection, watched
 
 LOSS = 0.3
 LOSSY = 120.0  # s with that loss
@@ -19,17 +17,8 @@ CALM = 30.0  # s without, afterwards
 PATIENCE = 90.0
 
 
-def opcua(folder: Path, times: int) -> dict[str, Any]:
-    """OPC UA."""
-    return _through("opcua", folder, times)
-
-
-def mqtt(folder: Path, times: int) -> dict[str, Any]:
-    """MQTT."""
-    return _through("mqtt", folder, times)
-
-
-def _through(kind: str, folder: Path, times: int) -> dict[str, Any]:
+def through(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    """OPC UA or MQTT over such a network."""
     with lossy.spaces() as there:
         if not there:
             return {"skipped": "network namespaces and TUN devices need root"}
@@ -46,13 +35,8 @@ def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str,
     draw, what = random.Random(6), course(folder, int(seconds / STEP), 200, 100)
     served = Served(kind, folder, lossy.HOST, 4840)
     served.before = lossy.inside(lossy.PLANT)
-    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
-    start = time.time() + 5.0
-    write_play(folder / "play.json", what, start, STEP)
-    served.start()
-    options = ("--source", kind, "--map", "map.yaml", "--journal", "journal.db")
-    watch = Watch(folder, *options, before=lossy.inside(lossy.WATCHER))
-    watch.start()
+    served.watched_from = lossy.inside(lossy.WATCHER)
+    watch, start = watched(folder, what, served)
     try:
         time.sleep(15.0)
         before = score.rows_of(folder / "journal.db")[0]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Any
 
 from tests.soak import score
 from tests.soak.plant import course
-from tests.soak.served import maps, write_play
-from tests.soak.sources import STEP, Served
-from tests.soak.watching import Watch
+from tests.soak.sources import STEP, Served, watched
 
 HOW = ("uncertain", "array", "gone")
 STALE = 2.0
@@ -24,13 +21,8 @@ def opcua(folder: Path, times: int) -> dict[str, Any]:
     rows = BEFORE + times * (LASTS + APART)
     what, served = course(folder, rows), Served("opcua", folder)
     odd = [(k, k + LASTS, HOW[i % 3]) for i, k in enumerate(range(BEFORE, rows, LASTS + APART))]
-    signals = json.loads(maps("opcua", what, served.host, served.port, STEP))
-    (folder / "map.yaml").write_text(json.dumps({**signals, "stale": STALE}))
-    start = time.time() + 5.0
-    write_play(folder / "play.json", what, start, STEP, odd=odd)
-    served.start()
-    watch = Watch(folder, "--source", "opcua", "--map", "map.yaml", "--journal", "journal.db")
-    watch.start()
+    served.keys = {"stale": STALE}
+    watch, start = watched(folder, what, served, odd=odd)
     time.sleep(max(start + (rows + 10) * STEP - time.time(), 0.0))
     code = watch.interrupt()
     served.kill()

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal.form import event_from
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.simulation.prediction import Injected
 from tests.conftest import compiled
-
-PARTS = ("id", "kind", "subject", "module", "status", "since", "until", "active", "text")
 
 Known = tuple[str, float]
 """A fault and since when."""
@@ -31,7 +30,7 @@ def events_of(journal: Path | str) -> list[Event]:
 
 def events_from(lines: Path) -> list[Event]:
     """Events of a file of lines, as far as they are needed here."""
-    return [_read(form) for form in events_in(lines)]
+    return [event_from(form) for form in events_in(lines)]
 
 
 def events_in(lines: Path) -> list[dict[str, Any]]:
@@ -137,19 +136,7 @@ def forms_against_plant(
     events: Sequence[dict[str, Any]], planted: Sequence[Injected], end: float = float("inf")
 ) -> dict[str, Any]:
     """As `against_plant`, of events as they stand in a file of lines."""
-    return against_plant([_read(e) for e in events], planted, end)
-
-
-def _read(form: dict[str, Any]) -> Event:
-    parts = {name: form["episode"][name] for name in PARTS}
-    episode = Episode(**parts)
-    return Event(
-        number=form["number"],
-        time=form["time"],
-        what=form["what"],
-        text=form["text"],
-        episode=episode,
-    )
+    return against_plant([event_from(e) for e in events], planted, end)
 
 
 def bad_output(text: str) -> dict[str, int]:

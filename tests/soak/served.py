@@ -116,7 +116,7 @@ async def mqtt(port: int, path: Path, host: str) -> None:
     await asyncio.Event().wait()
 
 
-def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
+def maps(kind: str, course: Course, host: str, port: int, step: float, **more: float) -> str:
     """The map of either source; JSON is YAML."""
     units = {t.partition(" ")[0]: t.removesuffix("]").split(" [")[1] for t in course.titles}
     if kind == "opcua":
@@ -126,6 +126,7 @@ def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
         signals = {n: {"topic": "plant", "name": n, "unit": u} for n, u in units.items()}
         scheme = "mqtt"
     data = {"endpoint": f"{scheme}://{host}:{port}", "interval": step, "signals": signals}
+    data |= more
     return json.dumps(data, indent=1)
 
 

@@ -15,7 +15,7 @@ from rulec_runtime.live.episode import Event
 
 from tests.live.sources.plant_server import free_port
 from tests.soak import score
-from tests.soak.plant import course
+from tests.soak.plant import Course, course
 from tests.soak.served import maps, write_play
 from tests.soak.watching import Watch
 
@@ -32,6 +32,8 @@ class Served:
         self.kind, self.folder, self.host = kind, folder, host
         self.port = port or free_port()
         self.before: tuple[str, ...] = ()
+        self.watched_from: tuple[str, ...] = ()
+        self.keys: dict[str, float] = {}  # further ones of its map
 
     def start(self) -> None:
         words = (self.kind, str(self.port), str(self.folder / "play.json"), self.host)
@@ -48,30 +50,30 @@ class Served:
         self._process.communicate()
 
 
-def opcua_killed(folder: Path, times: int) -> dict[str, Any]:
-    """An OPC UA server."""
-    return _killed("opcua", folder, times)
+def watched(
+    folder: Path, what: Course, served: Served, lead: float = 5.0, **play: Any
+) -> tuple[Watch, float]:
+    """A watch of a served plant, with a journal, and when its first row is due, s since 1970.
+
+    `play` is handed on to `write_play`.
+    """
+    text = maps(served.kind, what, served.host, served.port, STEP, **served.keys)
+    (folder / "map.yaml").write_text(text)
+    start = time.time() + lead
+    write_play(folder / "play.json", what, start, STEP, **play)
+    served.start()
+    options = ("--source", served.kind, "--map", "map.yaml", "--journal", "journal.db")
+    watch = Watch(folder, *options, before=served.watched_from)
+    watch.start()
+    return watch, start
 
 
-def mqtt_killed(folder: Path, times: int) -> dict[str, Any]:
-    """An MQTT broker, with the client that publishes."""
-    return _killed("mqtt", folder, times)
-
-
-def opcua_shifted(folder: Path, times: int) -> dict[str, Any]:
-    """An OPC UA server whose namespaces have other numbers when it is started again."""
-    return _killed("opcua", folder, times, shifts=True)
-
-
-def _killed(kind: str, folder: Path, times: int, shifts: bool = False) -> dict[str, Any]:
+def killed(kind: str, folder: Path, times: int, shifts: bool = False) -> dict[str, Any]:
+    """An OPC UA server, or an MQTT broker with the client that publishes; `shifts` if namespaces of
+    the server have other numbers when it is started again."""
     draw, what = random.Random(3), course(folder, 300 + 200 * times, 200, 100)
     served = Served(kind, folder)
-    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
-    start = time.time() + 5.0
-    write_play(folder / "play.json", what, start, STEP, shifts=shifts)
-    served.start()
-    watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
-    watch.start()
+    watch, start = watched(folder, what, served, shifts=shifts)
     until = time.monotonic() + PATIENCE
     while not score.rows_of(folder / "journal.db")[0] and time.monotonic() < until:
         time.sleep(0.2)
