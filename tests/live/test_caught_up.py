@@ -12,7 +12,8 @@ from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal_replay import CaughtUp, caught_up
 from rulec_runtime.live.rows import Notice, Rows
 
-from tests.live.test_follower import followed, part_of, recording_of
+from tests.live.test_follower import followed, recording_of
+from tests.rig.follower.plants import part_of
 
 
 class Recorded:
@@ -57,8 +58,6 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     while came := source.take(0.0):
         for block in came:
             assert isinstance(block, Rows)
-        rows = [block for block in came if isinstance(block, Rows)]
-        for block in rows:
             for part in follow(rules, again, block):
                 again, events = part.memory, [*events, *part.events]
     every = [*told, *events]

@@ -21,6 +21,8 @@ from rulec_runtime.recordings.recording import Recording, RecordingRefused, read
 from rulec_runtime.recordings.when import BRIEFLY_GONE
 
 from tests.conftest import ROOT, compiled
+from tests.rig.follower.agreement import first_rows
+from tests.rig.follower.plants import part_of
 from tests.runtime.tanks import made, plant
 
 ABC = ROOT / "plants" / "abc" / "examples"
@@ -29,10 +31,6 @@ ABC = ROOT / "plants" / "abc" / "examples"
 def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
     rules = compiled(plant)
     return rules, read_recording(ROOT / "plants" / plant / "examples" / name, rules)
-
-
-def part_of(recording: Recording, first: int, last: int) -> Rows:
-    return Rows(recording.time[first:last], {n: v[first:last] for n, v in recording.values.items()})
 
 
 def followed(
@@ -63,13 +61,7 @@ def test_the_end_is_the_diagnosis_of_the_whole(plant: str, name: str) -> None:
 
 def test_row_by_row_each_fault_is_told_once_and_soon() -> None:
     rules, recording = recording_of("abc", "leakage_A.csv")
-    some = replace(
-        recording,
-        time=recording.time[:45],
-        values={n: v[:45] for n, v in recording.values.items()},
-        segment=recording.segment[:45],
-    )
-    _, events, _ = followed(rules, some, 1)
+    _, events, _ = followed(rules, first_rows(recording, 45), 1)
     told = [(e.what, e.episode.subject, e.episode.since) for e in events]
     assert told == [
         ("began", "A.leakage", 11.0),
@@ -86,7 +78,7 @@ def test_row_by_row_each_fault_is_told_once_and_soon() -> None:
 def test_a_fault_that_outlasts_a_gap_is_told_once(step: int) -> None:
     """While the plant is not read, nothing ends; in whatever blocks its rows come."""
     rules, recording = recording_of("abc", "leakage_A.csv")
-    some = _first(recording, 25)
+    some = first_rows(recording, 25)
     some = replace(some, time=some.time + 100.0 * (some.time > 15.0))
     _, events, _ = followed(rules, some, step)
     told = [(e.what, e.episode.subject, e.episode.since) for e in events]
@@ -129,7 +121,7 @@ def test_what_is_remembered_survives_as_bytes() -> None:
     rules = compiled("abc")
     recording = long_recording(rules, 70)
     half = len(recording) - 100
-    memory, _, _ = followed(rules, _first(recording, half), 1000)
+    memory, _, _ = followed(rules, first_rows(recording, half), 1000)
     again, position = state.from_bytes(rules, state.to_bytes(rules, memory, {"offset": 7}), "x")
     assert position == {"offset": 7}
     rest = part_of(recording, half, len(recording))
@@ -137,15 +129,6 @@ def test_what_is_remembered_survives_as_bytes() -> None:
     assert one.events == other.events
     assert one.diagnosis.findings == other.diagnosis.findings
     assert any(e.episode.subject == "A.leakage" for e in one.events)
-
-
-def _first(recording: Recording, n: int) -> Recording:
-    return replace(
-        recording,
-        time=recording.time[:n],
-        values={name: v[:n] for name, v in recording.values.items()},
-        segment=recording.segment[:n],
-    )
 
 
 def test_states_that_are_none_are_refused() -> None:
@@ -296,7 +279,7 @@ def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
     """A window may deviate by chance; a finding takes three in a row, and so does a residual."""
     recording, odd = made("wastewater-lab", 1, count=400), 0
     for rows in (240, 270):
-        diagnosis = diagnose(_first(recording, rows), plant("wastewater-lab"))
+        diagnosis = diagnose(first_rows(recording, rows), plant("wastewater-lab"))
         assert diagnosis.latest is not None
         odd += any("3 windows in a row" in p.text for p in diagnosis.not_judged)
         assert diagnosis.status == "ok"

@@ -12,19 +12,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT
 
 LEAKAGE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-
-
-@pytest.fixture
-def rules(tmp_path: Path) -> Path:
-    file = tmp_path / "abc.ruleset.json"
-    file.write_text(compiled("abc").to_json(), encoding="utf-8")
-    return file
 
 
 def watching(rules: Path, *options: str) -> list[str]:
@@ -111,16 +103,8 @@ def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
     told = events_in(file)
     assert [e["number"] for e in told] == list(range(1, len(told) + 1))
     faults = [(e["what"], e["episode"]["since"]) for e in told if e["episode"]["kind"] == "fault"]
-    assert [x for x in faults if x[0] == "began"] == [
-        ("began", 11.0),
-        ("began", 31.0),
-        ("began", 51.0),
-    ]
-    assert [x for x in faults if x[0] == "ended"] == [
-        ("ended", 11.0),
-        ("ended", 31.0),
-        ("ended", 51.0),
-    ]
+    for what in ("began", "ended"):
+        assert [since for told_as, since in faults if told_as == what] == [11.0, 31.0, 51.0]
 
 
 def test_mistakes_of_the_user(rules: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT
 from tests.live.test_watch import LEAKAGE, environment
 
 WATCH = """
@@ -40,9 +40,8 @@ def holds_interrupts(pid: int) -> bool:
     return bool(mask >> (signal.SIGINT - 1) & 1)
 
 
-def test_an_interrupt_waits_for_no_look(tmp_path: Path) -> None:
-    rules, log, script = tmp_path / "abc.json", tmp_path / "log.csv", tmp_path / "watch.py"
-    rules.write_text(compiled("abc").to_json(), encoding="utf-8")
+def test_an_interrupt_waits_for_no_look(rules: Path, tmp_path: Path) -> None:
+    log, script = tmp_path / "log.csv", tmp_path / "watch.py"
     script.write_text(WATCH, encoding="utf-8")
     lines = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
     log.write_text("".join(lines[:5]), encoding="utf-8")

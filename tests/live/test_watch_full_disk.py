@@ -12,7 +12,6 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused
 
-from tests.live.journal.conftest import small_disk  # noqa: F401
 from tests.live.journal.events import event
 from tests.live.journal.test_lines import events_in
 
@@ -59,10 +58,7 @@ def test_each_is_on_the_disk_before_the_next(tmp_path: Path) -> None:
             assert (tmp_path / "state").read_bytes() == f"state {number}".encode()
 
 
-def test_full_and_free_again(
-    small_disk: Path,  # noqa: F811
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Told once; then all is there, each once, no half line."""
     file = small_disk / "events.jsonl"
     with kept(small_disk) as (files, unwritten):
@@ -87,11 +83,7 @@ def test_full_and_free_again(
 @pytest.mark.parametrize("dated", [True, False])
 @pytest.mark.parametrize("state", [True, False])
 def test_ended_while_it_is_full(
-    state: bool,
-    dated: bool,
-    small_disk: Path,  # noqa: F811
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    state: bool, dated: bool, small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What waits stands in the folder that is named; the next watch goes on behind it, also where
     some of it is in the file by now."""
@@ -115,7 +107,7 @@ def test_ended_while_it_is_full(
     assert list(waiting.iterdir()) == []
 
 
-def test_moved_away_while_it_is_full(small_disk: Path) -> None:  # noqa: F811
+def test_moved_away_while_it_is_full(small_disk: Path) -> None:
     """As logs are put away: what waits goes into the new file."""
     file = small_disk / "events.jsonl"
     with kept(small_disk) as (files, _):

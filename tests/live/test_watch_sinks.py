@@ -20,16 +20,17 @@ from rulec_runtime.live.journal.store import open_journal
 
 from rulec.cli import main
 from tests.live.journal.postgres import Postgres
-from tests.live.journal.test_device_health import asked, free_port, health_of, values
+from tests.live.journal.test_device_health import asked, health_of, values
 from tests.live.journal.test_mqtt_out import OwnBroker, broker, listening  # noqa: F401
-from tests.live.test_watch import LEAKAGE, environment, rules, watching  # noqa: F401
+from tests.live.sources.plant_server import free_port
+from tests.live.test_watch import LEAKAGE, environment, watching
 
 CLIENT = httpx.Client(verify=False)
 LINES = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
 
 
 @contextmanager
-def watched(rules: Path, log: Path, *options: str) -> Iterator[subprocess.Popen[str]]:  # noqa: F811
+def watched(rules: Path, log: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
     """A watch of a log that grows, killed at the end if it still lives."""
     process = subprocess.Popen(
         watching(rules, "--source", str(log), *options),
@@ -70,10 +71,7 @@ def now_at(page: str) -> dict[str, Any] | None:
 
 
 def test_acknowledged_on_the_page_is_in_the_journal_and_there_again(
-    rules: Path,  # noqa: F811
-    log: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    rules: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Also what `rulec journal` acknowledged while the page is open."""
     where, port = str(tmp_path / "plant.db"), free_port()
@@ -117,7 +115,7 @@ def _acknowledged(now: dict[str, Any] | None) -> list[dict[str, Any]]:
 
 
 def test_broker_and_device_health_say_how_it_is_until_it_is_ended(
-    rules: Path,  # noqa: F811
+    rules: Path,
     log: Path,
     broker: OwnBroker,  # noqa: F811
 ) -> None:
@@ -140,7 +138,7 @@ def test_broker_and_device_health_say_how_it_is_until_it_is_ended(
 
 
 def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhile(
-    rules: Path,  # noqa: F811
+    rules: Path,
     log: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -188,9 +186,7 @@ def _add(log: Path, low: int, high: int) -> None:
 
 
 def test_mistakes_in_sinks_are_told(
-    rules: Path,  # noqa: F811
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    rules: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for options, words in (
         (("--mqtt", "http://x"), "named mqtt://HOST:PORT"),

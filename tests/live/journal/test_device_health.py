@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,14 +17,9 @@ from rulec_runtime.live.journal.device_health import DeviceHealth, Security
 from rulec_runtime.live.journal.refused import JournalRefused
 
 from tests.live.journal.events import LEAKAGE
+from tests.live.sources.plant_server import free_port
 
 DEVICES = "http://opcfoundation.org/UA/DI/"
-
-
-def free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
 
 
 def asked(place: str, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:

@@ -19,7 +19,7 @@ from rulec_runtime.live.journal.mqtt_out import MqttOut
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 
 from tests.live.journal.events import event_in, story
-from tests.live.journal.test_device_health import free_port
+from tests.live.sources.plant_server import free_port
 
 
 class OwnBroker:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows, Source
+from rulec_runtime.live.sources.growing_file import GrowingFile
 
 
 class Taken:
@@ -52,3 +55,15 @@ def lines(times: Sequence[float], header: bool = True) -> str:
     """A table of two signals of plant abc; A.dp in bar is the time over 100."""
     head = "time [s],A.dp [bar],A.n [rpm]\n" if header else ""
     return head + "".join(f"{t:g},{t / 100:g},900\n" for t in times)
+
+
+def append(path: Path, text: str | bytes) -> None:
+    with path.open("ab") as file:
+        file.write(text if isinstance(text, bytes) else text.encode())
+
+
+def growing(folder: Path, abc: Ruleset, text: str) -> tuple[Path, Taken]:
+    """A file that begins with a text, and what was taken of it."""
+    path = folder / "x.csv"
+    path.write_text(text)
+    return path, Taken(GrowingFile(path, abc)).take()

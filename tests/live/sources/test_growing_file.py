@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -21,8 +18,8 @@ from rulec_runtime.live.sources.standard_input import StandardInput
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 
-from tests.conftest import ROOT, SOURCES
-from tests.live.sources.taking import Taken, lines
+from tests.conftest import ROOT
+from tests.live.sources.taking import Taken, append, growing, lines
 
 EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 
@@ -30,11 +27,6 @@ EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "LINGER", 0.05)
-
-
-def append(path: Path, text: str | bytes) -> None:
-    with path.open("ab") as file:
-        file.write(text if isinstance(text, bytes) else text.encode())
 
 
 def dialects() -> dict[str, bytes]:
@@ -94,9 +86,7 @@ def test_half_a_line_waits_for_its_end(tmp_path: Path, abc: Ruleset) -> None:
 @pytest.mark.parametrize("way", ["renamed", "copied and cut", "replaced"])
 def test_a_file_that_is_rotated_loses_no_row(way: str, tmp_path: Path, abc: Ruleset) -> None:
     """What was written before and, by a logger that has the old file open, after it is read."""
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1, 2]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 1, 2]))
     append(path, lines([3], header=False))
     if way == "renamed":
         path.rename(tmp_path / "x.csv.1")
@@ -120,9 +110,7 @@ def test_a_file_that_is_rotated_loses_no_row(way: str, tmp_path: Path, abc: Rule
 
 def test_a_clock_that_begins_anew_goes_on(tmp_path: Path, abc: Ruleset) -> None:
     """Plain seconds that begin at 0 in each file, as when a folder of them is diagnosed."""
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 2, 4]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 2, 4]))
     path.rename(tmp_path / "x.csv.1")
     path.write_text(lines([0, 2]))
     taken.until(lambda t: t.times == [0, 2, 4, 6, 8])
@@ -130,9 +118,7 @@ def test_a_clock_that_begins_anew_goes_on(tmp_path: Path, abc: Ruleset) -> None:
 
 
 def test_rows_that_are_not_later_are_left_out_and_told(tmp_path: Path, abc: Ruleset) -> None:
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1, 1, 5, 3, 4, 6]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 1, 1, 5, 3, 4, 6]))
     append(path, lines([2, 7], header=False))
     assert taken.take().times == [0, 1, 5, 6, 7]
     assert taken.told[1] == ("clock", "x.csv: 3 rows are not later than 6 s and are left out")
@@ -141,9 +127,7 @@ def test_rows_that_are_not_later_are_left_out_and_told(tmp_path: Path, abc: Rule
 
 def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Ruleset) -> None:
     """A clock without dates goes on behind it; one with dates has no stamp of next year."""
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1, 1e9]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 1, 1e9]))
     for i in range(2, 40):
         append(path, lines([i], header=False))
         taken.take()
@@ -156,9 +140,7 @@ def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Rules
 
 def test_what_is_odd_is_told_once(tmp_path: Path, abc: Ruleset) -> None:
     """Words, values beyond any sensor, broken rows, a line without end: a file of any length."""
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0]))
     for i in range(1, 4):
         append(path, f"{i},bad\x1b[31m,900\n{i}.2,1e300,9\n{i}.3,1\n{i}.4,{'9' * 1_500_000}\n")
         taken.until(lambda t, i=i: len(t.times) == 1 + 2 * i)  # type: ignore[misc]
@@ -181,9 +163,7 @@ def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> Non
             GrowingFile(bad, abc)
     with pytest.raises(RecordingRefused, match="no such file"):
         GrowingFile(tmp_path / "none.csv", abc)
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 1]))
     bad.write_text("time [s],A.dp [m]\n2,1\n")
     os.replace(bad, path)
     taken.until(lambda t: "refused" in t.kinds())
@@ -198,9 +178,7 @@ def test_silence_is_told_once_until_rows_come_again(
 ) -> None:
     monkeypatch.setattr(limits, "STALE", 0.1)
     monkeypatch.setattr(limits, "STALE_STEPS", 0.1)
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1]))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, lines([0, 1]))
     taken.until(lambda t: "stale" in t.kinds()).take(0.2)
     append(path, lines([2], header=False))
     taken.until(lambda t: t.kinds().count("stale") == 2)
@@ -217,9 +195,7 @@ def test_rows_that_are_left_out_are_silence(
     """A logger whose clock was set back writes on, and nothing of it can be judged."""
     monkeypatch.setattr(limits, "STALE", 0.1)
     monkeypatch.setattr(limits, "STALE_STEPS", 0.1)
-    path = tmp_path / "x.csv"
-    path.write_text("time,A.dp [bar],A.n [rpm]\n2026-03-01 12:00:00,1,900\n")
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, "time,A.dp [bar],A.n [rpm]\n2026-03-01 12:00:00,1,900\n")
     for second in range(3):
         append(path, f"2026-03-01 11:00:0{second},1,900\n")
         taken.take(0.1)
@@ -252,57 +228,36 @@ def test_reading_goes_on_where_it_was_stored(tmp_path: Path, abc: Ruleset) -> No
     assert third.kinds()[0] == "gap"
 
 
-READER = """
-import json, os, sys
-from pathlib import Path
-from rulec_runtime.contract.ruleset_file import read_ruleset
-from rulec_runtime.live.rows import Rows
-from rulec_runtime.live.sources.growing_file import GrowingFile
-data, rules, stored, out = map(Path, sys.argv[1:])
-resume = json.loads(stored.read_text()) if stored.exists() else {}
-source = GrowingFile(data, read_ruleset(rules), resume.get("at"))
-print("up", flush=True)
-times = resume.get("times", [])
-while True:
-    for part in source.take(1.0):
-        times += part.time.tolist() if isinstance(part, Rows) else []
-    new = stored.with_suffix(".new")
-    new.write_text(json.dumps({"at": source.position, "times": times}))
-    os.replace(new, stored)
-    if times and times[-1] >= 2499:
-        break
-"""
-
-
-def test_kill_9_reads_nothing_twice_and_loses_nothing(tmp_path: Path, abc: Ruleset) -> None:
-    """A reader is killed while the file grows and is rotated; it stores rows with its position."""
-    data, rules, stored = tmp_path / "x.csv", tmp_path / "r.json", tmp_path / "stored"
-    rules.write_text(abc.to_json(), encoding="utf-8")
-    data.write_text(lines([]))
-    stored.write_text(json.dumps({"at": GrowingFile(data, abc).position, "times": []}))
-    draw, written, kills = random.Random(1), 0, 0
-    command = [sys.executable, "-c", READER, *map(str, (data, rules, stored, tmp_path))]
-    environment = {**os.environ, "PYTHONPATH": SOURCES}
+def test_a_reader_that_is_killed_reads_nothing_twice_and_loses_nothing(
+    tmp_path: Path, abc: Ruleset
+) -> None:
+    """At any moment, while half lines come and files are rotated; rows count with the position
+    that is stored with them."""
+    path, draw, written = tmp_path / "x.csv", random.Random(1), 0
+    path.write_text(lines([]))
+    stored, times = GrowingFile(path, abc).position, list[float]()
     while written < 2500:
-        reader = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
-        assert reader.stdout is not None
-        assert reader.stdout.readline() == "up\n"
-        for _ in range(10):
-            upto = min(2500, written + draw.randrange(30, 90))
+        taken = Taken(GrowingFile(path, abc, json.loads(json.dumps(stored))))
+        kept = 0
+        for _ in range(draw.randrange(1, 20)):
+            upto = min(2500, written + draw.randrange(1, 60))
             text = lines(range(written, upto), header=False)
-            append(data, text[: len(text) // 2])
-            time.sleep(draw.uniform(0.01, 0.04))
-            append(data, text[len(text) // 2 :])
+            half = draw.randrange(len(text) + 1)
+            for piece in (text[:half], text[half:]):
+                append(path, piece)
+                taken.take()
+                if draw.random() < 0.5:
+                    kept, stored = len(taken.times), taken.source.position  # type: ignore[attr-defined]
             written = upto
-        if draw.random() < 0.5 and written < 2500:
-            data.rename(tmp_path / f"x.csv.{written}")
-            data.write_text(lines([]))
-        os.kill(reader.pid, signal.SIGKILL)
-        reader.communicate()
-        kills += 1
-    subprocess.run(command, env=environment, check=True, timeout=60)
-    assert kills >= 5
-    assert json.loads(stored.read_text())["times"] == list(range(2500))
+        times += taken.times[:kept]
+        taken.source.close()
+        if draw.random() < 0.5:
+            time.sleep(0.02)  # later files bear later times
+            path.rename(tmp_path / f"x.csv.{written}")
+            path.write_text(lines([]))
+    last = Taken(GrowingFile(path, abc, stored))
+    last.until(lambda t: [*times, *t.times][-1:] == [2499])
+    assert [*times, *last.times] == list(range(2500))
 
 
 def test_standard_input_reads_a_pipe_to_its_end(abc: Ruleset) -> None:

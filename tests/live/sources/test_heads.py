@@ -18,7 +18,7 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.title_search import TitleSearch
 
-from tests.live.sources.taking import Taken, lines
+from tests.live.sources.taking import Taken, append, growing, lines
 
 ABOVE = "Station 4;begun {}\nrate [Hz];1\n"
 TITLES = "Zeit;A.dp;A.n\n"
@@ -33,11 +33,6 @@ def rows(times: range, text: str = "{:d};{},5;900\n") -> str:
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "LINGER", 0.02)
-
-
-def append(path: Path, text: str) -> None:
-    with path.open("a", encoding="utf-8") as file:
-        file.write(text)
 
 
 class Pipe:
@@ -95,9 +90,7 @@ def test_units_below_are_those_of_the_file(tmp_path: Path, abc: Ruleset) -> None
 
 def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> None:
     """Lines above the titles refuse nothing, nor do titles without a row."""
-    path = tmp_path / "x.csv"
-    path.write_text(ABOVE.format("2026-03-01") + TITLES[:9])
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, ABOVE.format("2026-03-01") + TITLES[:9])
     append(path, TITLES[9:] + UNITS[:4])
     assert taken.take().notices == []
     append(path, UNITS[4:] + rows(range(2)))
@@ -124,9 +117,7 @@ def test_a_watch_is_started_anew_while_only_titles_are_there(tmp_path: Path, abc
 
 def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> None:
     """Other lines above, another order, other units; titles without a row between them."""
-    path = tmp_path / "x.csv"
-    path.write_text(HEAD + rows(range(2)))
-    taken = Taken(GrowingFile(path, abc)).take()
+    path, taken = growing(tmp_path, abc, HEAD + rows(range(2)))
     path.rename(tmp_path / "x.csv.1")
     path.write_text(TITLES)
     taken.until(lambda t: t.source._head is None)  # type: ignore[attr-defined]

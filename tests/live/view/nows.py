@@ -15,6 +15,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 
 from tests.conftest import ROOT, compiled
+from tests.rig.follower.agreement import first_rows
 
 CALENDAR = Calendar(1_790_000_000.0, ((0.0, 7200.0),))
 
@@ -23,13 +24,7 @@ CALENDAR = Calendar(1_790_000_000.0, ((0.0, 7200.0),))
 def recorded(name: str, rows: int) -> Recording:
     """The first rows of a shipped example."""
     whole = read_recording(ROOT / "plants" / "abc" / "examples" / name, compiled("abc"))
-    return replace(
-        whole,
-        time=whole.time[:rows],
-        values={k: v[:rows] for k, v in whole.values.items()},
-        segment=whole.segment[:rows],
-        calendar=CALENDAR,
-    )
+    return replace(first_rows(whole, rows), calendar=CALENDAR)
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""Fixtures of the journal."""
+"""A ruleset in a file, and a disk that is soon full."""
 
 from __future__ import annotations
 
@@ -8,6 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import compiled
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> Path:
+    file = tmp_path / "abc.ruleset.json"
+    file.write_text(compiled("abc").to_json(), encoding="utf-8")
+    return file
 
 
 @pytest.fixture
