@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
@@ -196,9 +195,3 @@ def _columns(reader: Reader, ruleset: Ruleset) -> tuple[list[ColumnMap], str]:
             continue
         found.append(ColumnMap(name, title, unit.factor, unit.offset))
     return found, time
-
-
-def texts_of(fleet: Fleet) -> dict[str, Any]:
-    """What is kept beside the results: by which rulesets they were found."""
-    plants = {h: json.loads(text)["plant"] for h, text in fleet.rulesets.items()}
-    return {"fleet": fleet.name, "rulesets": plants}

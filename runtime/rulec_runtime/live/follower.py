@@ -163,9 +163,10 @@ def _partly(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -
         diagnosis = replace(known.diagnosis, samples=memory.count)
         return Told(replace(memory, known=known), (), diagnosis)
     known = partial_update(ruleset, memory.recent, known, places, memory.count)
-    way = None if memory.under_way is None else memory.under_way.with_seen(places)
+    if (way := memory.under_way) is not None:
+        way = replace(way, seen=way.seen.union(places))
     memory = replace(memory, known=known, under_way=way)
-    return _told(ruleset, memory, known.diagnosis, settled_until(known))
+    return _told(ruleset, memory, known.diagnosis, settled_until(known.parts))
 
 
 def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> Told:
@@ -182,7 +183,7 @@ def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> 
     due = replace(due, doubt=due.doubt or way.doubt)
     if places := sorted(way.seen.union(due.places)):
         known = partial_update(ruleset, memory.recent, known, places, memory.count)
-        told = _told(ruleset, memory, known.diagnosis, settled_until(known))
+        told = _told(ruleset, memory, known.diagnosis, settled_until(known.parts))
     else:
         # Nothing was told meanwhile: the look says it as of its own rows.
         told = _told(ruleset, memory, found.diagnosis, found.settled, rows=way.kept)

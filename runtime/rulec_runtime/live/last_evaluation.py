@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -138,10 +138,6 @@ class UnderWay:
     kept: int
     seen: frozenset[int] = frozenset()
     doubt: bool = False
-
-    def with_seen(self, places: Collection[int]) -> UnderWay:
-        """The same when some parts have got a partial update."""
-        return replace(self, seen=self.seen.union(places))
 
     def doubted(self, doubt: bool) -> UnderWay:
         """The same after rows that may have put a sensor in doubt."""

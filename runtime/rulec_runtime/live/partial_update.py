@@ -35,7 +35,7 @@ def partial_update(
     """What is known when some parts, by their places, have been judged anew after so many rows."""
     parts, levels = list(known.parts), known.levels
     latest = known.diagnosis.latest
-    settled = _settled(parts)
+    settled = settled_until(parts)
     for place in moved:
         parts[place], whole, residuals = _judged(ruleset, recent, known, parts[place], count)
         if len(whole):
@@ -44,7 +44,7 @@ def partial_update(
             level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
             rested = np.full(len(level), float(whole.timeline.samples[-1]))
             levels = levels.judged(np.isfinite(level), level, rested)
-    now = _settled(parts)
+    now = settled_until(parts)
     each = [
         one.found if place in moved else _going_on(one.found, settled, now)
         for place, one in enumerate(parts)
@@ -61,12 +61,8 @@ def partial_update(
     return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
 
 
-def settled_until(known: Known) -> float:
+def settled_until(parts: Sequence[PartKnown]) -> float:
     """Time of the last settled row of any part, s."""
-    return _settled(known.parts)
-
-
-def _settled(parts: Sequence[PartKnown]) -> float:
     return max(one.settled for one in parts)
 
 

@@ -120,7 +120,9 @@ class GrowingFile:
             if found or self._head is None:
                 return found or self._end_of_file()
         if self._was_cut(file):
-            return self._begin_again("was cut; what nobody had read of it is lost")
+            self._open(self._path)
+            text = f"{self._path.name} was cut; what nobody had read of it is lost"
+            return [notice("gap", self._clock.now, text)]
         data = file.read(limits.PIECE)
         if not data:
             return self._end_of_file()
@@ -161,7 +163,7 @@ class GrowingFile:
         self._head, self._replaced, self.ended, self._refused = None, None, False, False
         self._cutter, self._tail = LineCutter(), b""
         self._table = self._new_table()
-        self._clock.begin()
+        self._clock.begins = True
         return file
 
     def _read_head(self, ended: bool = False) -> list[Rows | Notice]:
@@ -200,10 +202,6 @@ class GrowingFile:
             return True
         grown = size > self._cutter.offset + self._cutter.waiting
         return grown and tail_of(file, self._cutter.offset) != self._tail
-
-    def _begin_again(self, why: str) -> list[Rows | Notice]:
-        self._open(self._path)
-        return [notice("gap", self._clock.now, f"{self._path.name} {why}")]
 
     def _end_of_file(self) -> list[Rows | Notice]:
         """Nothing more has come: was the file replaced, or is it silent for too long?"""
@@ -272,10 +270,10 @@ class GrowingFile:
             file.seek(offset)
             if self._clock.begun:
                 self._table.resume()
-            self._clock.resume()
+            self._clock.begins = False
             return
         self.close()
         self.ended = False
-        self._clock.begin()
+        self._clock.begins = True
         text = f"{self._path.name}: what was being read is gone; rows may be lost"
         self._waiting.append(notice("gap", self._clock.now, text))

@@ -183,7 +183,9 @@ class Mqtt:
         for channel, value in found:
             time = self._time(value.stamp, here)
             if self._is_news(channel, time):
-                values[channel.signal.id] = self._reading(channel, value)
+                factor, offset, most = self._scales[channel.signal.id]
+                reading = usable(value.number * factor + offset, value.bad, most)
+                values[channel.signal.id] = reading
                 times.append(time)
         if values:
             self._rows.put({self._place_of[name] for name in values}, values, max(times))
@@ -209,8 +211,3 @@ class Mqtt:
             return False
         self._newest[signal] = time
         return True
-
-    def _reading(self, channel: Channel, value: Value) -> tuple[float, str]:
-        """In SI; NaN where there is none, and why."""
-        factor, offset, most = self._scales[channel.signal.id]
-        return usable(value.number * factor + offset, value.bad, most)

@@ -25,7 +25,8 @@ class RowClock:
 
     `last` is the time of the last row handed out, s; `step` the last step from row to row, s;
     `shift` what is added to times that are no dates, s; `dated` whether they are, None before
-    anybody knows.
+    anybody knows; `begins` whether a new file does, with which a clock that is no date may begin
+    anew.
     """
 
     def __init__(self, name: str, remarks: Remarks) -> None:
@@ -33,7 +34,8 @@ class RowClock:
         self.step = 1.0
         self.shift = 0.0
         self.dated: bool | None = None
-        self._name, self._remarks, self._begins = name, remarks, False
+        self.begins = False
+        self._name, self._remarks = name, remarks
         self._late = 0
 
     @property
@@ -45,14 +47,6 @@ class RowClock:
     def begun(self) -> bool:
         """Whether there was a row."""
         return self.last > -float("inf")
-
-    def begin(self) -> None:
-        """A new file begins: a clock that is no date may begin anew with it."""
-        self._begins = True
-
-    def resume(self) -> None:
-        """No new file begins: an old one is read on."""
-        self._begins = False
 
     def later(self, time: Array) -> tuple[Array, NDArray[np.bool_], list[Notice]]:
         """Times as they are handed out, shape (n,), s; which of them are; what is odd about them.
@@ -66,7 +60,7 @@ class RowClock:
         found: list[Notice] = []
         if not usable.all():
             found += self._tell(int((~usable).sum()), ("has", "have"), "no usable time", "unusable")
-        if (self._begins or self._late >= limits.SET_BACK) and usable.any():
+        if (self.begins or self._late >= limits.SET_BACK) and usable.any():
             found += self._begin_anew(float(time[usable][0]))
         time = time + self.shift
         known = np.where(usable, time, -np.inf)
@@ -91,7 +85,7 @@ class RowClock:
     def _begin_anew(self, first: float) -> list[Notice]:
         """Where all that comes is earlier than `last`, its clock was set back, or `last` was no
         time: it goes on from there."""
-        self._begins, self._late = False, 0
+        self.begins, self._late = False, 0
         if self.dated or first + self.shift > self.last:
             return []
         self.shift = self.last + self.step - first

@@ -98,7 +98,9 @@ class TableStream:
         whole = [row for row in cells if is_whole(row, self._width)]
         found: list[Rows | Notice] = []
         if len(whole) < len(cells):
-            found += self._told("cells", self._odd(len(cells) - len(whole)))
+            what = plural(len(cells) - len(whole), "row has", "rows have")
+            text = f"{self._name}: {what} another number of cells than the header; left out"
+            found += self._told("cells", text)
         return found + self._rows(self._header, whole) if whole else found
 
     def end(self) -> list[Rows | Notice]:
@@ -230,10 +232,6 @@ class TableStream:
     @property
     def _name(self) -> str:
         return self._path.name
-
-    def _odd(self, rows: int) -> str:
-        what = plural(rows, "row has", "rows have")
-        return f"{self._name}: {what} another number of cells than the header; left out"
 
     def _told(self, key: object, text: str) -> list[Notice]:
         return self._remarks.tell("refused", key, self._clock.now, text)
