@@ -15,11 +15,13 @@ from rulec_runtime.recordings.recording import read_recording
 
 from tests.conftest import ROOT, compiled
 
+Over = tuple[Ruleset, Diagnosis, Episode]
+
 SIGHT = Sight(since=0.0, until=400.0, settled=400.0, usual=60.0, time=np.arange(401.0), pause=5)
 
 
 @pytest.fixture(scope="module")
-def over() -> tuple[Ruleset, Diagnosis, Episode]:
+def over() -> Over:
     """A diagnosis of one fault that has ended, 100 s to 200 s, and its episode."""
     rules = compiled("abc")
     path = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
@@ -31,9 +33,7 @@ def over() -> tuple[Ruleset, Diagnosis, Episode]:
     return rules, diagnosis, told
 
 
-def test_a_fault_that_ended_and_was_none_is_withdrawn_once(
-    over: tuple[Ruleset, Diagnosis, Episode],
-) -> None:
+def test_a_fault_that_ended_and_was_none_is_withdrawn_once(over: Over) -> None:
     rules, diagnosis, told = over
     none = replace(diagnosis, findings=())
     kept, events = changes(rules, (told,), none, SIGHT, 2)
@@ -41,25 +41,19 @@ def test_a_fault_that_ended_and_was_none_is_withdrawn_once(
     assert changes(rules, kept, none, SIGHT, 3) == ((), ())
 
 
-def test_what_can_be_seen_no_more_is_not_withdrawn(
-    over: tuple[Ruleset, Diagnosis, Episode],
-) -> None:
+def test_what_can_be_seen_no_more_is_not_withdrawn(over: Over) -> None:
     rules, diagnosis, told = over
     later = replace(SIGHT, since=150.0, time=np.arange(150.0, 401.0))
     assert changes(rules, (told,), replace(diagnosis, findings=()), later, 2)[1] == ()
 
 
-def test_two_that_turn_out_to_be_one_are_not_withdrawn(
-    over: tuple[Ruleset, Diagnosis, Episode],
-) -> None:
+def test_two_that_turn_out_to_be_one_are_not_withdrawn(over: Over) -> None:
     rules, diagnosis, told = over
     pair = (replace(told, id="first", until=120.0), replace(told, id="second", since=160.0))
     assert "withdrawn" not in [e.what for e in changes(rules, pair, diagnosis, SIGHT, 2)[1]]
 
 
-def test_a_fault_that_began_earlier_than_told_is_told_again(
-    over: tuple[Ruleset, Diagnosis, Episode],
-) -> None:
+def test_a_fault_that_began_earlier_than_told_is_told_again(over: Over) -> None:
     rules, diagnosis, told = over
     kept, events = changes(rules, (replace(told, since=180.0),), diagnosis, SIGHT, 2)
     assert [(e.what, e.episode.since) for e in events] == [("changed", 100.0)]

@@ -88,7 +88,7 @@ def test_opcua_goes_on_when_all_clocks_jump(clocks: Clocks, abc: Ruleset, tmp_pa
 
 
 def test_mqtt_tells_a_standstill(clocks: Clocks, abc: Ruleset, tmp_path: Path) -> None:
-    taken = without_broker(abc, tmp_path, "signals: {A.dp: t/dp}")
+    _, taken = without_broker(abc, tmp_path, "signals: {A.dp: t/dp}")
     time.sleep(0.1)
     clocks.ahead = HOUR
     taken.until(lambda t: "this computer stood still for 3600 s" in str(t.told))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,19 +51,20 @@ def lines_killed(folder: Path, times: int) -> dict[str, Any]:
     options = ("--source", "log.csv", "--events", "events.jsonl", "--state", state.name)
     watch = Watch(folder, *options)
     done = _killed(folder, times, watch, what, random.Random(2), lambda: score.rows_in(state)[0])
-    found = score.events_in(folder / "events.jsonl")
-    balance = [
-        sum((e["what"] == "began") - (e["what"] in ("ended", "withdrawn")) for e in part)
-        for part in _by_episode(found)
-    ]
+    found = score.events_from(folder / "events.jsonl")
+    balance = Counter[str]()
+    for event in found:
+        if event.episode.kind != "source":
+            ended = event.what in ("ended", "withdrawn")
+            balance[event.episode.id] += (event.what == "began") - ended
     return {
         **done,
         "rows_lost": done["rows"] - score.rows_in(state)[0],
         "events": len(found),
-        **score.numbers(e["number"] for e in found),
-        "episodes_without_end": sum(b > 0 for b in balance),
-        "episodes_ended_twice": sum(b < 0 for b in balance),
-        **score.forms_against_plant(found, what.planted, done["rows"]),
+        **score.numbers(e.number for e in found),
+        "episodes_without_end": sum(b > 0 for b in balance.values()),
+        "episodes_ended_twice": sum(b < 0 for b in balance.values()),
+        **score.against_plant(found, what.planted, done["rows"]),
         **score.bad_output(watch.out + watch.err),
     }
 
@@ -118,11 +120,3 @@ def _went_on(watch: Watch, rows: Callable[[], int], before: int) -> bool:
             return True
         time.sleep(0.5)
     return False
-
-
-def _by_episode(found: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
-    parts: dict[str, list[dict[str, Any]]] = {}
-    for event in found:
-        if event["episode"]["kind"] != "source":
-            parts.setdefault(event["episode"]["id"], []).append(event)
-    return list(parts.values())

@@ -29,13 +29,8 @@ def events_of(journal: Path | str) -> list[Event]:
 
 
 def events_from(lines: Path) -> list[Event]:
-    """Events of a file of lines, as far as they are needed here."""
-    return [event_from(form) for form in events_in(lines)]
-
-
-def events_in(lines: Path) -> list[dict[str, Any]]:
     """Events of a file of lines."""
-    return [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
+    return [event_from(json.loads(line)) for line in lines.read_text("utf-8").splitlines()]
 
 
 def rows_of(journal: Path | str) -> tuple[int, list[float]]:
@@ -130,13 +125,6 @@ def by_name(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, i
         "faults_lost": (wanted - there).total(),
         "faults_twice": (there - wanted).total(),
     }
-
-
-def forms_against_plant(
-    events: Sequence[dict[str, Any]], planted: Sequence[Injected], end: float = float("inf")
-) -> dict[str, Any]:
-    """As `against_plant`, of events as they stand in a file of lines."""
-    return against_plant([event_from(e) for e in events], planted, end)
 
 
 def bad_output(text: str) -> dict[str, int]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal.store import Journal
 
 LEAKAGE = Episode(
     id="A.leakage@1700000000.000",
@@ -64,3 +65,10 @@ def event_in(form: dict[str, Any]) -> Event:
         text=form["text"],
         episode=Episode(**episode, alternatives=rivals),
     )
+
+
+def kept_in(journal: Journal) -> tuple[int, bytes]:
+    """The state of plant abc that a journal keeps, and the number of the last event before it."""
+    saved = journal.state("abc")
+    assert saved is not None
+    return saved.number, saved.state

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.journal.events import event
+from tests.live.journal.events import event, kept_in
 from tests.live.journal.killed import Commit, written_until_killed
 
 
@@ -24,9 +24,8 @@ def check_journal(where: str, kills: int) -> None:
     found = [entry.event for entry in journal.events("abc")]
     assert found == [event(n + 1) for n in range(len(found))]
     assert told <= len(found) <= told + 1  # killed between writing and telling
-    saved = journal.state("abc")
-    assert saved is not None
-    assert saved.number == int(saved.state) == len(found)
+    number, state = kept_in(journal)
+    assert number == int(state) == len(found)
     journal.close()
 
 

@@ -12,7 +12,7 @@ from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.journal.events import LEAKAGE, event, story
+from tests.live.journal.events import LEAKAGE, event, kept_in, story
 from tests.live.journal.postgres import Postgres
 from tests.live.journal.test_killed import check_journal
 
@@ -42,9 +42,7 @@ def test_same_as_in_a_file(url: str) -> None:
     assert [entry.event for entry in journal.events("abc")] == story()
     assert [entry.event.number for entry in journal.events(active=True)] == [3]
     assert [entry.event.number for entry in journal.events(status=["C"], limit=1)] == [4]
-    saved = journal.state("abc")
-    assert saved is not None
-    assert (saved.number, saved.state) == (4, b"\0state")
+    assert kept_in(journal) == (4, b"\0state")
     assert journal.acknowledge("abc", LEAKAGE.id, "Ann")
     assert journal.acknowledged("abc") == {LEAKAGE.id}
     with pytest.raises(JournalRefused, match="another event 4 of abc"):

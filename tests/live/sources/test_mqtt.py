@@ -78,11 +78,12 @@ class PlantBroker:
         self._client.publish(topic, json.dumps(payload), qos=1).wait_for_publish(5)
 
 
-def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> Taken:
-    """A source that hears what tests tell it."""
+def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> tuple[Mqtt, Taken]:
+    """A source that hears what tests tell it, and what is taken of it."""
     path = tmp_path / "map.yaml"
     path.write_text(f"endpoint: mqtt://127.0.0.1:{free_port()}\n{text}", encoding="utf-8")
-    return Taken(Mqtt(read_map(path, MQTT, abc), abc))
+    source = Mqtt(read_map(path, MQTT, abc), abc)
+    return source, Taken(source)
 
 
 def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
@@ -143,9 +144,7 @@ def test_forms_of_messages(
     text = "signals: {A.dp: {topic: t, unit: bar}}\n"
     if address != "t":
         text = f"signals:\n  A.dp: {address[:-1]}, unit: bar}}\n"
-    taken = without_broker(abc, tmp_path, text)
-    source = taken.source
-    assert isinstance(source, Mqtt)
+    source, taken = without_broker(abc, tmp_path, text)
     source.receive("t", json.dumps(payload).encode())
     taken.until(lambda t: t.rows)
     source.close()
@@ -157,9 +156,7 @@ def test_forms_of_messages(
 def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> None:
     """Twice and late are left out and told once; what falls silent has no reading."""
     text = "interval: 0.2\nstale: 0.5\nsignals: {A.dp: t/dp, A.n: t/n}\n"
-    taken = without_broker(abc, tmp_path, text)
-    source = taken.source
-    assert isinstance(source, Mqtt)
+    source, taken = without_broker(abc, tmp_path, text)
     start = time.time() - 100
 
     def send(topic: str, value: float, at: float) -> None:
@@ -186,9 +183,7 @@ def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> 
 
 def test_stamps_of_the_future_do_not_blind_the_watch(abc: Ruleset, tmp_path: Path) -> None:
     """A clock an hour ahead, then right again: no value is late."""
-    taken = without_broker(abc, tmp_path, "signals: {A.dp: t}\n")
-    source = taken.source
-    assert isinstance(source, Mqtt)
+    source, taken = without_broker(abc, tmp_path, "signals: {A.dp: t}\n")
     begin = time.time()
     for ahead in (3600.0, 3600.0, 0.0):
         source.receive("t", json.dumps({"value": 1.8, "time": time.time() + ahead}).encode())

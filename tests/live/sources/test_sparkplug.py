@@ -76,12 +76,10 @@ class Plant:
 
 @pytest.fixture
 def plant(abc: Ruleset, tmp_path: Path) -> Iterator[Plant]:
-    taken = without_broker(abc, tmp_path, MAP)
-    assert isinstance(taken.source, Mqtt)
-    found = Plant(taken.source, taken)
+    found = Plant(*without_broker(abc, tmp_path, MAP))
     found.turn = abc.signal_by_id["A.n"].factor * 60
     yield found
-    taken.source.close()
+    found.source.close()
 
 
 def varint(number: int) -> bytes:
