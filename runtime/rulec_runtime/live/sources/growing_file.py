@@ -13,7 +13,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.line_cutter import LineCutter
-from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.rotation import (
     Head,
     following,
@@ -22,15 +21,14 @@ from rulec_runtime.live.sources.rotation import (
     tail_of,
     with_inode,
 )
-from rulec_runtime.live.sources.row_clock import RowClock
-from rulec_runtime.live.sources.table_stream import TableStream
+from rulec_runtime.live.sources.table_stream import TextSource
 from rulec_runtime.live.steady import steady
 from rulec_runtime.output.open_file import opened
 from rulec_runtime.recordings.csv_table import RecordingRefused, Unclear
 from rulec_runtime.recordings.recording_file import times_of
 
 
-class GrowingFile:
+class GrowingFile(TextSource):
     """Rows of a file and of those that replace it.
 
     Half a line waits for its end. When the file is renamed or replaced, the old one is read to its
@@ -42,19 +40,14 @@ class GrowingFile:
     def __init__(
         self, path: Path, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
     ) -> None:
-        self._path, self._ruleset, self._times = path, ruleset, times_of(ruleset)
-        self._remarks = Remarks()
-        self._clock = RowClock(path.name, self._remarks)
-        self._silence = Silence(limits.STALE)
+        super().__init__(path, ruleset)
+        self._times = times_of(ruleset)
         self._file: BinaryIO | None = None
         self._head: Head | None = None
-        self._cutter = LineCutter()
-        self._table = self._new_table()
         self._started = self._refused = self._missing = False
         self._replaced: float | None = None
         self._tail = b""
         self._waiting: list[Rows | Notice] = []
-        self.ended = False
         if path.name.lower().endswith(".gz"):
             raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
         if resume:
@@ -65,11 +58,6 @@ class GrowingFile:
             self._open(path)
             self._waiting += self._read_head()
         self._started = True
-
-    @property
-    def dated(self) -> bool:
-        """Known from the first rows on."""
-        return bool(self._clock.dated)
 
     @property
     def position(self) -> dict[str, Any]:
@@ -121,8 +109,7 @@ class GrowingFile:
                 return found or self._end_of_file()
         if self._was_cut(file):
             self._open(self._path)
-            text = f"{self._path.name} was cut; what nobody had read of it is lost"
-            return [notice("gap", self._clock.now, text)]
+            return [self._notice("gap", " was cut; what nobody had read of it is lost")]
         data = file.read(limits.PIECE)
         if not data:
             return self._end_of_file()
@@ -132,20 +119,15 @@ class GrowingFile:
         if self._cutter.offset > before:
             self._tail = tail_of(file, self._cutter.offset)
         rows = self._rows(lines)
-        self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
-        if not any(isinstance(part, Rows) for part in rows):
+        if not self._heard(rows):
             return [*self._found_again(), *rows, *self._stale()]
         again: list[Notice] = self._found_again()
         if self._silence.heard() and not again:
-            again = [notice("connected", self._clock.now, f"{self._path.name}: rows come again")]
+            again = [self._notice("connected", ": rows come again")]
         return [*again, *rows]
 
     def _rows(self, lines: list[str]) -> list[Rows | Notice]:
-        found: list[Rows | Notice] = []
-        if self._cutter.too_long:
-            self._cutter.too_long = 0
-            text = f"{self._path.name}: lines of more than {limits.LONGEST_LINE} bytes are left out"
-            found += self._remarks.tell("refused", "too long", self._clock.now, text)
+        found = self._too_long()
         if self._refused:
             return found
         try:
@@ -154,7 +136,7 @@ class GrowingFile:
             if isinstance(refused, Unclear) and not self._clock.begun:
                 raise  # whoever starts the watch can say what is meant
             self._refused = True
-            return [*found, notice("refused", self._clock.now, str(refused))]
+            return [*found, self._refusal(refused)]
 
     def _open(self, path: Path) -> BinaryIO:
         """Begin with a file whose header nobody has read."""
@@ -188,12 +170,9 @@ class GrowingFile:
                 raise
             self._head = self._head or Head()
             self._refused = True
-            return [notice("refused", self._clock.now, str(refused))]
+            return [self._refusal(refused)]
         finally:
             self._file.seek(self._cutter.offset if self._head else 0)
-
-    def _new_table(self) -> TableStream:
-        return TableStream(self._path, self._ruleset, self._clock, self._remarks)
 
     def _was_cut(self, file: BinaryIO) -> bool:
         """Whether the file is shorter now, or was written anew up to here and beyond."""
@@ -222,30 +201,23 @@ class GrowingFile:
             return self._lost("was taken away; its successor is waited for")
         found: list[Rows | Notice] = []
         if self._cutter.waiting:
-            text = f"{self._path.name}: the last row before it was replaced has no end; left out"
-            found.append(notice("refused", self._clock.now, text))
+            text = ": the last row before it was replaced has no end; left out"
+            found.append(self._notice("refused", text))
         self._open(following(self._file, self._path, self._head, self._times))
         return found
-
-    def _stale(self) -> list[Rows | Notice]:
-        if not self._silence.begins():
-            return []
-        text = f"{self._path.name}: no row for {self._silence.lasts:.0f} s"
-        return [notice("stale", self._clock.now, text)]
 
     def _lost(self, why: str) -> list[Rows | Notice]:
         """Told once; and as long as it lasts the source grows stale."""
         if self._missing:
             return self._stale()
         self._missing = True
-        return [notice("lost", self._clock.now, f"{self._path.name} {why}")]
+        return [self._notice("lost", f" {why}")]
 
     def _found_again(self) -> list[Notice]:
         if not self._missing:
             return []
         self._missing = False
-        text, still = f"{self._path.name} is read again", self._silence.stale
-        return [notice("connected", self._clock.now, text, still=still)]
+        return [self._notice("connected", " is read again", still=self._silence.stale)]
 
     def _resume(self, position: Mapping[str, Any]) -> None:
         """Go on at a position, in the file that it belongs to, wherever that is now."""
@@ -275,5 +247,5 @@ class GrowingFile:
         self.close()
         self.ended = False
         self._clock.begins = True
-        text = f"{self._path.name}: what was being read is gone; rows may be lost"
-        self._waiting.append(notice("gap", self._clock.now, text))
+        text = ": what was being read is gone; rows may be lost"
+        self._waiting.append(self._notice("gap", text))

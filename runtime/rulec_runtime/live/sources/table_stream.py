@@ -10,8 +10,10 @@ import numpy as np
 from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live.rows import Notice, Rows
-from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.live.rows import Notice, NoticeKind, Rows
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.line_cutter import LineCutter
+from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
 from rulec_runtime.live.sources.row_clock import RowClock
 from rulec_runtime.live.sources.table_head import HeadSearch, TableHead
 from rulec_runtime.output.plural import plural
@@ -235,3 +237,47 @@ class TableStream:
 
     def _told(self, key: object, text: str) -> list[Notice]:
         return self._remarks.tell("refused", key, self._clock.now, text)
+
+
+class TextSource:
+    """What a file that grows and a pipe share: lines to rows, and for how long none came."""
+
+    def __init__(self, path: Path, ruleset: Ruleset) -> None:
+        self._path, self._ruleset = path, ruleset
+        self._remarks = Remarks()
+        self._clock = RowClock(path.name, self._remarks)
+        self._silence = Silence(limits.STALE)
+        self._cutter, self._table = LineCutter(), self._new_table()
+        self.ended = False
+
+    @property
+    def dated(self) -> bool:
+        """Known from the first rows on."""
+        return bool(self._clock.dated)
+
+    def _new_table(self) -> TableStream:
+        return TableStream(self._path, self._ruleset, self._clock, self._remarks)
+
+    def _notice(self, kind: NoticeKind, text: str, *, still: bool = False) -> Notice:
+        return notice(kind, self._clock.now, f"{self._path.name}{text}", still=still)
+
+    def _refusal(self, why: RecordingRefused) -> Notice:
+        return notice("refused", self._clock.now, str(why))
+
+    def _too_long(self) -> list[Rows | Notice]:
+        """What is told of lines that were dropped."""
+        if not self._cutter.too_long:
+            return []
+        self._cutter.too_long = 0
+        text = f"{self._path.name}: lines of more than {limits.LONGEST_LINE} bytes are left out"
+        return [*self._remarks.tell("refused", "too long", self._clock.now, text)]
+
+    def _heard(self, found: Sequence[Rows | Notice]) -> bool:
+        """Did rows come? Steps between them say how long is too long."""
+        self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
+        return any(isinstance(part, Rows) for part in found)
+
+    def _stale(self) -> list[Rows | Notice]:
+        if not self._silence.begins():
+            return []
+        return [self._notice("stale", f": no row for {self._silence.lasts:.0f} s")]
