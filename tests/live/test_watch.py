@@ -70,9 +70,6 @@ def test_a_journal_keeps_events_and_state(rules: Path, tmp_path: Path) -> None:
         saved = kept_in(journal)
     assert sorted(numbers) == list(range(1, 8))
     assert saved[0] == 7
-    both = run(rules, *options, "--state", str(tmp_path / "state"))
-    assert both.returncode == 1
-    assert "leave out --state" in both.stderr
 
 
 def test_standard_input(rules: Path) -> None:
@@ -105,20 +102,3 @@ def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
     faults = [(e["what"], e["episode"]["since"]) for e in told if e["episode"]["kind"] == "fault"]
     for what in ("began", "ended"):
         assert [since for told_as, since in faults if told_as == what] == [11.0, 31.0, 51.0]
-
-
-def test_mistakes_of_the_user(rules: Path, tmp_path: Path) -> None:
-    other = tmp_path / "notes.txt"
-    other.write_text("not events\n", encoding="utf-8")
-    for options, words in (
-        (("--source", str(tmp_path / "none.csv")), "there is no such file"),
-        (("--source", "ftp://x"), "is no source"),
-        (("--source", "opc.tcp://localhost:1"), "--map"),
-        (("--source", str(LEAKAGE), "--events", str(other)), "no event; name another file"),
-        (("--source", str(LEAKAGE), "--state", str(other)), "no state of a watch"),
-    ):
-        done = run(rules, *options, "--until-end")
-        assert done.returncode == 1, (options, done.stdout)
-        assert words in done.stderr
-        assert "Traceback" not in done.stderr
-    assert other.read_text(encoding="utf-8") == "not events\n"

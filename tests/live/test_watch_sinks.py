@@ -185,10 +185,15 @@ def _add(log: Path, low: int, high: int) -> None:
         out.writelines(LINES[low:high])
 
 
-def test_mistakes_in_sinks_are_told(
-    rules: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistakes_are_told(rules: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = tmp_path / "notes.txt"
+    other.write_text("not events\n", encoding="utf-8")
     for options, words in (
+        (("--source", str(tmp_path / "none.csv")), "there is no such file"),
+        (("--source", "ftp://x"), "is no source"),
+        (("--source", "opc.tcp://localhost:1"), "--map"),
+        (("--events", str(other)), "no event; name another file"),
+        (("--state", str(other)), "no state of a watch"),
         (("--mqtt", "http://x"), "named mqtt://HOST:PORT"),
         (("--mqtt", "mqtt://x/a/#"), "cannot be the beginning"),
         (("--mqtt-ca", "x.pem"), "name the broker with --mqtt"),
@@ -206,3 +211,4 @@ def test_mistakes_in_sinks_are_told(
         assert 1 == main(["watch", str(rules), "--source", str(LEAKAGE), "--until-end", *options])
         told = capsys.readouterr().err
         assert words in told, (options, told)
+    assert other.read_text(encoding="utf-8") == "not events\n"

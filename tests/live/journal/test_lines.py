@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 import pytest
 from rulec_runtime.live.journal.lines import LinesFile
-from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.journal.refused import JournalRefused
 
 from tests.hostile.texts import STEERING
 from tests.live.journal.events import event, event_in, story
@@ -82,17 +81,3 @@ def test_killed(tmp_path: Path) -> None:
     found = events_in(file)
     assert found == [event(n + 1) for n in range(len(found))]
     assert told <= len(found) <= told + 1
-
-
-def test_disk_full(small_disk: Path) -> None:
-    file = small_disk / "events.jsonl"
-    sink = LinesFile(file)
-    number = 0
-    with suppress(JournalTrouble):
-        while number < 2000:
-            sink.commit("abc", [event(number + 1)], None, dated=True)
-            number += 1
-    with pytest.raises(JournalTrouble, match="No space left"):
-        sink.commit("abc", [event(number + 1)], None, dated=True)
-    assert events_in(file) == [event(n + 1) for n in range(number)]
-    sink.close()
