@@ -12,7 +12,7 @@ from rulec_runtime.live.journal.refused import JournalRefused
 
 from tests.hostile.texts import STEERING
 from tests.live.journal.events import event, event_in, story
-from tests.live.journal.killed import Commit, written_until_killed
+from tests.live.journal.test_killed import Commit, written_until_killed
 
 
 def events_in(file: Path) -> list[object]:

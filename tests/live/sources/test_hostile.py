@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
@@ -75,10 +74,10 @@ def check(parts: list[Rows | Notice]) -> tuple[int, int]:
     return sum(map(len, rows)), len(notices)
 
 
-def messages(abc: Ruleset, tmp_path: Path, count: int) -> None:
+def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
     source, _ = without_broker(abc, tmp_path, MAP)
     draw, told = random.Random(7), 0
-    for _ in range(count):
+    for _ in range(2000):
         source.receive(draw.choice(("plant/A", "plant/B")), mutated(draw.choice(MESSAGES), draw))
         told += check(source.take(0.0))[1]
     source.receive("plant/A", b"1" * (limits.LARGEST_MESSAGE + 1))
@@ -94,14 +93,14 @@ def messages(abc: Ruleset, tmp_path: Path, count: int) -> None:
     assert told < 200, "what keeps coming is told once"
 
 
-def tables(abc: Ruleset, count: int) -> None:
+def test_mutated_lines(abc: Ruleset) -> None:
     """Lines of a pipe, in pieces; the header is sound, else the whole table would be refused."""
     reading, writing = os.pipe()
     source, draw = StandardInput(abc, reading), random.Random(8)
     os.write(writing, lines([0]).encode())
     check(source.take(0.1))
     told, i = 0, 0
-    while i < count:
+    while i < 2000:
         block = b""
         for _ in range(20):
             block += mutated(f"{i},{i / 100},900\n".encode(), draw)
@@ -117,17 +116,3 @@ def tables(abc: Ruleset, count: int) -> None:
     os.close(reading)
     assert rows >= 1, "it still reads after all of that"
     assert told < 50, "what keeps coming is told once"
-
-
-def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
-    messages(abc, tmp_path, 2000)
-
-
-def test_mutated_lines(abc: Ruleset) -> None:
-    tables(abc, 2000)
-
-
-@pytest.mark.prove
-def test_many_mutated_messages_and_lines(abc: Ruleset, tmp_path: Path) -> None:
-    messages(abc, tmp_path, 10_000)
-    tables(abc, 10_000)
