@@ -72,7 +72,9 @@ def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
     first = next(iter(form["effects"]), none)
     where = next(iter(form["locations"]), none)
     fit = form["fit"] or none
-    errors = fit.get("heldout") or none
+    heldout = fit.get("heldout") or none
+    names = ("shipped", "recalibrated", "repaired", "noise")
+    errors: dict[str, Any] = {name: heldout.get(name) for name in names}
     return Answer(
         plant=task.plant,
         day=task.day,
@@ -85,10 +87,7 @@ def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
         probability=first.get("probability"),
         signal=fit.get("signal", ""),
         unit=fit.get("unit", ""),
-        shipped=errors.get("shipped"),
-        recalibrated=errors.get("recalibrated"),
-        repaired=errors.get("repaired"),
-        noise=errors.get("noise"),
+        **errors,
     )
 
 

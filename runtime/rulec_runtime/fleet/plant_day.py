@@ -187,15 +187,13 @@ def _points(diagnosis: Diagnosis) -> Iterator[Row]:
 
 def _unknown(period: dict[str, Any]) -> Row:
     """A period that nothing known explains, as a finding."""
-    same: Row = dict.fromkeys(FINDING)
-    since, until = period["since"], period["until"]
-    return same | {
+    return dict.fromkeys(FINDING) | {
         "kind": "unknown",
         "fault": "unknown",
         "module": "",
         "status": "S",
-        "since": since,
-        "until": until,
+        "since": period["since"],
+        "until": period["until"],
         "active": False,
         "text": period["text"],
         "action": "",

@@ -40,18 +40,9 @@ class OpcUa:
         self._rows = Assembler(source, place_of, self._hand, self._remarks)
         self._still = Standstill()
         known = (resume or {}).get("namespaces", {})
+        shared = (self._rows, self._hand, self._remarks, self._still)
         self._links = {
-            s.name: Link(
-                source,
-                s,
-                ruleset,
-                self._rows,
-                self._hand,
-                self._remarks,
-                self._still,
-                known.get(s.name, {}),
-            )
-            for s in source.servers
+            s.name: Link(source, s, ruleset, *shared, known.get(s.name, {})) for s in source.servers
         }
         self.ended = False
         self._loop = steady_loop()

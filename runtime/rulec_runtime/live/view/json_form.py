@@ -47,10 +47,10 @@ def _residuals(now: Now) -> dict[str, Any] | None:
     """Residuals of the last settled stretch or window; flows in m3/s, readings in SI."""
     if now.diagnosis is None or now.diagnosis.latest is None:
         return None
-    form = dataclasses.asdict(now.diagnosis.latest)
-    names = ("residual", "value", "u", "threshold", "verdict")
-    form["residuals"] = [{name: one[name] for name in names} for one in form["residuals"]]
-    return {**form, **_dates(now.calendar, until=now.diagnosis.latest.until)}
+    latest, names = now.diagnosis.latest, ("residual", "value", "u", "threshold", "verdict")
+    residuals = [{name: getattr(one, name) for name in names} for one in latest.residuals]
+    form = {"since": latest.since, "until": latest.until, "residuals": residuals}
+    return {**form, **_dates(now.calendar, until=latest.until)}
 
 
 def _episode(now: Now, episode: Episode) -> dict[str, Any]:
