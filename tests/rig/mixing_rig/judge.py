@@ -1,8 +1,10 @@
-"""One task: record, diagnose, and say in plain data what was answered."""
+"""Tasks to answers: record, diagnose, and say in plain data what was answered."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,22 +14,15 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.observe import observe
-from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
-from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import noise_of
 from rulec_runtime.report.json_form import diagnosis_form
 
 from rulec.prove import truth
 from tests.method.readings import recording
 from tests.rig.mixing_rig.cases import Task
-from tests.rig.mixing_rig.commission import key_of, ruleset_of
-
-UNGATED = "paper, no gate"
-"""Eqs. 17 to 19 at every sample, whether or not the residuals exceed their thresholds."""
+from tests.rig.mixing_rig.commission import commission, key_of, ruleset_file, ruleset_of
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,6 @@ class Named:
 class Answer:
     """What is said at the end of a plateau; the most probable fault first."""
 
-    plant: str
     group: str
     mode: str
     case: int
@@ -73,7 +67,6 @@ class Samples:
 class Covered:
     """Samples of a recording by what the findings say about them; and how many findings."""
 
-    group: str
     mode: str
     samples: int
     fault: int
@@ -83,11 +76,34 @@ class Covered:
 
 @dataclass(frozen=True)
 class Judged:
-    """All that one task gave."""
+    """All that some tasks gave."""
 
     answers: tuple[Answer, ...]
     samples: tuple[Samples, ...]
     covered: tuple[Covered, ...]
+
+
+def run(folder: Path, tasks: Sequence[Task], workers: int) -> Judged:
+    """All answers in the order of the tasks; with fewer than 2 workers in this process.
+
+    `folder` keeps the rulesets, each replicate commissioned once, for the tasks of a later call.
+    """
+    wanted = dict.fromkeys(key_of(task) for task in tasks)
+    keys = [key for key in wanted if not ruleset_file(folder, key).exists()]
+    prepare, answer = functools.partial(commission, folder), functools.partial(judge, folder)
+    if workers < 2:
+        for key in keys:
+            prepare(key)
+        parts = [answer(task) for task in tasks]
+    else:
+        with ProcessPoolExecutor(workers) as pool:
+            list(pool.map(prepare, keys))
+            parts = list(pool.map(answer, tasks, chunksize=4))
+    return Judged(
+        tuple(a for part in parts for a in part.answers),
+        tuple(s for part in parts for s in part.samples),
+        tuple(c for part in parts for c in part.covered),
+    )
 
 
 def judge(folder: Path, task: Task) -> Judged:
@@ -101,11 +117,9 @@ def judge(folder: Path, task: Task) -> Judged:
     for mode in task.modes:
         form = diagnosis_form(diagnose(readings, rules, mode))
         answers += [_answer(task, mode, form, made.truth, span) for span in task.plateaus]
-        covered.append(_covered(task, mode, form, readings))
+        covered.append(_covered(mode, form, readings))
         if task.samples:
             samples.append(_samples(task, mode, rules, trace(readings, rules, mode), made.truth))
-    if task.samples and task.case.faults:
-        samples.append(_ungated(task, rules, readings, samples[0]))
     return Judged(tuple(answers), tuple(samples), tuple(covered))
 
 
@@ -128,7 +142,6 @@ def _answer(
     part = (time >= since) & (time <= time[span[1] - 1])
     true = {name: float(columns[f"{name} [1]"][part].mean()) for name in task.case.faults}
     return Answer(
-        task.plant,
         task.group,
         mode,
         task.case.seed,
@@ -149,7 +162,7 @@ def _named(finding: Mapping[str, Any]) -> Named:
     return Named(finding["fault"], degree, lower, upper, float(finding["probability"]), others)
 
 
-def _covered(task: Task, mode: str, form: Mapping[str, Any], readings: Recording) -> Covered:
+def _covered(mode: str, form: Mapping[str, Any], readings: Recording) -> Covered:
     """Count the samples inside findings, and inside periods that nothing known explains."""
 
     def inside(entries: Any) -> NDArray[np.bool_]:
@@ -160,7 +173,6 @@ def _covered(task: Task, mode: str, form: Mapping[str, Any], readings: Recording
 
     fault, unknown = inside(form["findings"]), inside(form.get("unknown", ()))
     return Covered(
-        task.group,
         mode,
         len(readings),
         int(fault.sum()),
@@ -172,27 +184,9 @@ def _covered(task: Task, mode: str, form: Mapping[str, Any], readings: Recording
 def _samples(
     task: Task, mode: str, rules: Ruleset, result: Trace, columns: Mapping[str, Array]
 ) -> Samples:
-    """The trace of the task's fault; of no fault if it has none."""
-    n = len(result.time)
-    if not task.case.faults:
-        none = np.zeros(n)
-        return Samples(task.group, mode, result.verdict, none, none, none, none)
+    """The trace of the task's fault."""
     fault = next(iter(task.case.faults))
     k = [f.id for f in rules.faults].index(fault)
     true = columns[f"{fault} [1]"]
     found = (result.degree[k], result.lower[k], result.upper[k])
     return Samples(task.group, mode, result.verdict, true, *found)
-
-
-def _ungated(task: Task, rules: Ruleset, readings: Recording, gated: Samples) -> Samples:
-    """The paper's equations alone, as method.md predicts their bias, on the same samples."""
-    noise = {name: noise_of(values) for name, values in readings.values.items()}
-    result = judge_by_paper(rules, observe(rules, points_of_samples(readings, rules, noise)))
-    ids = [f.id for f in rules.faults]
-    k = ids.index(next(iter(task.case.faults)))
-    verdict = tuple(
-        word if word == "moving" else ids[winner]
-        for word, winner in zip(gated.verdict, result.winner(), strict=True)
-    )
-    found = (result.degree[k], result.lower[k], result.upper[k])
-    return Samples(task.group, UNGATED, verdict, gated.true, *found)

@@ -1,28 +1,21 @@
-"""From answers to figures."""
+"""From answers to figures, as the plain data that the commands print."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from tests.rig.mixing_rig.cases import PUMPS
-from tests.rig.mixing_rig.judge import Answer, Covered, Named, Samples
+from tests.figures.share import Share
+from tests.rig.mixing_rig.judge import Answer, Covered, Judged, Samples
 
 CERTAIN = 0.95
 REMARKS = ("ok", "unknown", "cannot judge", "moving")
 """Verdicts on a sample that name no fault."""
-
-ROWS = (-0.5, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.5)
-COLUMNS = ("0", "0.2", "0.4", "0.6", ">0.8")
-# Edges midway between the rows, the outer ones open; a column holds two of our degrees, 0.8 alone
-# the last, as the paper's last column says ">".
-ROW_EDGES = tuple((a + b) / 2 for a, b in pairwise(ROWS))
-COLUMN_EDGES = (0.15, 0.35, 0.55, 0.75)
 
 
 @dataclass(frozen=True)
@@ -37,79 +30,8 @@ class SampleFigures:
     error: float
     bias: float
     covered: float
-    above: float
     healthy: int
     alarmed: float
-
-
-@dataclass(frozen=True)
-class DegreeFigures:
-    """Of all stationary points: how many were named rightly, wrongly, as unknown, or not at all.
-
-    `error`, `bias`, `covered`, `width`: of those named rightly; `error_any`: of all named.
-    """
-
-    points: int
-    right: int
-    wrong: int
-    unknown: int
-    silent: int
-    error: float
-    bias: float
-    error_any: float
-    covered: float
-    width: float
-
-
-@dataclass(frozen=True)
-class IsolationFigures:
-    """Shares of all points.
-
-    `first`: the most probable fault is the true one; `possible`: the true one is it or an
-    alternative; `shared`: that counted by 1 / number of causes mentioned; `certain_wrong`: another
-    fault, more probable than CERTAIN, without mention of the true one; `extra`: more than one
-    fault at once.
-    """
-
-    points: int
-    first: float
-    possible: float
-    shared: float
-    certain_wrong: float
-    extra: float
-    unknown: float
-    silent: float
-
-
-@dataclass(frozen=True)
-class PairFigures:
-    """Shares of all points with two faults; `one` and `wrong` count what is named besides, too."""
-
-    points: int
-    both: float
-    one: float
-    wrong: float
-    unknown: float
-    silent: float
-    error: float
-
-
-@dataclass(frozen=True)
-class AlarmFigures:
-    """Of fault-free recordings: samples and recordings with a fault named, and with a remark.
-
-    `alone_*`: samples judged on their own; `moving` are not judged.
-    """
-
-    recordings: int
-    samples: int
-    fault: int
-    unknown: int
-    recordings_with_fault: int
-    named: tuple[str, ...]
-    alone_judged: int
-    alone_fault: int
-    alone_unknown: int
 
 
 def sample_figures(parts: Sequence[Samples], fault: str) -> SampleFigures:
@@ -123,119 +45,104 @@ def sample_figures(parts: Sequence[Samples], fault: str) -> SampleFigures:
     faulty = settled & (true > 0.05)
     named = faulty & (verdict == fault)
     healthy = settled & (true < 1e-3)
-    alarmed = healthy & ~np.isin(verdict, REMARKS)
     off = degree[named] - true[named]
     return SampleFigures(
         int(faulty.sum()),
-        _share(named.sum(), faulty.sum()),
+        _mean(verdict[faulty] == fault),
         _mean(np.abs(off)),
         _mean(off),
         _mean((lower[named] <= true[named]) & (true[named] <= upper[named])),
-        _mean(true[named] > upper[named]),
         int(healthy.sum()),
-        _share(alarmed.sum(), healthy.sum()),
+        _mean(~np.isin(verdict[healthy], REMARKS)),
     )
 
 
-def degree_figures(answers: Sequence[Answer]) -> DegreeFigures:
-    """Figures of single faults."""
-    right = [a for a in answers if a.named and a.named[0].fault in a.true]
-    wrong = [a for a in answers if a.named and a.named[0].fault not in a.true]
-    unknown = sum(not a.named and a.unknown for a in answers)
-    off = np.array([discrepancy(a) for a in right])
-    any_off = np.array([discrepancy(a) for a in [*right, *wrong]])
-    inside = [a.named[0].lower <= a.true[a.named[0].fault] <= a.named[0].upper for a in right]
-    return DegreeFigures(
-        len(answers),
-        len(right),
-        len(wrong),
-        unknown,
-        len(answers) - len(right) - len(wrong) - unknown,
-        _mean(np.abs(off)),
-        _mean(off),
-        _mean(np.abs(any_off)),
-        _mean(np.array(inside)),
-        _mean(np.array([a.named[0].upper - a.named[0].lower for a in right])),
-    )
+def counted(answers: Sequence[Answer]) -> dict[str, Any]:
+    """Shares of all plateaus; `covered` of those where the right fault is named first.
+
+    `first`: the most probable fault is the true one. `mentioned`: it is that one or among its
+    alternatives. `surely_wrong`: another is named, more probable than CERTAIN, without mention of
+    the true one. `unknown`: only that nothing known fits. `silent`: nothing is said. `error` is
+    that of the degree where the right fault is named first, `error_any` where any is named.
+    """
+    first = [a for a in answers if _is_first(a)]
+    shares = {
+        "first": (len(first), answers),
+        "mentioned": (sum(_is_mentioned(a) for a in answers), answers),
+        "surely_wrong": (sum(_is_surely_wrong(a) for a in answers), answers),
+        "unknown": (sum(not a.named and a.unknown for a in answers), answers),
+        "silent": (sum(not a.named and not a.unknown for a in answers), answers),
+        "covered": (sum(_is_covered(a) for a in first), first),
+    }
+    forms = {name: Share(count, len(of)).form() for name, (count, of) in shares.items()}
+    errors = {"error": _error(first), "error_any": _error([a for a in answers if a.named])}
+    return {"points": len(answers), **forms, **errors}
 
 
-def discrepancy(answer: Answer) -> float:
-    """Degree of the first fault named, less the true degree."""
-    (true,) = answer.true.values()
-    return answer.named[0].degree - true
+def table_form(judged: Judged) -> dict[str, Any]:
+    """All, by degree, by kind of fault, by both; and every answer that does not name it first."""
+    answers = judged.answers
+    return {
+        "all": counted(answers),
+        "degree": _by(answers, _degree),
+        "kind": _by(answers, kind_of),
+        "kind_and_degree": _by(answers, lambda a: f"{kind_of(a)} {_degree(a)}"),
+        "misses": [_miss(a) for a in answers if not _is_first(a)],
+    }
 
 
-def figure_11(answers: Iterable[Answer]) -> Array:
-    """Share of the rightly named cases by discrepancy (rows) and true degree (columns)."""
-    right = [a for a in answers if a.named and a.named[0].fault in a.true]
-    table = np.zeros((len(ROWS), len(COLUMNS)))
-    for answer in right:
-        row = np.searchsorted(ROW_EDGES, discrepancy(answer))
-        table[row, np.searchsorted(COLUMN_EDGES, answer.set_degree)] += 1.0 / len(right)
-    return table
+def sound_form(covered: Sequence[Covered]) -> dict[str, Any]:
+    """False alarms: samples inside findings, or inside what nothing known explains."""
+    samples = sum(c.samples for c in covered)
+    fault, unknown = (sum(getattr(c, n) for c in covered) for n in ("fault", "unknown"))
+    return {
+        "recordings": len(covered),
+        "recordings_with_fault": sum(bool(c.findings) for c in covered),
+        "samples": samples,
+        "fault": Share(fault, samples).form(),
+        "unknown": Share(unknown, samples).form(),
+        "named": sorted({name for c in covered for name in c.findings}),
+    }
 
 
-def isolation_figures(answers: Sequence[Answer]) -> IsolationFigures:
-    """Figures of single faults, for their names only."""
-    causes = [_causes(a) for a in answers]
-    possible = np.array([not c.isdisjoint(a.true) for a, c in zip(answers, causes, strict=True)])
-    size = np.array([max(len(c), 1) for c in causes])
-    return IsolationFigures(
-        len(answers),
-        _mean(np.array([bool(a.named) and a.named[0].fault in a.true for a in answers])),
-        _mean(possible),
-        _mean(possible / size),
-        _mean(np.array([_certain_wrong(a) for a in answers])),
-        _mean(np.array([len(a.named) > 1 for a in answers])),
-        _mean(np.array([not a.named and a.unknown for a in answers])),
-        _mean(np.array([not a.named and not a.unknown for a in answers])),
-    )
+def leakage_form(judged: Judged) -> dict[str, Any]:
+    """Samples judged alone, by plant and mode."""
+    form: dict[str, Any] = {}
+    for plant, mode in dict.fromkeys((s.group, s.mode) for s in judged.samples):
+        parts = [s for s in judged.samples if (s.group, s.mode) == (plant, mode)]
+        alone = [sample_figures([part], "A.leakage").error for part in parts]
+        figures = asdict(sample_figures(parts, "A.leakage"))
+        spread = {"error_spread": float(np.std(alone))}  # from one calibration to the next
+        form.setdefault(plant, {})[mode] = {"samples": figures | spread}
+    return form
 
 
-def pair_figures(answers: Sequence[Answer]) -> PairFigures:
-    """Figures of two faults at once."""
-    hits = np.array([len({n.fault for n in a.named} & set(a.true)) for a in answers])
-    some = np.array([bool(a.named) for a in answers])
-    unknown = np.array([not a.named and a.unknown for a in answers])
-    off = [
-        abs(n.degree - a.true[n.fault])
-        for a, h in zip(answers, hits, strict=True)
-        if h == 2
-        for n in a.named
-        if n.fault in a.true
-    ]
-    return PairFigures(
-        len(answers),
-        _mean(hits == 2),
-        _mean(hits == 1),
-        _mean(some & (hits == 0)),
-        _mean(unknown),
-        _mean(~some & ~unknown),
-        _mean(np.array(off)),
-    )
+def degrees_form(judged: Judged) -> dict[str, Any]:
+    """All faults, by mode; `right` is the share named first."""
+    form = {}
+    for mode, answers in grouped(judged.answers, lambda a: a.mode).items():
+        found = counted(answers)
+        form[mode] = {"right": found.pop("first"), **found}
+    return form
 
 
-def alarm_figures(covered: Sequence[Covered], samples: Sequence[Samples]) -> AlarmFigures:
-    """Figures of fault-free recordings."""
-    verdict = np.concatenate([np.array(s.verdict) for s in samples])
-    return AlarmFigures(
-        len(covered),
-        sum(c.samples for c in covered),
-        sum(c.fault for c in covered),
-        sum(c.unknown for c in covered),
-        sum(bool(c.findings) for c in covered),
-        tuple(sorted({name for c in covered for name in c.findings})),
-        int((verdict != "moving").sum()),
-        int((~np.isin(verdict, REMARKS)).sum()),
-        int((verdict == "unknown").sum()),
-    )
+def alarms_form(judged: Judged) -> dict[str, Any]:
+    """False alarms by mode."""
+    modes = dict.fromkeys(c.mode for c in judged.covered)
+    return {mode: sound_form([c for c in judged.covered if c.mode == mode]) for mode in modes}
+
+
+FORMS: Mapping[str, Callable[[Judged], dict[str, Any]]] = {
+    "leakage": leakage_form,
+    "degrees": degrees_form,
+    "alarms": alarms_form,
+}
 
 
 def kind_of(answer: Answer) -> str:
-    """Type of the true fault and of its module: `dp.high, membrane`."""
+    """The fault without its module: `P_el.low` of `A.P_el.low`."""
     (fault,) = answer.true
-    module, _, kind = fault.partition(".")
-    return f"{kind}, {PUMPS[answer.plant][module]}"
+    return fault.partition(".")[2]
 
 
 def grouped(answers: Iterable[Answer], key: Callable[[Answer], str]) -> Mapping[str, list[Answer]]:
@@ -246,20 +153,47 @@ def grouped(answers: Iterable[Answer], key: Callable[[Answer], str]) -> Mapping[
     return groups
 
 
-def _causes(answer: Answer) -> set[str]:
-    """All faults mentioned."""
-    return {name for n in answer.named for name in (n.fault, *n.alternatives)}
+def _degree(answer: Answer) -> str:
+    return f"{answer.set_degree:g}"
 
 
-def _certain_wrong(answer: Answer) -> bool:
-    def sure(named: Named) -> bool:
-        return named.fault not in answer.true and named.probability > CERTAIN
-
-    return _causes(answer).isdisjoint(answer.true) and any(sure(n) for n in answer.named)
+def _by(answers: Sequence[Answer], key: Callable[[Answer], str]) -> dict[str, Any]:
+    return {name: counted(part) for name, part in sorted(grouped(answers, key).items())}
 
 
-def _share(part: int | np.integer, whole: int | np.integer) -> float:
-    return float(part / whole) if whole else float("nan")
+def _is_first(answer: Answer) -> bool:
+    return bool(answer.named) and answer.named[0].fault in answer.true
+
+
+def _is_mentioned(answer: Answer) -> bool:
+    return any({n.fault, *n.alternatives} & set(answer.true) for n in answer.named)
+
+
+def _is_surely_wrong(answer: Answer) -> bool:
+    return not _is_mentioned(answer) and any(n.probability > CERTAIN for n in answer.named)
+
+
+def _is_covered(answer: Answer) -> bool:
+    said = answer.named[0]
+    return said.lower <= answer.true[said.fault] <= said.upper
+
+
+def _error(answers: Sequence[Answer]) -> float | None:
+    """Mean error of the degree of the fault named first, against the true one's."""
+    off = [abs(a.named[0].degree - next(iter(a.true.values()))) for a in answers]
+    return sum(off) / len(off) if off else None
+
+
+def _miss(answer: Answer) -> Mapping[str, Any]:
+    (fault,) = answer.true
+    said = [f"{n.fault} {n.degree:.3f} at {n.probability:.0%}" for n in answer.named]
+    otherwise = ["nothing known fits"] if answer.unknown else []
+    return {
+        "fault": fault,
+        "degree": answer.set_degree,
+        "seed": answer.case,
+        "said": said or otherwise,
+    }
 
 
 def _mean(values: Array | NDArray[np.bool_]) -> float:
