@@ -1,71 +1,56 @@
-"""How a plant is followed: `python -m tests.rig.follower [PART...] [--json FILE]`.
-
-``agreement``: recordings on which the watch tells in the end what the diagnosis of the whole tells;
-``replay``: signal values per second; ``latency``: from sample to event, with 200 readings at ten
-rows a second; ``memory``: a replayed week.
-"""
+"""How fast rows are followed, in processor time, as JSON: `python -m tests.rig.follower`."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+import time
+from collections.abc import Iterator
 
 import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live import limits
+from rulec_runtime.live.follower import follow, nothing_yet
+from rulec_runtime.recordings.recording import Recording
 
-from tests.conftest import ROOT, compiled
-from tests.rig.follower import agreement, speed
-from tests.rig.follower.plants import Planted, recorded
+from tests.conftest import compiled
+from tests.rig.follower.plants import Planted, part_of, recorded, side_by_side
 
-HOUR = 3600
+BLOCKS = 8
+"""Of as many rows as memory has room for, in a replay."""
 
 
-def memory() -> dict[str, Any]:
-    """A week at a row a second of plant `abc`, with a leakage for half of each hour."""
-    ruleset = compiled("abc")
-    planted = [Planted("A.leakage", 0.3, HOUR // 2, HOUR)]
-    hour = recorded(ruleset, HOUR, planted, 1.0, np.random.default_rng(3))
-    with tempfile.TemporaryDirectory(prefix="rulec-follower-") as folder:
-        rules, readings = Path(folder, "abc.json"), Path(folder, "hour.npz")
-        rules.write_text(ruleset.to_json(), encoding="utf-8")
-        np.savez(readings, **hour.values)
-        command = [sys.executable, "-m", "tests.rig.follower.week", str(rules), str(readings)]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    found: dict[str, Any] = json.loads(done.stdout)
+def costs_of(ruleset: Ruleset, recording: Recording, step: int) -> Iterator[float]:
+    """Processor time of each block of rows, s: other work on the machine disturbs a clock more."""
+    memory = nothing_yet(ruleset, False)
+    for first in range(0, len(recording), step):
+        begin = time.process_time()
+        for told in follow(ruleset, memory, part_of(recording, first, first + step)):
+            memory = told.memory
+        yield time.process_time() - begin
+
+
+def replay() -> dict[str, dict[str, float]]:
+    """Signal values per second, in blocks of as many rows as memory has room for."""
+    rows = BLOCKS * limits.KEPT_ROWS
+    found: dict[str, dict[str, float]] = {}
+    for name, ruleset, fault in (
+        ("abc", compiled("abc"), "A.leakage"),
+        ("side by side", side_by_side(), "L3A.leakage"),
+    ):
+        lasting = [Planted(fault, 0.3, rows // 4, rows)]
+        for kind, planted in (("healthy", []), ("faulty", lasting)):
+            recording = recorded(ruleset, rows, planted, 1.0, np.random.default_rng(5))
+            # The first block has no rows before it, and lays out all plans.
+            _, *costs = costs_of(ruleset, recording, limits.KEPT_ROWS)
+            values = len(recording.values) * limits.KEPT_ROWS * (BLOCKS - 1)
+            found.setdefault(name, {})[kind] = values / sum(costs)
     return found
 
 
-PARTS: dict[str, Callable[[], dict[str, Any]]] = {
-    "agreement": agreement.measure,
-    "replay": speed.replay,
-    "latency": speed.latency,
-    "memory": memory,
-}
-
-
-def main() -> int:
-    """Measure one part after the other."""
-    parser = argparse.ArgumentParser(prog="python -m tests.rig.follower", description=__doc__)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
-    options = parser.parse_args()
-    if strangers := set(options.parts) - set(PARTS):
-        parser.error(f"no part {', '.join(sorted(strangers))}")
-    form = {}
-    for name in options.parts or PARTS:
-        form[name] = PARTS[name]()
-        print(f"{name}: {json.dumps(form[name], indent=1)}", file=sys.stderr)
-    if options.json == "-":
-        print(json.dumps(form, indent=1))
-    elif options.json:
-        Path(options.json).write_text(json.dumps(form, indent=1) + "\n", encoding="utf-8")
-    return 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    parser = argparse.ArgumentParser(prog="python -m tests.rig.follower", description=__doc__)
+    parser.add_argument("parts", nargs="*", choices=["replay"], default="replay")
+    parser.add_argument("--json", choices=["-"], help="standard output, as without it")
+    parser.parse_args()
+    print(json.dumps({"replay": replay()}, indent=1))

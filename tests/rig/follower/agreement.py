@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rulec_runtime import limits
@@ -13,35 +11,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, concluded, follow, nothing_yet
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import Recording
 
-from tests.conftest import ROOT, compiled, recordings_folder
-from tests.figures.share import Share
 from tests.rig.follower.plants import part_of
 
 SAME_DEGREE = 1e-6
 """By how much a degree may differ."""
-
-BLOCKS = 20
-"""In which the rows of a recording come."""
-
-EXAMPLES = (
-    ("abc", "healthy.csv"),
-    ("abc", "leakage_A.csv"),
-    ("abc", "shaking_B.csv"),
-    ("abc", "step_B.csv"),
-    ("abc", "swapped.csv"),
-    ("abc", "warm_A.csv"),
-    ("abc", "calibration.csv"),
-    ("mixing-rig", "clogging_D.csv"),
-    ("mixing-rig", "calibration.csv"),
-)
-SHARED = (
-    ("hsy-pumping", "hsy-wastewater-pumping/hsy_15min.csv", 1536),
-    ("zema-hydraulic", "zema-hydraulic/recording.csv.gz", 1980),
-    ("cascaded-tanks", "cascaded-tanks/estimation.csv", 1024),
-)
-"""Plant, file, and rows from its beginning: as many as are remembered."""
 
 
 @dataclass(frozen=True)
@@ -104,24 +79,6 @@ def _untold(whole: Diagnosis, found: Followed, interval: float) -> Iterator[str]
         if not any(told[name].since <= finding.since + late for name in mine):
             yield f"{finding.fault.id} at {finding.since} was not told"
     yield from (f"{one.subject} was told" for one in lasting if one.id not in borne_out)
-
-
-def measure() -> dict[str, Any]:
-    """How many of the recordings agree."""
-    found: dict[str, list[str]] = {}
-    for plant, name, rows in [*_examples(), *SHARED]:
-        ruleset = compiled(plant)
-        recording = read_recording(recordings_folder() / name, ruleset)
-        some = first_rows(recording, rows)
-        key = f"{plant} {Path(name).name}"
-        found[key] = differences(ruleset, some, max(len(some) // BLOCKS, 1))
-    agree = sum(not said for said in found.values())
-    return {"recordings": found, "agree": Share(agree, len(found)).form()}
-
-
-def _examples() -> Iterator[tuple[str, str, int]]:
-    for plant, name in EXAMPLES:
-        yield plant, str(ROOT / "plants" / plant / "examples" / name), 600
 
 
 def first_rows(recording: Recording, rows: int) -> Recording:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 
@@ -22,17 +22,6 @@ from tests.conftest import ROOT
 LINES = 29
 """Of seven readings each: 203."""
 
-MIXERS, PUMPS = 13, 5
-"""In a chain: 208 readings."""
-
-FLOW, LOSS = 519.0, 0.1
-"""Flow of a pump, l/h, and what a mixer of a chain loses, bar."""
-
-PERIOD, LASTS = 300, 150
-"""Rows from one fault to the next, and in which one is there."""
-
-DEGREES = (0.2, 0.3, 0.4)
-
 
 def side_by_side() -> Ruleset:
     """Many small plants in one file, two pumps and a mixer each, without connection."""
@@ -41,27 +30,7 @@ def side_by_side() -> Ruleset:
         modules += [f"  L{i}A: {{type: dosing-pcp}}", f"  L{i}B: {{type: dosing-pcp}}"]
         modules.append(f"  L{i}C: {{type: static-mixer}}")
         connections += [f"L{i}A -> L{i}C", f"L{i}B -> L{i}C"]
-    return _compiled("side by side", modules, connections)
-
-
-def chain() -> Ruleset:
-    """Mixers in a row, five pumps at each: everything that is wrong shows downstream."""
-    modules, connections = [], []
-    for i in range(MIXERS):
-        through = (i + 1) * PUMPS * FLOW
-        size = f"value: {LOSS / through**2!r}, unit: bar/(l/h)**2, u: {0.004 * LOSS / through**2!r}"
-        modules.append(
-            f"  M{i}: {{type: static-mixer, reference: {{dp: {LOSS}}}, "
-            f"parameters: {{k2: {{{size}, source: made}}}}}}"
-        )
-        modules += [f"  M{i}P{j}: {{type: dosing-pcp}}" for j in range(PUMPS)]
-        connections += [f"M{i}P{j} -> M{i}" for j in range(PUMPS)]
-        connections += [f"M{i - 1} -> M{i}"] if i else []
-    return _compiled("chain", modules, connections)
-
-
-def _compiled(title: str, modules: list[str], connections: list[str]) -> Ruleset:
-    head = [f"plant: {title.replace(' ', '-')}", f"title: {title}", f"kb: {ROOT / 'kb'}"]
+    head = ["plant: side-by-side", "title: side by side", f"kb: {ROOT / 'kb'}"]
     lines = [*head, "modules:", *modules, "connections:", *(f"  - {c}" for c in connections)]
     with tempfile.TemporaryDirectory(prefix="rulec-follower-") as folder:
         Path(folder, "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -76,18 +45,6 @@ class Planted:
     degree: float
     first: int
     last: int
-
-
-def plan_faults(ruleset: Ruleset, rows: int, random: np.random.Generator) -> Iterator[Planted]:
-    """Faults of modules, one after the other, with as many rows without any between them."""
-    faults = [f for f in ruleset.faults if _is_planted(f)]
-    for first in range(PERIOD, rows - PERIOD + 1, PERIOD):
-        fault = faults[int(random.integers(len(faults)))]
-        yield Planted(fault.id, float(random.choice(DEGREES)), first, first + LASTS)
-
-
-def _is_planted(fault: FaultSpec) -> bool:
-    return not fault.in_sensor and not fault.unit and fault.lowest <= min(DEGREES)
 
 
 def recorded(
