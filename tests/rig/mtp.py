@@ -5,8 +5,7 @@ attributes named ...Unit that hold anything (units), and attributes that hold th
 list of sources (nodes). A unit counts as found if its code is known, and as online if only the
 controller holds it.
 
-Run ``python -m tests.rig.mtp`` for the table, with ``--json -`` for its machine form. Figures of
-the time are CPU seconds of the whole command without its start, for twenty files.
+Times are CPU seconds of the whole command without its start, for twenty files.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ import io
 import itertools
 import json
 import os
-import sys
 import tempfile
 import time
 import xml.etree.ElementTree as ET
@@ -129,13 +127,6 @@ def compared(file: Path) -> dict[str, Any]:
     return row
 
 
-def measured() -> dict[str, Any]:
-    """All files, and the time of many."""
-    rows = [compared(file) for file in files()]
-    good = [file for file, row in zip(files(), rows, strict=True) if not row["refused"]]
-    return {"files": rows, "seconds": seconds(good)}
-
-
 def seconds(good: list[Path]) -> float:
     """CPU seconds for so many of the files that can be read, the best of three."""
     return min(imported(many(good))[1] for _ in range(3))
@@ -155,33 +146,3 @@ def plain_seconds(good: list[Path]) -> float:
 
 def many(good: list[Path]) -> list[Path]:
     return list(itertools.islice(itertools.cycle(good), MANY))
-
-
-def form(found: dict[str, Any]) -> dict[str, Any]:
-    """Machine form: files by their names."""
-    rows = {
-        row["file"]: {
-            n: part.form() if isinstance(part, Share) else part for n, part in row.items()
-        }
-        for row in found["files"]
-    }
-    return {"files": rows, "seconds": round(found["seconds"], 3)}
-
-
-def table(found: dict[str, Any]) -> str:
-    lines = ["| file | tags | units | online | nodes | services |", "|---|---|---|---|---|---|"]
-    for row in found["files"]:
-        if row["refused"]:
-            lines.append(f"| {row['file']} | refused |  |  |  |  |")
-            continue
-        parts = [f"{row[n].count} of {row[n].of}" for n in ("tags", "units", "nodes")]
-        parts.insert(2, str(row["online"]))
-        lines.append(f"| {row['file']} | {' | '.join(parts)} | {row['services']} |")
-    return "\n".join([*lines, f"{MANY} files: {found['seconds']:.2f} s of CPU time"])
-
-
-if __name__ == "__main__":
-    if not files():
-        sys.exit(f"no packages in {folder()}")
-    result = measured()
-    print(json.dumps(form(result), indent=1) if "--json" in sys.argv else table(result))

@@ -1,35 +1,38 @@
-"""Degrees of every pump of the waste-water station in every sample, by the compiled rules."""
+"""Degrees of every pump of the waste-water station in every sample, by the compiled rules.
+
+Nothing of the recording enters the degrees: curves and tolerances come from the maker's sheets,
+losses from the ordered duty points. No labels exist. The smallest level at which a pump is judged
+(1.2 m) was set after a look at all days.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.observe import observe, plan_inputs
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
 from tests.conftest import compiled
-from tests.rig.ranking import Array, medians
 
 PLANT = "hsy-pumping"
 FILE = Path("hsy-wastewater-pumping") / "hsy_15min.csv"
-SMALL, LARGE = ("P11", "P21"), ("P12", "P13", "P14", "P22", "P23", "P24")
-PUMPS = tuple(sorted(SMALL + LARGE))
+PUMPS = ("P11", "P12", "P13", "P14", "P21", "P22", "P23", "P24")
 RESIDUAL = {"missing-head": "pump-flow", "excess-power": "power-flow"}
-DAYS, HALF = 16, 8
+DAYS = 16
 FEWEST = 3
 """Samples on which a degree must rest."""
 
 HOUR = 4
 LONG = 24
 """Samples of an hour, and of a run that is long (6 h)."""
-
-M3_PER_H = 1 / 3600
 
 
 @dataclass(frozen=True)
@@ -44,19 +47,16 @@ class Degrees:
     u: Array
     day: NDArray[np.intp]
 
-    def of_days(self, first: int, last: int) -> Array:
-        """Median degree of each pump over days `first` to `last` (excluded)."""
-        chosen = (self.day >= first) & (self.day < last)
-        return medians(self.value[:, chosen], FEWEST)
-
     def daily(self) -> Array:
         """Median degree per pump and day, shape (pumps, days)."""
-        return np.stack([self.of_days(d, d + 1) for d in range(DAYS)], axis=1)
+        return self._by_day(self.value)
 
     def daily_u(self) -> Array:
         """Median standard uncertainty per pump and day; it does not average out over a day."""
-        judged = np.where(np.isfinite(self.value), self.u, np.nan)
-        return np.stack([medians(judged[:, self.day == d], FEWEST) for d in range(DAYS)], axis=1)
+        return self._by_day(np.where(np.isfinite(self.value), self.u, np.nan))
+
+    def _by_day(self, values: Array) -> Array:
+        return np.stack([medians(values[:, self.day == d]) for d in range(DAYS)], axis=1)
 
     def only(self, samples: NDArray[np.bool_]) -> Degrees:
         """Blank all but some samples, shape (pumps, samples)."""
@@ -90,18 +90,43 @@ class Station:
             np.broadcast_to(self.settled, (len(PUMPS), len(self.settled)))
         )
 
-    def judged_above(self, level: float, fault: str) -> Degrees:
-        """Degrees in settled stretches while the tunnel is at least this full (m)."""
-        full = self.recording.values["channel.l"] >= level
-        return self.judged(fault).only(np.broadcast_to(full, (len(PUMPS), len(full))))
 
-    def fresh(self, fault: str) -> Degrees:
-        """Degrees in the first hour after a start, without its first quarter."""
-        chosen = np.zeros((len(PUMPS), len(self.settled)), dtype=bool)
-        for row, pump in enumerate(PUMPS):
-            for start, stop in self.runs(pump):
-                chosen[row, start + 1 : min(start + 1 + HOUR, stop - 1)] = True
-        return self.every[fault].only(chosen)
+def medians(values: Array) -> Array:
+    """Median of each row over its finite entries, NaN where they are too few."""
+    kept = [row[np.isfinite(row)] for row in values]
+    return np.array([np.median(k) if len(k) >= FEWEST else np.nan for k in kept])
+
+
+def beyond_the_sheet(degrees: Degrees) -> dict[str, tuple[int, int]]:
+    """Per pump: days on which the lower 95 % bound is above 0, and days judged."""
+    degree, u = degrees.daily(), degrees.daily_u()
+    with np.errstate(invalid="ignore"):
+        beyond = (degree - 2 * u > 0).sum(axis=1)
+    judged = np.isfinite(degree).sum(axis=1)
+    return {p: (int(b), int(n)) for p, b, n in zip(PUMPS, beyond, judged, strict=True)}
+
+
+def while_running(station: Station, fault: str) -> tuple[list[float], list[float]]:
+    """Change of a degree over each long run (first to last hour), and over the stop after it.
+
+    The first and the last quarter hour of a run are left out; a stop counts up to a day.
+    """
+    grown, fallen = [], []
+    for row, pump in enumerate(PUMPS):
+        degree, runs = station.every[fault].value[row], station.runs(pump)
+        for (start, stop), then in zip_longest(runs, runs[1:]):
+            first, last = _ends(degree[start + 1 : stop - 1])
+            if stop - start < LONG or not np.isfinite(last):
+                continue
+            grown.append(last - first)
+            if then is not None and then[0] - stop <= 24 * HOUR:
+                fallen.append(_ends(degree[then[0] + 1 : then[1] - 1])[0] - last)
+    return [x for x in grown if np.isfinite(x)], [x for x in fallen if np.isfinite(x)]
+
+
+def _ends(run: Array) -> tuple[float, float]:
+    """Medians of the first and of the last hour of a run; NaN where not judged."""
+    return float(medians(run[None, :HOUR])[0]), float(medians(run[None, -HOUR:])[0])
 
 
 def judge(folder: Path) -> Station:

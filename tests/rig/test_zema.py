@@ -26,7 +26,7 @@ def _score(law: str) -> Score:
     folder = recordings_folder() / "zema-hydraulic"
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")
-    return run(folder, law)[0]
+    return run(folder, law)
 
 
 def _sum(table: dict[str, int], word: str, without: str = "-") -> int:

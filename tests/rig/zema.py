@@ -3,7 +3,7 @@
 The labels of `conditions.csv` choose the commissioning cycles (settled, no leakage, every third
 such block) and score; no method reads them otherwise.
 
-Run ``python -m tests.rig.zema`` for the figures, with ``--json -`` for their machine form.
+``python -m tests.rig.zema`` prints the figures as JSON.
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ import gzip
 import io
 import json
 import shutil
-import sys
 import tempfile
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -171,22 +169,11 @@ def _count(table: dict[str, int], key: str, hit: bool) -> None:
     table[key] = table.get(key, 0) + hit
 
 
-def run(folder: Path, plant: str) -> tuple[Score, dict[str, Any]]:
+def run(folder: Path, plant: str) -> Score:
     """The whole experiment with one pump law."""
     with tempfile.TemporaryDirectory() as work:
         diagnosis, commissioning = commission_and_diagnose(folder, plant, Path(work))
-    return score(diagnosis, read_cycles(folder), commissioning), diagnosis
-
-
-def _print(name: str, result: Score) -> None:
-    print(f"\npump law {name}: cycles | alarmed | leakage among the causes | degree mean, range")
-    for key in sorted(result.cycles):
-        low, high = result.degree_range[key]
-        print(
-            f"  {key:32} {result.cycles[key]:5d} {result.alarmed[key]:5d} "
-            f"{result.leak_named[key]:5d}   {result.degree[key]:.4f} ({low:.3f} to {high:.3f})"
-        )
-    print(f"  working pressure off its profile: {dict(result.off_profile)}")
+    return score(diagnosis, read_cycles(folder), commissioning)
 
 
 def form(result: Score) -> dict[str, Any]:
@@ -211,19 +198,6 @@ def form(result: Score) -> dict[str, Any]:
     }
 
 
-def _show(laws: Mapping[str, tuple[Score, dict[str, Any]]]) -> None:
-    for law, (outcome, found) in laws.items():
-        _print(law, outcome)
-        kinds = Counter(entry["fault"] for entry in found["findings"])
-        print("  findings:", dict(kinds))
-        texts = Counter(entry["text"] for entry in found["unknown"])
-        for text, count in texts.most_common(6):
-            print(f"  unknown {count}: {text}")
-
-
 if __name__ == "__main__":
-    measured = {law: run(recordings_folder() / "zema-hydraulic", law) for law in PLANTS}
-    if sys.argv[1:] == ["--json", "-"]:
-        print(json.dumps({law: form(outcome) for law, (outcome, _) in measured.items()}, indent=1))
-    else:
-        _show(measured)
+    measured = {law: form(run(recordings_folder() / "zema-hydraulic", law)) for law in PLANTS}
+    print(json.dumps(measured, indent=1))

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from tests.figures.share import Share
-from tests.rig.long_run.judged import CLOSE, USEFUL, last_of, names_of, now_of
-from tests.rig.long_run.plants import Form, asked, clock, constant, moving, recorded, watched
+from tests.rig.long_run.judged import last_of, names_of, now_of, within
+from tests.rig.long_run.plants import Form, asked, clock, constant, moving, recorded
 from tests.rig.long_run.readings import Columns
 
 DRAWN = 60
@@ -42,8 +41,6 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3_600.0, "d": DAY, "w": 7 * DAY, "week": 
 
 BEYOND = 20.0
 """Lengths of the recording within which the truth is followed on."""
-
-COLUMNS = ("what", "true", "said", "fits", "true_rate", "rate", "reaches", "truly", "within")
 
 
 @dataclass(frozen=True)
@@ -108,19 +105,14 @@ class Said:
     """What was told of one course; None where it was not."""
 
     what: str
-    scale: str
-    shape: str
-    moves: bool
     true: float
     named: bool
     now: tuple[float, float, float] | None
-    course_told: bool
     true_rate: float
     rate: tuple[float, float, float] | None
     target: float | None
     reached: tuple[float, float] | None
     truly: float | None
-    live: tuple[float, float, float] | None = None
 
 
 def draw(number: int) -> Drawn:
@@ -154,83 +146,45 @@ def readings_of(drawn: Drawn) -> Columns:
     return recorded(drawn.rig, time, 7_000 + drawn.number, {drawn.fault: degree}, speed=speed)
 
 
-def measure(first: int = 0, count: int = DRAWN, live: bool = False) -> list[Said]:
+def measure() -> list[Said]:
     """What is told of courses, one after the other."""
-    return [said_of(draw(number), live) for number in range(first, first + count)]
+    return [said_of(draw(number)) for number in range(DRAWN)]
 
 
-def said_of(drawn: Drawn, live: bool) -> Said:
+def said_of(drawn: Drawn) -> Said:
     """What is told of one."""
     columns = readings_of(drawn)
     form, course = asked(drawn.rig, columns), drawn.course
     finding = last_of(form, drawn.fault)
-    watch = last_of(watched(drawn.rig, columns), drawn.fault) if live else None
     told = (finding or {}).get("reaches")
     target = None if told is None else float(told["degree"])
     return Said(
         what=drawn.what,
-        scale=drawn.scale,
-        shape=drawn.shape,
-        moves=drawn.moves,
         true=float(course(np.array(course.ends))),
         named=any(drawn.fault in names_of(f) for f in form["findings"]),
         now=None if finding is None else now_of(finding),
-        course_told=finding is not None and "now" in finding,
         true_rate=course.rate() * _usual_unit(drawn),
         rate=None if finding is None else _rate(finding, _usual_unit(drawn)),
         target=target,
         reached=None if told is None else (float(told["earliest"]), float(told["latest"])),
         truly=None if target is None else course.reaches(target),
-        live=None if watch is None else now_of(watch),
     )
 
 
 def form(courses: Sequence[Said]) -> dict[str, Any]:
     """Counts, and every course."""
-    groups = {scale: [s for s in courses if s.scale == scale] for scale in SCALES}
-    groups |= {shape: [s for s in courses if s.shape == shape] for shape in SHAPES}
-    groups |= {"moving": [s for s in courses if s.moves]}
-    groups |= {"constant": [s for s in courses if not s.moves]}
-    return {
-        "counts": _counts(courses),
-        "groups": {name: _counts(of) for name, of in groups.items()},
-        "courses": [{**asdict(s), **_shown(s)} for s in courses],
-    }
-
-
-def _counts(courses: Sequence[Said]) -> dict[str, Any]:
-    """Shares as count of number, and how wide bounds are."""
-    told = [s for s in courses if s.now is not None]
-    wide = [_width(s) for s in told]
     rates = [s for s in courses if s.rate is not None]
-    live = [s for s in courses if s.live is not None and s.now is not None]
     shares = {
         "named": (sum(s.named for s in courses), courses),
-        "course_told": (sum(s.course_told for s in courses), courses),
-        "degree_right": (sum(_right(s) for s in courses), courses),
-        "degree_useful": (sum(_right(s) and _width(s) <= USEFUL for s in told), courses),
-        "degree_close": (sum(_close(s) for s in told), told),
-        "bounds_hold": (sum(_holds(s.now, s.true) for s in told), told),
+        "degree_right": (
+            sum(s.now is not None and within(s.now, s.true) for s in courses),
+            courses,
+        ),
         "rate_bounds_hold": (sum(_holds(s.rate, s.true_rate) for s in rates), rates),
         "forecast_holds": (sum(_forecast(s) for s in courses), courses),
-        "live_as_file": (sum(_overlap(s.live, s.now) for s in live), live),
     }
-    found = {name: Share(count, len(of)) for name, (count, of) in shares.items()}
-    half = f"{float(np.median(wide)):.2f}" if wide else "-"
-    return {**{k: f"{s.count} of {s.of}" for k, s in found.items()}, "median_half_width": half}
-
-
-def _width(said: Said) -> float:
-    """Half width of the bounds as a share of the true degree."""
-    return np.inf if said.now is None else (said.now[2] - said.now[1]) / 2.0 / said.true
-
-
-def _close(said: Said) -> bool:
-    return said.now is not None and abs(said.now[0] - said.true) <= CLOSE * said.true
-
-
-def _right(said: Said) -> bool:
-    return _close(said) or _holds(said.now, said.true)
+    counts = {name: f"{count} of {len(of)}" for name, (count, of) in shares.items()}
+    return {"counts": counts, "courses": [asdict(s) for s in courses]}
 
 
 def _holds(told: tuple[float, float, float] | None, true: float) -> bool:
@@ -241,10 +195,6 @@ def _forecast(said: Said) -> bool:
     if said.reached is None or said.truly is None:
         return False
     return said.reached[0] <= said.truly <= said.reached[1]
-
-
-def _overlap(one: Sequence[float] | None, other: Sequence[float] | None) -> bool:
-    return one is not None and other is not None and one[1] <= other[2] and other[1] <= one[2]
 
 
 def _rate(finding: Form, unit: float) -> tuple[float, float, float] | None:
@@ -258,21 +208,3 @@ def _rate(finding: Form, unit: float) -> tuple[float, float, float] | None:
 
 def _usual_unit(drawn: Drawn) -> float:
     return 60.0 if drawn.scale == "10 minutes" else DAY
-
-
-def _shown(said: Said) -> dict[str, str]:
-    """A row of the table; times in lengths of minutes or days as rates are."""
-    unit = 60.0 if said.scale == "10 minutes" else DAY
-    none = "as another" if said.named else "-"
-    return {
-        "true": f"{said.true:.3f}",
-        "said": none if said.now is None else "{:.3f} ({:.3f} to {:.3f})".format(*said.now),
-        "fits": "right" if _right(said) else "no",
-        "true_rate": f"{said.true_rate:.4g}",
-        "rate": "-" if said.rate is None else "{:.4g} ({:.4g} to {:.4g})".format(*said.rate),
-        "reaches": "-" if said.target is None else f"{said.target:.3g}",
-        "truly": "-" if said.truly is None else f"{said.truly / unit:.4g}",
-        "within": "-"
-        if said.reached is None
-        else "{:.4g} to {:.4g}".format(*(t / unit for t in said.reached)),
-    }

@@ -73,7 +73,12 @@ def width_of(finding: Form) -> float:
 
 def fits(finding: Form, degree: float) -> bool:
     """Is the degree close to the true one, or do its bounds hold it?"""
-    said, lower, upper = now_of(finding)
+    return within(now_of(finding), degree)
+
+
+def within(told: tuple[float, float, float], degree: float) -> bool:
+    """The same of a degree with its bounds."""
+    said, lower, upper = told
     return abs(said - degree) <= CLOSE * degree or lower <= degree <= upper
 
 

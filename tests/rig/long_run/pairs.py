@@ -165,10 +165,10 @@ def right_of(pair: Pair, sound: bool = False) -> Right:
     return Right(faults=faults, states=states, also=(*also, r"time\."))
 
 
-def measure(first: int = 0, count: int = DRAWN) -> list[Judged]:
+def measure() -> list[Judged]:
     """Pairs, and a fifth as many recordings of a problem alone."""
-    pairs = [_judged(draw(number)) for number in range(first, first + count)]
-    return pairs + [_sound(draw(number)) for number in range(first, first + count // 5)]
+    pairs = [_judged(draw(number)) for number in range(DRAWN)]
+    return pairs + [_sound(draw(number)) for number in range(DRAWN // 5)]
 
 
 def form(judged: Sequence[Judged]) -> dict[str, Any]:

@@ -55,7 +55,6 @@ class Answer:
     row: str
     variant: str
     rig: str
-    seed: int
     said: str
     complaints: tuple[str, ...]
 
@@ -210,15 +209,13 @@ ROWS: Mapping[str, Callable[[str, int], Iterator[Asked]]] = {
 }
 
 
-def measure(first: int, seeds: int, only: str = "") -> list[Answer]:
-    """All rows on both rigs, with seeds from `first` on."""
+def measure() -> list[Answer]:
+    """All rows on both rigs."""
     return [
-        _answered(row, question, seed)
+        _answered(row, question)
         for row, questions in ROWS.items()
-        if only in row
         for rig in RIGS
-        for seed in range(first, first + seeds)
-        for question in questions(rig, seed)
+        for question in questions(rig, 0)
     ]
 
 
@@ -238,13 +235,12 @@ def form(answers: list[Answer]) -> dict[str, Any]:
     }
 
 
-def _answered(row: str, question: Asked, seed: int) -> Answer:
+def _answered(row: str, question: Asked) -> Answer:
     said = question.how(question.rig, question.columns)
     return Answer(
         row=row,
         variant=question.variant,
         rig=question.rig,
-        seed=seed,
         said=told(said),
         complaints=tuple(complaints(question.right, said)),
     )

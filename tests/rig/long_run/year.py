@@ -6,27 +6,22 @@ with every shift.
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.report.json_form import diagnosis_form
 
-from rulec.prove.truth import Sensing, record, write_csv
+from rulec.prove.truth import Sensing, record
 from rulec.prove.truth.plant import LIQUID_TEMPERATURE, Operation
 from rulec.prove.truth.runs import HIGHEST, LOWEST, Run
 from rulec.prove.truth.sensors import DOSING_SIGNALS, MIXER_SIGNALS
 from rulec.prove.truth.smooth import Drift
 from tests.rig.long_run import physics
 from tests.rig.long_run.judged import LIQUID, told
-from tests.rig.long_run.plants import Form, asked, plant, ruleset
+from tests.rig.long_run.plants import asked, plant
 from tests.rig.long_run.readings import Columns
 
+RIG, SEED = "abc", 0
 ROWS, MINUTE = 1_440, 60.0
 YEAR = 365
 
@@ -41,83 +36,54 @@ TURNS = 6
 """How often the error of a sensor turns within a year. Origin: assumed."""
 
 
-def day_of(rig: str, day: int, seed: int, season: float = SEASON) -> Columns:
+def day_of(day: int) -> Columns:
     """Readings of one day."""
     time = MINUTE * (ROWS * day + np.arange(ROWS, dtype=np.float64))
     days = time / 86_400.0
     colder = np.cos(2.0 * np.pi * days / YEAR) + np.cos(2.0 * np.pi * (days - 0.125)) / 4.0
-    temperature = LIQUID_TEMPERATURE - season * colder
-    built, faults = physics.water_at(plant(rig), temperature)
-    random = np.random.default_rng([54, seed, day])
+    temperature = LIQUID_TEMPERATURE - SEASON * colder
+    built, faults = physics.water_at(plant(RIG), temperature)
+    random = np.random.default_rng([54, SEED, day])
     speed = {}
     for name, module in built.modules.items():
         share = np.repeat(random.uniform(LOWEST, HIGHEST, ROWS // SHIFT), SHIFT)
         speed[name] = module.slowest + share * (module.fastest - module.slowest)
     everywhere = dict.fromkeys(built.modules, temperature)
     run = Run(built, Operation(time, speed, temperature=everywhere), faults)
-    noisy = record(run, Sensing(systematic=False), 1_000 * seed + day).readings
-    return _with_drifts(rig, noisy, day, seed)
+    noisy = record(run, Sensing(systematic=False), 1_000 * SEED + day).readings
+    return _with_drifts(noisy, day)
 
 
-def measure(
-    first: int, days: int, *, whole: bool = False, rig: str = "abc", season: float = SEASON
-) -> dict[str, Any]:
-    """All that is told of the days of a year, as false alarms; `first` is the seed."""
-    said = (_whole if whole else _each)(rig, days, first, season)
-    alarms, forms = [], 0
+def measure() -> dict[str, Any]:
+    """All that is told of the days of a year, each on its own, as false alarms."""
+    alarms = []
     blamed = {"fault": 0, "sensor": 0, "unknown": 0, "liquid": 0}
-    statuses: dict[str, int] = {}
-    for day, form in said:
-        forms += 1
-        statuses[form["status"]] = statuses.get(form["status"], 0) + 1
+    for day in range(YEAR):
+        form = asked(RIG, day_of(day))
         for finding in form["findings"]:
             liquid = any(word in str(finding["fault"]) for word in LIQUID.split("|"))
             blamed["liquid" if liquid else str(finding["kind"])] += 1
         blamed["unknown"] += len(form["unknown"])
         if form["findings"] or form["unknown"]:
             alarms.append({"day": day, "said": told(form)})
-    return {
-        "rig": rig,
-        "season": season,
-        "rows": days * ROWS,
-        "recordings": forms,
-        "with_an_alarm": len(alarms),
-        "status": statuses,
-        "blamed": blamed,
-        "alarms": alarms,
-    }
+    return {"days": YEAR, "with_an_alarm": len(alarms), "blamed": blamed, "alarms": alarms}
 
 
-def _each(rig: str, days: int, seed: int, season: float) -> Iterator[tuple[int, Form]]:
-    """Every day on its own; fewer days are spread over the year."""
-    for day in np.linspace(0, YEAR - 1, days).round().astype(int).tolist():
-        yield day, asked(rig, day_of(rig, day, seed, season))
-
-
-def _whole(rig: str, days: int, seed: int, season: float) -> Iterator[tuple[int, Form]]:
-    """All days from the first on, as a folder of files, read as one recording."""
-    with tempfile.TemporaryDirectory(prefix="rulec-year-") as folder:
-        for day in range(days):
-            write_csv(Path(folder, f"{day:03}.csv"), day_of(rig, day, seed, season), digits=8)
-        recording = read_recording(Path(folder), ruleset(rig))
-        yield 0, diagnosis_form(diagnose(recording, ruleset(rig)))
-
-
-def _with_drifts(rig: str, columns: Columns, day: int, seed: int) -> Columns:
+def _with_drifts(columns: Columns, day: int) -> Columns:
     """Errors of sensors that wander through their class within the year."""
-    found, built = dict(columns), plant(rig)
+    found, built = dict(columns), plant(RIG)
     for number, title in enumerate(name for name in columns if name != "time [s]"):
         module, _, signal = title.split(" [")[0].partition(".")
         sensor = (DOSING_SIGNALS if module in built.modules else MIXER_SIGNALS)[signal]
         gear = built.modules[module].gear_ratio if signal == "n" else 1.0
         size: Array | float = np.abs(columns[title]) if sensor.relative else 1.0
-        found[title] = columns[title] + _errors(day, seed, number) * size * sensor.bound / gear
+        found[title] = columns[title] + _errors(day, number) * size * sensor.bound / gear
     return found
 
 
-def _errors(day: int, seed: int, number: int) -> Array:
+def _errors(day: int, number: int) -> Array:
     """Of one sensor on one day, in its bound, never more than that."""
-    random = np.random.default_rng([55, seed, number])
+    random = np.random.default_rng([55, SEED, number])
     first, *turns = np.clip(random.standard_normal(TURNS + 1), -2.0, 2.0)
     along = Drift(1.0, np.array(turns))(float(first), YEAR + 1)
     return np.interp(day + np.arange(ROWS) / ROWS, np.arange(YEAR + 1.0), along) / 2.0
