@@ -17,9 +17,6 @@ from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.knowledge.check_plant import check
-from rulec.knowledge.read import read_plant
-from rulec.passes.differentiate import TypeModel, type_model
 from rulec.passes.pipeline import compile_plant
 from rulec.prove import truth
 from rulec.prove.truth.plant import DosingModule, Line, Mixer
@@ -49,13 +46,6 @@ def ruleset(plant: str) -> Ruleset:
     """A plant of this folder, or else a shipped one, compiled once per test run."""
     here = PLANTS / plant
     return compile_plant(here if here.is_dir() else ROOT / "plants" / plant)
-
-
-@functools.cache
-def model(module_type: str) -> TypeModel:
-    """The symbolic model of a module type of the knowledge base."""
-    knowledge = check(read_plant(PLANTS / "mixing-rig")).knowledge
-    return type_model(knowledge.modules[module_type], knowledge)
 
 
 def large_centrifugal() -> truth.Plant:

@@ -66,11 +66,6 @@ def test_derived_matrix_differs_only_where_explained(matrix: dict[str, Any]) -> 
     assert EXPLAINED == differences({fault: row_of(matrix, fault) for fault in PRINTED})
 
 
-def test_derived_rows_are_unique(matrix: dict[str, Any]) -> None:
-    """No two faults have the same signature."""
-    assert 18 == len({tuple(row) for row in matrix["signs"]})
-
-
 def test_twelve_rows_are_as_printed_and_sixteen_without_power_pump() -> None:
     """Signs of simulated residuals at a degree of 20 %: the two rows left over are of dp of C."""
     rows = measured("abc")
@@ -102,12 +97,3 @@ def test_power_pump_changes_sign_with_the_kind_of_pump(plant: str, low: str) -> 
     column = RESIDUALS.index("A.power-pump")
     found = [row_of(derived, f"A.dp.{kind}")[column] for kind in ("low", "high")]
     assert [low, high] == found
-
-
-@pytest.mark.parametrize("plant", PUMPS)
-def test_mixer_clogging_does_not_show_in_dosing_modules(plant: str) -> None:
-    """The line's pressure is that of the pump less that of the mixers downstream."""
-    for kind in ("clogging", "widening"):
-        values = evaluate(ruleset(plant), noise_free(plant, f"C.{kind}", 0.5))
-        flow = ruleset(plant).observer_by_id["A.pump"].reference
-        assert ["0"] * 6 == signs(values, RESIDUALS[:6], flow)
