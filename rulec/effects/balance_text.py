@@ -26,7 +26,7 @@ def balances_text(network: Network, module: Module) -> Iterator[str]:
         title = f"{module.name}.{state.name}"
         yield f"d {title}/dt = {state.rate}   ({', '.join(_bounds(state))})"
     for end in ENDS if kind.flows else ():
-        if (module.name, end) in network.ends and end in _named(kind):
+        if (module.name, end) in network.ends and end in kind.read:
             yield f"{module.name}.{end} = {flow_text(network, module.name, end)}"
     for name in _stood_on(kind):
         yield f"{module.name}.{name} = {kind.definitions[name].expression}"
@@ -61,10 +61,6 @@ def flow_text(network: Network, module: str, end: str) -> str:
     """What flows at an end, as a sum of laws; ``0`` where nothing is connected."""
     terms = network.ends[module, end]
     return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in terms)
-
-
-def _named(kind: ModuleType) -> set[str]:
-    return {name for expression in kind.equations() for name, _ in expression.names()}
 
 
 def _stood_on(kind: ModuleType) -> list[str]:

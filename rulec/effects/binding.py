@@ -1,4 +1,5 @@
-"""Which readings of a plant can drive a law at a place of a module."""
+"""Which places of a module a join asks for, by what their equations are, never by name; and which
+readings of the plant can drive its law there."""
 
 from __future__ import annotations
 
@@ -13,12 +14,62 @@ from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.places import Site
 from rulec.knowledge.effect import Driver, Effect, Join
 from rulec.knowledge.fluid import property_at
-from rulec.knowledge.module_type import INFLOW
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.module_type import INFLOW, OUTFLOW
+from rulec.knowledge.plant import Module
+from rulec.language.units import VOLUME_FLOW
 from rulec.limits import NEAREST_DRIVERS, STEEP
 from rulec.passes.link import Network
 
 FLOW = "volume flow"
 """Quantity of what flows in and out of a module that stores."""
+
+
+def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
+    """Places that a join asks for, of those that stand on one another only the innermost."""
+    if join.stores or join.shows or join.flows:
+        return [s for s in sites if _stores(join, s)]
+    if join.reads:
+        kind = module.type.signals
+        signals = (s for s in sites if s.kind == "signal" and s.observers)
+        return [s for s in signals if join.reads in ("any", kind[s.name].quantity)]
+    wanted = knowledge.units.quantities[join.gives]
+    fitting = [
+        s
+        for s in sites
+        if s.kind in ("definition", "observer")
+        and s.observers
+        and (s.reads or s.name in _ENDS)
+        and s.dimension == wanted
+        and s.measured == join.measured
+        and not _is_reference(s, module)
+        and _is_estimate(s)
+    ]
+    inner = {s.name for s in fitting if s.kind == "definition"}
+    return [
+        s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
+    ]
+
+
+_ENDS = {INFLOW: "in", OUTFLOW: "out"}
+
+
+def _stores(join: Join, site: Site) -> bool:
+    """Does a place of a module that stores fit?"""
+    if join.flows:
+        return site.name in _ENDS and _ENDS[site.name] == join.flows and bool(site.observers)
+    if join.stores:
+        return site.kind == "balance" and site.quantity == join.stores
+    return site.kind == "reading" and join.shows in ("any", site.quantity)
+
+
+def _is_reference(site: Site, module: Module) -> bool:
+    return site.kind == "observer" and module.type.observers[site.name].is_reference
+
+
+def _is_estimate(site: Site) -> bool:
+    """A flow that is subtracted from an estimate, such as leakage, is no relation of its own."""
+    return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())
 
 
 @dataclass(frozen=True)
@@ -152,6 +203,5 @@ def _is_replaced(driver: Driver, join: Join) -> bool:
 
 def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:
     """Drivers that a law or its parameters speak of, in the order of the effect."""
-    used = effect.used_by(join) | {join.falls_with, join.rises_with}
-    used |= {p.driver for p in effect.parameters.values() if p.name in used and p.driver}
-    return tuple(name for name in effect.drivers if name in used)
+    needed = effect.needed_by(join)
+    return tuple(name for name in effect.drivers if name in needed)

@@ -11,12 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec.effects.binding import Binder, Binding, drivers_of
+from rulec.effects.binding import Binder, Binding, drivers_of, matching
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
 from rulec.effects.disturbance_locations import unit_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import thermometer
-from rulec.effects.join_places import matching
 from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.effects.places import Site, Survey, sites_of, survey
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
@@ -30,8 +29,7 @@ from rulec.language.units import SECOND
 from rulec.language.written import filled
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
-from rulec.passes.fault_laws import undoing
-from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults
+from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults, undoing
 from rulec.passes.types import Compilation
 
 _END = {"in": INFLOW, "out": OUTFLOW}

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from rulec.knowledge.module_type import ENDS, ModuleType
-from rulec.knowledge.regime import Comparison
+from rulec.knowledge.module_type import ENDS, Comparison, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec.knowledge.check_join import TIME, JoinReader, needed_by
+from rulec.knowledge.check_join import TIME, JoinReader
 from rulec.knowledge.effect import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
+from rulec.knowledge.shape import USUAL_HINT, usual_of
 from rulec.knowledge.try_effect import fails_at_null, is_neutral
-from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.document import Path_
 from rulec.language.reader import Reader
@@ -230,7 +230,7 @@ class EffectReader(Reader):
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""
-        used = [needed_by(join, effect.parameters, effect.states) for _, join in joins]
+        used = [effect.needed_by(join) for _, join in joins]
         everywhere, somewhere = set.intersection(*used), set().union(*used)
         for name, parameter in effect.parameters.items():
             path = ("parameters", name)
@@ -248,7 +248,7 @@ class EffectReader(Reader):
 
     def _check_text(self, effect: Effect) -> None:
         """Slots of the text are known wherever the effect joins."""
-        needed = (needed_by(join, effect.parameters, effect.states) for join in effect.joins)
+        needed = (effect.needed_by(join) for join in effect.joins)
         known, text = set.intersection(*needed), effect.text
         if re.search("[{}]", _SLOT.sub("", text)):
             message, hint = "a brace in the text has no partner", "write slots as {module}"

@@ -12,7 +12,7 @@ from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
-from rulec.knowledge.usual import USUAL_HINT, usual_of
+from rulec.knowledge.shape import USUAL_HINT, usual_of
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.invert import invert

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectParameter, EffectState, Join
+from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectState, Join
 from rulec.knowledge.effect_law import Columns, parse_law
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.document import Path_
@@ -22,17 +22,6 @@ ANY = "any"
 
 _OF_EQUATIONS = ("falls_with", "rises_with", "measured", "steep")
 _KINDS = ("gives", "reads", "stores", "shows", "flows")
-
-
-def needed_by(
-    join: Join, parameters: Mapping[str, EffectParameter], states: Mapping[str, EffectState]
-) -> set[str]:
-    """Drivers and parameters that a join needs."""
-    names = {name for law in join.laws for name in law.names()}
-    names |= {name for state in states.values() for name in state.names()}
-    names |= {name for name in (join.falls_with, join.rises_with) if name}
-    names |= {p.driver for n, p in parameters.items() if n in names and p.driver}
-    return names - {PLAIN, *states}
 
 
 @dataclass

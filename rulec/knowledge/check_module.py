@@ -11,7 +11,6 @@ from typing import Any
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.check_regimes import RegimeReader
 from rulec.knowledge.check_states import StateReader
-from rulec.knowledge.check_value import check_value
 from rulec.knowledge.degree_unit import adds, has_no_zero, scales_from_zero
 from rulec.knowledge.knowledge import FaultType, SensorClass
 from rulec.knowledge.module_type import (
@@ -243,7 +242,7 @@ class ModuleReader(Reader):
 
     def _check_used(self, kind: ModuleType) -> None:
         """Refuse parameters that no equation uses, and observers that use no signal."""
-        used = {n for e in kind.equations() for n, _ in e.names()}
+        used = kind.read
         for name in kind.parameters:
             if name not in used:
                 message = f"no equation uses the parameter '{name}'"
@@ -350,3 +349,18 @@ def _accuracy(part: Mapping[str, Any]) -> Accuracy | None:
 
 def _si(unit: Unit, value: float | None) -> float | None:
     return None if value is None else unit.to_si(value)
+
+
+def check_value(reader: Reader, path: Path_, parameter: Parameter) -> None:
+    """Report the value at a path that its parameter cannot have; 0 without `u` is no quantity."""
+    name, value, unit = parameter.name, parameter.value, parameter.unit
+    shown = "" if unit.text == "1" else f" {unit.text}"
+    if parameter.highest < float("inf"):
+        if not parameter.lowest <= value <= parameter.highest:
+            ends = [f"{unit.from_si(e):g}" for e in (parameter.lowest, parameter.highest)]
+            message = f"'{name}' lies between {' and '.join(ends)}{shown}"
+            reader.report((*path, "value"), "KB125", message, "correct it, or the range")
+    elif parameter.lowest >= 0.0 and (value < 0.0 or (value == 0.0 and parameter.u > 0.0)):
+        message = f"'{name}' is positive, but its value is {unit.from_si(value):g}{shown}"
+        hint = "if it may be zero or negative, say 'sign: any' in the module type"
+        reader.report((*path, "value"), "KB125", message, hint)

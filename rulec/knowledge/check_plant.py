@@ -14,7 +14,7 @@ import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN
 
 from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.check_value import check_value
+from rulec.knowledge.check_module import check_value
 from rulec.knowledge.file_form import file_form, time_title
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from rulec.knowledge.module_type import Signal
-from rulec.knowledge.regime import Comparison, Regime
+from rulec.knowledge.module_type import Comparison, Regime, Signal
 from rulec.language.document import Path_
 from rulec.language.expression import Rejected, parse
 from rulec.language.reader import Reader

@@ -154,3 +154,9 @@ class Effect:
         found = {name for law in join.laws for name in law.names()}
         found |= {name for state in self.states.values() for name in state.names()}
         return found - {PLAIN, *self.states}
+
+    def needed_by(self, join: Join) -> set[str]:
+        """Drivers and parameters that a join needs, also for its slopes and as typical readings."""
+        names = self.used_by(join) | {n for n in (join.falls_with, join.rises_with) if n}
+        names |= {p.driver for n, p in self.parameters.items() if n in names and p.driver}
+        return names - {PLAIN}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from rulec.knowledge.regime import Regime
 from rulec.language.diagnostics import Place
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
@@ -203,6 +202,41 @@ class Fluid:
     coefficients: Mapping[str, float]
     definitions: Mapping[str, Expression]
     properties: Mapping[str, Property]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A condition of a regime, `text` as its author wrote it.
+
+    With a `signal` its reading lies above its minimum, or below it. Else `margin`, in SI, must be
+    positive beyond its uncertainty.
+    """
+
+    text: str
+    margin: Expression
+    signal: str = ""
+    above: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regime:
+    """A way in which a module runs that its laws for delivering do not cover.
+
+    All of its conditions must hold.
+    """
+
+    name: str
+    title: str
+    when: tuple[Comparison, ...]
+    status: str
+    text: str
+    action: str
+    origin: Origin
+
+    def stands_on(self, names: Collection[str]) -> bool:
+        """Are all names in its conditions among these?"""
+        found = {name for c in self.when for name, _ in c.margin.names()}
+        return found | {c.signal for c in self.when if c.signal} <= set(names)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+from rulec.language.units import Unit
+
+USUAL_HINT = "add 'usual: {median: ..., factor: 3, source: ...}', or 'change: 0.05' for a share"
+"""How to say how large something usually is."""
 
 
 @dataclass(frozen=True)
@@ -41,3 +48,15 @@ class Shape:
     fixed: bool = False
     neutral: bool = False
     usual: Usual | None = None
+
+
+def usual_of(part: Mapping[str, Any], unit: Unit | None = None) -> Usual | None:
+    """The usual size that a parameter or a degree states; shares of the place have no unit."""
+    stated = part.get("usual")
+    if stated is None:
+        return None
+    if "change" in stated:
+        return Usual(float(stated["change"]), float(stated["factor"]), of_place=True)
+    # A size is a difference from the null: no zero of a unit belongs to it.
+    factor = 1.0 if unit is None else unit.factor
+    return Usual(abs(stated["median"]) * factor, float(stated["factor"]), of_place=False)

@@ -14,8 +14,7 @@ import numpy as np
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_READERS, SEPARATED, SMALL_DEGREE, WIDE_JUNCTION
 from rulec.passes.assemble import Assembly
-from rulec.passes.candidates import candidates
-from rulec.passes.cheapest import Advice, cheapest, degrees_of
+from rulec.passes.cheapest import Advice, candidates, cheapest, degrees_of
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.linearise import linearise
 from rulec.passes.link import Network

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
 import rulec_runtime.contract.ruleset as contract
+import sympy
+from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.written import filled, rounded
-from rulec.limits import ABSURD_FAULT, DIGITS
+from rulec.limits import ABSURD_FAULT, DIGITS, LIQUID_SEEN
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signature, Signatures
-from rulec.passes.emit_liquid import liquid_specs
+from rulec.passes.differentiate import law_of, liquids_of
 from rulec.passes.link import Network, junctions
+from rulec.passes.liquid import liquid_id
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
+
+THERMOMETER = "temperature"
+"""Quantity of readings that say whether the liquid is warm."""
 
 
 def emit(
@@ -95,7 +103,7 @@ def emit(
         unlisted=tuple(replace(_settled(h), unlisted=True) for h in unlisted),
         unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
         regimes=tuple(_regimes(plant, assembly)),
-        liquid=tuple(liquid_specs(plant, assembly, residuals, signatures)),
+        liquid=tuple(_liquid(plant, assembly, residuals, signatures)),
     )
 
 
@@ -208,31 +216,54 @@ def _observers(
 
 def _settled(h: Hypothesis) -> contract.FaultSpec:
     """A fault that estimates of settled flows know."""
-    return _fault(h, h.fault.fault, h.fault.variant, affects=h.affects, scales=h.scales)
+    return _of_module(h, h.fault.fault, h.fault.variant, affects=h.affects, scales=h.scales)
 
 
 def _of_store(f: StoreFault) -> contract.FaultSpec:
     """A fault that balances alone know; it affects no estimate of a settled flow."""
-    return _fault(f, f.fault, f.variant, scales=(f.target,) if f.fault.acts_on == "signal" else ())
+    scales = (f.target,) if f.fault.acts_on == "signal" else ()
+    return _of_module(f, f.fault, f.variant, affects=(), scales=scales)
 
 
-def _fault(
+def _of_module(
     where: Hypothesis | StoreFault,
     fault: FaultType,
     variant: Variant,
     *,
-    affects: tuple[str, ...] = (),
+    affects: tuple[str, ...],
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
-    slots = {"module": where.module, "where": where.target, "variant": variant.title}
+    return _fault(
+        fault,
+        variant,
+        where.id,
+        module=where.module,
+        title=fault.title_at(where.target, variant),
+        slots={"module": where.module, "where": where.target, "variant": variant.title},
+        affects=affects,
+        scales=scales,
+    )
+
+
+def _fault(
+    fault: FaultType,
+    variant: Variant,
+    id_: str,
+    *,
+    module: str,
+    title: str,
+    slots: Mapping[str, str],
+    affects: tuple[str, ...],
+    scales: tuple[str, ...],
+) -> contract.FaultSpec:
     often = variant.frequency or fault.frequency
     usual = variant.usual
     far = usual.size * usual.factor**ABSURD_FAULT if usual and not usual.of_place else math.inf
     return contract.FaultSpec(
-        id=where.id,
-        module=where.module,
+        id=id_,
+        module=module,
         fault=fault.name,
-        title=fault.title_at(where.target, variant),
+        title=title,
         text=filled(fault.text, slots),
         action=fault.action,
         status=fault.status,
@@ -249,6 +280,98 @@ def _fault(
         frequency_origin=_origin(often.origin) if often else "",
         absurd=far if far < variant.highest else None,
     )
+
+
+def _liquid(
+    plant: Plant, assembly: Assembly, residuals: tuple[Residual, ...], signatures: Signatures
+) -> Iterator[contract.LiquidSpec]:
+    """All changes of the liquid that several modules would show."""
+    known = liquids_of(plant.knowledge) if assembly.liquid else ()
+    slopes = _liquid_slopes(assembly, signatures) if assembly.liquid else {}
+    for fault in known:
+        assert fault.liquid is not None, "checked when the fault was read"
+        for variant in fault.variants:
+            id_ = liquid_id(fault.liquid, variant.name)
+            if id_ in assembly.liquid:
+                yield contract.LiquidSpec(
+                    fault=_of_liquid(plant, assembly, fault, variant, id_),
+                    cells=tuple(_liquid_cells(id_, residuals, signatures, slopes)),
+                    sign=_sign_of(variant),
+                    per_kelvin=fault.liquid.per_kelvin,
+                    factor=fault.liquid.factor,
+                    thermometers=tuple(
+                        f"{m.name}.{s.name}"
+                        for m in plant.modules.values()
+                        for s in m.type.signals.values()
+                        if s.quantity == THERMOMETER
+                    ),
+                )
+
+
+def _of_liquid(
+    plant: Plant, assembly: Assembly, fault: FaultType, variant: Variant, id_: str
+) -> contract.FaultSpec:
+    """A change; whatever reading its observers rest on may leave the calibrated range with it."""
+    affects = assembly.liquid[id_]
+    given = {f"{m.name}.{s.name}" for m in plant.modules.values() for s in m.type.signals.values()
+             if s.is_input}  # fmt: skip
+    read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in plant.signals)
+    return _fault(
+        fault,
+        variant,
+        id_,
+        module="",
+        title=f"{fault.title}, {variant.title}" if variant.name else fault.title,
+        slots={"variant": variant.title},
+        affects=affects,
+        scales=tuple(s for s in read if s not in given),
+    )
+
+
+def _liquid_slopes(assembly: Assembly, signatures: Signatures) -> Mapping[tuple[str, str], float]:
+    """By fault and observer the slope of the flow with the change undone, at the reference."""
+    outputs = {n: node for n, node in assembly.undo.outputs.items() if n.startswith("dql:")}
+    plan = assembly.undo.plan(outputs)
+    inputs: dict[str, float] = {n: 0.0 for n in plan.inputs if n.startswith("x:")}
+    inputs |= {n: signatures.reference[n] for n in plan.inputs if n in signatures.reference}
+    found = plan.run(inputs)
+    parts = {name: name.split(":", 2) for name in outputs}
+    return {(parts[n][2], parts[n][1]): float(np.ravel(value)[0]) for n, value in found.items()}
+
+
+def _liquid_cells(
+    fault: str,
+    residuals: tuple[Residual, ...],
+    signatures: Signatures,
+    slopes: Mapping[tuple[str, str], float],
+) -> Iterator[contract.Cell]:
+    """Residuals that it moves, those left out that it moves next to nothing."""
+    moved = {r.id: -sum(s * slopes.get((fault, o), 0.0) for s, o in r.terms) for r in residuals}
+    finite = [abs(m) for m in moved.values() if math.isfinite(m)]
+    least = LIQUID_SEEN * max(finite, default=0.0)
+    for residual in residuals:
+        slope = moved[residual.id]
+        if not math.isfinite(slope) or abs(slope) <= least:
+            continue
+        seen = threshold_of(signatures.uncertainties[residual.id]) / abs(slope)
+        yield contract.Cell(
+            fault,
+            residual.id,
+            1 if slope > 0.0 else -1,
+            rounded(slope, DIGITS),
+            rounded(slope, DIGITS),
+            rounded(seen, DIGITS),
+            (),
+            f"{residual} moves with the liquid",
+        )
+
+
+@functools.cache
+def _sign_of(variant: Variant) -> int:
+    """Which way the property changes."""
+    x = sympy.Symbol("x", real=True)
+    change = sympy.diff(law_of(variant, sympy.S.One, x), x).subs(x, 0)
+    return 1 if change > 0 else -1
 
 
 def _ambiguous(group: Group) -> contract.AmbiguousGroup:

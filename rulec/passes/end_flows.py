@@ -98,7 +98,7 @@ def law_of(kind: ModuleType) -> str:
 
 def _asked(kind: ModuleType) -> set[str]:
     """Ends that some equation names."""
-    return {name for e in kind.equations() for name, _ in e.names() if name in ENDS}
+    return kind.read & {*ENDS}
 
 
 def _is_closed(graph: FlowGraph, edge: str) -> bool:

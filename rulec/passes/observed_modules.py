@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from rulec.knowledge.module_type import ENDS
 from rulec.knowledge.plant import Plant
 from rulec.passes.link import Network
 
@@ -11,7 +10,7 @@ def seen_through_states(network: Network) -> set[str]:
     """Modules whose flows or states move a reading that is recorded, by way of balances."""
     upstream: dict[str, set[str]] = {}
     for (module, end), terms in network.ends.items():
-        if end in _used(network.plant, module):
+        if end in network.plant.modules[module].type.read:
             upstream.setdefault(module, set()).update(known.module for _, known in terms)
     for (module, _), signals in network.gathers.items():
         upstream.setdefault(module, set()).update(m for m, _ in signals)
@@ -23,12 +22,6 @@ def seen_through_states(network: Network) -> set[str]:
             seen.add(module)
             waiting += upstream.get(module, ())
     return seen
-
-
-def _used(plant: Plant, module: str) -> set[str]:
-    """Ends whose flow some equation of the module names."""
-    named = {name for e in plant.modules[module].type.equations() for name, _ in e.names()}
-    return named.intersection(ENDS)
 
 
 def _with_sensors(plant: Plant) -> list[str]:

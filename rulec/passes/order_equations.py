@@ -195,12 +195,10 @@ class _System:
 
     def _flow_sizes(self) -> Array:
         """Flows at the reference point, m3/s."""
-        sizes = dict(zip(self.module_of, map(abs, self._reference_flows()), strict=True))
+        own = zip(self.module_of, self.observers, strict=True)
+        sizes = {module: abs(self.signatures.flows[o]) for module, o in own}
         flows = np.array([sizes[m] for m in self.flows])
         return np.where(flows > 0, flows, np.max(flows, initial=0.0) or 1.0)
-
-    def _reference_flows(self) -> list[float]:
-        return [self.signatures.flows[o] for o in self.observers]
 
     def over_determined(self, many: Sequence[int], unknowns: Sequence[int]) -> str:
         """Say which equations are too many."""

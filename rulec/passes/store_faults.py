@@ -7,17 +7,20 @@ given or an observer, is undone as everywhere: there the equations start from re
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+import sympy
 
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
 from rulec.knowledge.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Parameter
 from rulec.knowledge.plant import Module
-from rulec.language.expression import Expression
+from rulec.language.expression import Expression, parse
+from rulec.language.invert import invert
 from rulec.language.units import NONE, Unit
 from rulec.passes.amend import Amended, Change, amend
-from rulec.passes.differentiate import fault_names
-from rulec.passes.fault_laws import doing, undoing
+from rulec.passes.differentiate import fault_names, law_of
 
 ORDER = ("definition", "observer", "signal", "reading", "end")
 """Kinds of places in the order in which laws are built in: what flows is behind all laws of it."""
@@ -111,3 +114,24 @@ def _acting(
     still = target in kind.signals or target in kind.settled().definitions
     law = undoing(variant, fault.acts_on) if still else doing(variant)
     return ((fault.acts_on, target),), law
+
+
+@functools.lru_cache(maxsize=100)
+def undoing(variant: Variant, acts_on: str) -> Expression:
+    """What should be there, over ``law`` (what is there) and the degree ``x``.
+
+    A flow fault takes away behind the observer, whose flow is what should be there.
+    """
+    if acts_on == "flow":
+        return doing(variant)
+    g, x, law = (sympy.Symbol(name, real=True) for name in ("g", "x", "law"))
+    solved = invert(law_of(variant, g, x), g, law)
+    assert solved is not None, "checked when the fault was read"
+    return parse(sympy.sstr(solved))
+
+
+@functools.lru_cache(maxsize=100)
+def doing(variant: Variant) -> Expression:
+    """What is there, over ``law`` (what should be there) and the degree ``x``."""
+    x, law = (sympy.Symbol(name, real=True) for name in ("x", "law"))
+    return parse(sympy.sstr(law_of(variant, law, x)))

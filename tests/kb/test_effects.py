@@ -12,7 +12,6 @@ import pytest
 import sympy
 
 from rulec.effects.model_builder import open_builder
-from rulec.knowledge.check_join import needed_by
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.effect import Driver, Effect, EffectParameter, Join
 from rulec.knowledge.effect_law import parse_law
@@ -217,7 +216,7 @@ def test_sentence_says_where_and_how_much(name: str) -> None:
     effect = knowledge().effects[name]
     slots = set(re.findall(r"\{(\w+)\}", effect.text))
     strength = {n for n, p in effect.parameters.items() if p.null is not None}
-    needed = (needed_by(join, effect.parameters, effect.states) for join in effect.joins)
+    needed = (effect.needed_by(join) for join in effect.joins)
     known = set.intersection(*needed)
     assert "module" in slots
     assert slots & strength
@@ -244,11 +243,7 @@ def joins(effect: Effect, place: Mapping[str, Any]) -> bool:
         return not driver or effect.drivers[driver].quantity in place.get(key, ())
 
     def beside(join: Join) -> bool:
-        used = (
-            effect.drivers[n]
-            for n in needed_by(join, effect.parameters, effect.states)
-            if n in effect.drivers
-        )
+        used = (effect.drivers[n] for n in effect.needed_by(join) if n in effect.drivers)
         asked = {d.quantity for d in used if d.where == "beside"}
         return asked <= set(place.get("beside", ()))
 

@@ -1,7 +1,7 @@
 """Where no set points tell explanations apart: the cheapest sensor that would.
 
 Looked at are a second reading of every signal that an estimate uses, and a flow meter in each
-module, as for faults (`rulec/passes/candidates.py`). Each explanation says what such a sensor would
+module, as for faults (`rulec/passes/cheapest.py`). Each explanation says what such a sensor would
 have read at the recorded operating points; those are apart where the difference exceeds the class
 of the sensor and the doubt of both explanations, as if they shared none of it.
 """
