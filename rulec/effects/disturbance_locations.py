@@ -86,11 +86,13 @@ def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:
 
 
 def _worthy(module: Module, sites: tuple[Site, ...]) -> list[Site]:
-    quantities = [s for s in sites if (s.kind == "definition" and s.reads) or s.measured]
     definitions = [
         s
-        for s in quantities
-        if s.kind == "definition" and s.observers and s.dimension not in _GIVEN
+        for s in sites
+        if s.kind == "definition"
+        and (s.reads or s.measured)
+        and s.observers
+        and s.dimension not in _GIVEN
     ]
     alone = {s.observers for s in definitions}
     observers = [

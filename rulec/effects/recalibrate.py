@@ -84,7 +84,7 @@ def _blocks(
 ) -> list[dict[str, Any]]:
     """Joint covariance of what was fitted again; of the blocks before, what it leaves."""
     result = []
-    fitted = [name for name in values if name in found and _spread(repair, found[name])]
+    fitted = [n for n in values if n in found and repair.covariance[found[n], found[n]] > 0.0]
     if len(fitted) > 1:
         rows = [found[name] for name in fitted]
         result.append(_block(fitted, repair.covariance[np.ix_(rows, rows)], values))
@@ -95,10 +95,6 @@ def _blocks(
             covariance = (factor @ factor.T)[np.ix_(kept, kept)]
             result.append(_block([block.parameters[i] for i in kept], covariance, values))
     return result
-
-
-def _spread(repair: Repair, i: int) -> bool:
-    return bool(repair.covariance[i, i] > 0.0)
 
 
 def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter]) -> dict[str, Any]:

@@ -59,7 +59,11 @@ def emit(
         title=plant.title,
         sources=plant.digest,
         modules={m.name: m.title for m in plant.modules.values()},
-        signals=_signals(plant, signatures),
+        signals=tuple(
+            _signal(plant, module, signal, signatures.reference[f"{module.name}.{signal.name}"])
+            for module in plant.modules.values()
+            for signal in module.type.signals.values()
+        ),
         columns=tuple(
             contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns
         ),
@@ -152,14 +156,6 @@ def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:
     return tuple(
         contract.KnowledgeSpec(name=layer.name, version=layer.version, digest=digest)
         for layer, digest in plant.layers
-    )
-
-
-def _signals(plant: Plant, signatures: Signatures) -> tuple[contract.SignalSpec, ...]:
-    return tuple(
-        _signal(plant, module, signal, signatures.reference[f"{module.name}.{signal.name}"])
-        for module in plant.modules.values()
-        for signal in module.type.signals.values()
     )
 
 

@@ -56,7 +56,7 @@ def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
                 result[module.name, end] = tuple((sign, known[e]) for e, sign in terms.items())
             elif tail == head or _is_closed(split, edge):
                 result[module.name, end] = ()
-            elif end in _asked(module.type):
+            elif end in module.type.read:
                 message = f"what flows {WAY[end]} '{module.name}' does not follow from any law"
                 hint = f"give its type a definition '{end}', or connect something with a law"
                 raise Refused([Diagnostic(plant.place, "KB113", message, hint)])
@@ -94,11 +94,6 @@ def law_of(kind: ModuleType) -> str:
         if given.isdisjoint(kind.names_through(observer.expression)):
             return observer.name
     return next(iter(kind.observers), "")
-
-
-def _asked(kind: ModuleType) -> set[str]:
-    """Ends that some equation names."""
-    return kind.read & {*ENDS}
 
 
 def _is_closed(graph: FlowGraph, edge: str) -> bool:
