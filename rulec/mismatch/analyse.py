@@ -15,7 +15,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.belief import Strain, strain_of
 from rulec.limits import STRAINED
 from rulec.mismatch import limits, steady
-from rulec.mismatch.answer.explained import Blind, Explained
+from rulec.mismatch.answer.explained import Explained, NotComparable
 from rulec.mismatch.answer.findings import findings_of, location_of, untested
 from rulec.mismatch.answer.verdict import (
     Doubt,
@@ -25,7 +25,7 @@ from rulec.mismatch.answer.verdict import (
     verdict_of,
     with_misread,
 )
-from rulec.mismatch.answer.written import Told, checks_of, refusal, told, writable
+from rulec.mismatch.answer.written import PlantErrors, checks_of, plant_errors, refusal, writable
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR
@@ -34,7 +34,7 @@ from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, SelfProof, Series
 from rulec.mismatch.structure import structure_findings as structure
-from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
+from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.structure_search import Evidence as StructureEvidence
 from rulec.mismatch.structure.structure_search import structure_of
@@ -73,7 +73,7 @@ def analyse(
     recording, taken = seen.recording, seen.taken
     ruleset, builder = seen.evidence.ruleset, seen.evidence.builder
     found = _explained(recording, ruleset, builder, heldout, tell)
-    if isinstance(found, Blind):
+    if isinstance(found, NotComparable):
         return _cannot(recording, ruleset, found, taken, begin)
     model = found.model
     tell("working out uncertainties")
@@ -82,7 +82,7 @@ def analyse(
     proofs = found.proofs(named)
     tell("writing the plants and simulating them")
     refits = writable(found)
-    shown = told(found, refits, proofs)
+    shown = plant_errors(found, refits, proofs)
     misread = structure.findings_of(taken)
     findings = (*named, *found.failing)
     locations = (
@@ -213,7 +213,7 @@ def _explained(
     builder: ModelBuilder,
     heldout: Sequence[tuple[float, float]],
     tell: Progress,
-) -> Explained[Any] | Blind:
+) -> Explained[Any] | NotComparable:
     """The recording explained, as evidence of the kind that its plant gives."""
     if ruleset.dynamics is None:
         return steady.explain(recording, ruleset, builder, heldout, tell)
@@ -252,7 +252,9 @@ def _of_recording(recording: Recording) -> list[str]:
     return [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
 
 
-def _curves(model: Model, shown: Told, judged: np.ndarray, findings: Sequence[Finding]) -> Curves:
+def _curves(
+    model: Model, shown: PlantErrors, judged: np.ndarray, findings: Sequence[Finding]
+) -> Curves:
     """Courses of the first reading that errors are told of; `judged`, shape (n,): see `Refits`."""
     course = shown.series.courses[0]
     signal = course.signal
@@ -276,7 +278,11 @@ def _curves(model: Model, shown: Told, judged: np.ndarray, findings: Sequence[Fi
 
 
 def _cannot(
-    recording: Recording, ruleset: Ruleset, blind: Blind, taken: Sequence[Taken], begin: float
+    recording: Recording,
+    ruleset: Ruleset,
+    blind: NotComparable,
+    taken: Sequence[AcceptedHypothesis],
+    begin: float,
 ) -> Mismatch:
     """The answer where nothing can be compared."""
     samples, misread = blind.samples, structure.findings_of(taken)

@@ -17,7 +17,7 @@ class Presence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class CandidateSet:
     """A set of explanations that is still possible.
 
     `names` are those of the search, `titles` the same in words; without any nothing is left out.

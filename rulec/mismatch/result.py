@@ -15,7 +15,7 @@ from rulec_runtime.recordings.mending import Mending
 from rulec.effects.candidate import Changed, Repair
 from rulec.effects.repair import why_refused
 from rulec.knowledge.belief import Strain
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 
 __all__ = ["Changed", "Repair"]
 
@@ -362,7 +362,7 @@ class Series:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class Detectability:
     """How often an effect is told that is concealed in replays of the recording.
 
     Of all replays it is `told` at its `size`: the one that was `found`, else the usual one; and
@@ -390,7 +390,7 @@ class SelfProof:
 
     replays: int
     called_missing: int
-    effects: tuple[Seen, ...]
+    effects: tuple[Detectability, ...]
 
 
 UNWRITTEN = Repair((), (), np.zeros((0, 0)), {}, {}, {})
@@ -442,7 +442,7 @@ class Mismatch:
     evidence: tuple[Evidence, ...] = ()
     misread: tuple[Misread, ...] = ()
     rewired: tuple[Rewired, ...] = ()
-    standing: tuple[Standing, ...] = ()
+    standing: tuple[CandidateSet, ...] = ()
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
     strain: tuple[Strain, ...] = ()

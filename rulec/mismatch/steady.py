@@ -16,7 +16,7 @@ from rulec_runtime.report.text import counted, fixed, listed
 from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Explained, Plants, Reading, Refits
+from rulec.mismatch.answer.explained import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_spot, of_recordings, shares_of, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.answer.written import file_of
@@ -59,13 +59,13 @@ def explain(
     builder: ModelBuilder,
     heldout: Sequence[tuple[float, float]],
     tell: Callable[[str], None],
-) -> Explanation | Blind:
+) -> Explanation | NotComparable:
     """Find the settled points, and search for what explains them."""
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
     if data is None or count < limits.FEWEST_POINTS:
-        return Blind(
+        return NotComparable(
             why=f"{count} settled points; at least {limits.FEWEST_POINTS} are needed",
             next=TO_RECORD,
             samples=data,
@@ -73,7 +73,7 @@ def explain(
         )
     rows = rows_of(system_of(ruleset, builder, data), Configuration())
     if rows.groups < limits.FEWEST_POINTS:
-        return Blind(
+        return NotComparable(
             why="no two estimates of one flow can be compared with the readings of this recording",
             next=_to_be_read(recording) or TO_RECORD,
             samples=data,
@@ -109,7 +109,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         changed=updates_of(recording.sources, by) if by else (),
         nothing=posterior.unseen,
         believed=posterior.models[posterior.told].setting.values,
-        within=posterior.models[posterior.told].allowed(posterior.geometry),
+        within=posterior.tolerance.allowed,
         posterior=posterior,
     )
 

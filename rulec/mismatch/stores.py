@@ -18,14 +18,14 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Explained, Plants, Reading, Refits
+from rulec.mismatch.answer.explained import Explained, NotComparable, Plants, Reading, Refits
 from rulec.mismatch.answer.findings import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.evidence.stores.allowed import allowed
 from rulec.mismatch.evidence.stores.drift import no_drift
-from rulec.mismatch.evidence.stores.ends import kept
+from rulec.mismatch.evidence.stores.final_fits import fixed_values
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
@@ -39,7 +39,7 @@ from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Rep
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.best_set import Found, search
-from rulec.mismatch.search.stores.unnamed import followed
+from rulec.mismatch.search.stores.unnamed import likeliest_curve
 
 
 def explain(
@@ -48,27 +48,27 @@ def explain(
     builder: ModelBuilder,
     heldout: Sequence[tuple[float, float]],
     tell: Callable[[str], None],
-) -> Explanation | Blind:
+) -> Explanation | NotComparable:
     """Search for what explains a recording; held-out blocks may take names away again."""
     record = record_of(recording, ruleset, builder.given, heldout)
     if record is None:
         why = lacking(recording, ruleset)
         evidence = counted_rows((), [*unread(recording), *[why] * len(recording)])
-        return Blind(
+        return NotComparable(
             why=why, next="Record again, with what lacks.", samples=None, evidence=evidence
         )
     bench = SimulationProblem(ruleset, builder, record)
     try:
         found = search(bench, tell)
     except np.linalg.LinAlgError:
-        return Blind(
+        return NotComparable(
             why="the plant as it is stated runs away with these readings",
             next="Look at the units of the columns and at the values of the plant.",
             samples=record,
             evidence=stored_evidence(recording, record),
         )
     best, accepted, judged = found.best, found.accepted, found.ends.judged
-    best = Fitter(bench, best.joined, kept(best)).with_covariance(best, judged)
+    best = Fitter(bench, best.joined, fixed_values(best)).with_covariance(best, judged)
     proofs = prove(bench, found.plain, best, judged)
     dropped: tuple[str, ...] = ()
     if accepted and _gained(best, proofs) <= _least(proofs):
@@ -78,11 +78,11 @@ def explain(
         best = Fitter(bench, (), {}).with_covariance(best, judged)
     tell("looking for places where something is wrong")
     left = suspects(bench, _sharp(bench, best), judged)
-    model = model_of(bench, best, judged, kept(best))
+    model = model_of(bench, best, judged, fixed_values(best))
     nameless = nameless_places(model, left, len(bench.candidates))
     if found.nameless or (nameless and not accepted):
         tell("drawing what has no name")
-        unnamed = followed(found)
+        unnamed = likeliest_curve(found)
         if unnamed is not None:
             nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
     return explanation(recording, model, found, accepted, nameless, dropped)

@@ -23,7 +23,7 @@ from rulec_runtime.report.text import counted, number, safe
 from rulec.api.mismatch import mismatch
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.json_form import power_form
-from rulec.mismatch.result import Seen, SelfProof
+from rulec.mismatch.result import Detectability, SelfProof
 
 OFTEN, SOMETIMES = 0.9, 0.1
 """Shares of the replays from which on an effect counts as told, and as told at times."""
@@ -49,7 +49,7 @@ class Blind:
     proof: SelfProof
 
     @property
-    def groups(self) -> tuple[tuple[str, list[Seen]], ...]:
+    def groups(self) -> tuple[tuple[str, list[Detectability]], ...]:
         """Effects by how often they are told at their usual size, the most often first."""
         many = self.proof.replays
         shown = sorted(self._shown, key=lambda e: (-e.told_usual, e.id))
@@ -60,7 +60,7 @@ class Blind:
         return tuple((title, effects) for title, effects in every if effects)
 
     @property
-    def _shown(self) -> list[Seen]:
+    def _shown(self) -> list[Detectability]:
         return [e for e in self.proof.effects if e.usual > 0.0]
 
     @property
@@ -97,7 +97,7 @@ def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind
     return Blind(found.plant, found.recording, proof)
 
 
-def title_of(seen: Seen) -> str:
+def title_of(seen: Detectability) -> str:
     """What an effect is, and where.
 
     >>> title_of(Seen(id="B.slip@Q_geo", title="Slip in B"))
@@ -107,7 +107,7 @@ def title_of(seen: Seen) -> str:
     return f"{seen.title}, at {place}" if place else seen.title
 
 
-def cells(seen: Seen, replays: int) -> tuple[str, ...]:
+def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
     """One effect as a row of the table.
 
     >>> cells(Seen(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3), 200)
@@ -151,6 +151,6 @@ def page(found: Blind, made: Made | None = None) -> str:
     return document(head, "".join(parts))
 
 
-def _rows(title: str, effects: Sequence[Seen], found: Blind) -> str:
+def _rows(title: str, effects: Sequence[Detectability], found: Blind) -> str:
     rows = ([safe(c) for c in cells(seen, found.proof.replays)] for seen in effects)
     return table(title, columns(*COLUMNS), rows)

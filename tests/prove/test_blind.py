@@ -8,11 +8,11 @@ import pytest
 from rich.console import Console
 
 from rulec.cli import main
-from rulec.mismatch.result import Seen, SelfProof
+from rulec.mismatch.result import Detectability, SelfProof
 from rulec.prove.blind import Blind, blind, page, show
 from tests.conftest import ROOT
 
-LEAK = Seen(
+LEAK = Detectability(
     id="A.leakage",
     title="Leakage <in> A",
     size=10.0,
@@ -23,8 +23,10 @@ LEAK = Seen(
     seen_from=0.68,
     other={"Slip in [b]A": 4},
 )
-BENT = Seen(id="A.bent", title="Bent reading", size=0.1, unit="1", usual=0.1, told_usual=25)
-UNSEEN = Seen(id="A.slip", title="Slip")
+BENT = Detectability(
+    id="A.bent", title="Bent reading", size=0.1, unit="1", usual=0.1, told_usual=25
+)
+UNSEEN = Detectability(id="A.slip", title="Slip")
 FOUND = Blind(
     "abc", "day.csv", SelfProof(replays=200, called_missing=1, effects=(UNSEEN, LEAK, BENT))
 )

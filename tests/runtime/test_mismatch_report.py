@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rulec_runtime.report.text import number
 
-from rulec.mismatch.answer.pictures import Drawn, curves_of, middle_by, rms
+from rulec.mismatch.answer.pictures import ReadingCourses, curves_of, middle_by, rms
 from rulec.mismatch.result import Curves, Mismatch, Region
 from tests.runtime.mismatches import (
     ALL,
@@ -32,7 +32,7 @@ UNKNOWN = re.compile(r"[ \"(]-?(?:nan|inf)\b")
 HOSTILE = "<script src='//x'>\"&\u202e\x07</script>"
 
 
-def drawn(mismatch: Mismatch) -> Drawn:
+def drawn(mismatch: Mismatch) -> ReadingCourses:
     found = curves_of(mismatch)
     assert found is not None
     return found

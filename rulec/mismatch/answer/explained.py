@@ -13,7 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.inference.prove import Proof
@@ -35,7 +35,7 @@ F = TypeVar("F")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blind:
+class NotComparable:
     """Nothing can be compared: why, what to do, and what was read all the same."""
 
     why: str
@@ -116,7 +116,7 @@ class Explained(ABC, Generic[F]):
     posterior: Posterior
     noise: str
     untimed: str
-    standing: tuple[Standing, ...] = ()
+    standing: tuple[CandidateSet, ...] = ()
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()
     nothing: float = 1.0

@@ -46,7 +46,7 @@ MODELS = (("shipped", "s5"), ("recalibrated", "s1"), ("repaired", "s0"))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawn:
+class ReadingCourses:
     """Curves in order of time, in the unit of the signal; `repaired` is NaN without a repair.
 
     `located`, shape (n,), flags the region or the periods in which the mismatch was found.
@@ -68,7 +68,7 @@ class Drawn:
         return _bracketed(self.unit)
 
 
-def curves_of(mismatch: Mismatch) -> Drawn | None:
+def curves_of(mismatch: Mismatch) -> ReadingCourses | None:
     """The curves of a comparison; None where there are none to draw."""
     curves, fit = mismatch.curves, mismatch.fit
     if curves is None or not np.isfinite(curves.measured + curves.time).any():
@@ -77,7 +77,7 @@ def curves_of(mismatch: Mismatch) -> Drawn | None:
     order = order[np.isfinite(curves.time[order])]
     repaired = curves.repaired if is_repaired(mismatch) else np.full(len(curves.time), np.nan)
     arrays = {n: v[order] for n, v in vars(curves).items() if isinstance(v, np.ndarray)}
-    return Drawn(
+    return ReadingCourses(
         signal=fit.signal if fit is not None else "predicted signal",
         unit=fit.unit if fit is not None else "",
         curves=Curves(
@@ -121,7 +121,7 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
     return (edges[:-1] + edges[1:]) / 2, np.array(medians)
 
 
-def _drivers(mismatch: Mismatch, drawn: Drawn) -> tuple[list[str], list[str]]:
+def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list[str]]:
     """Titles of drivers by which the mismatch was located, and of all others; of the others first
     that over which the error moves most."""
     drivers = drawn.curves.drivers
@@ -194,7 +194,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
     )
 
 
-def over_time(drawn: Drawn, calendar: Calendar | None) -> Figure:
+def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
     """Measured against the models, and below it what each leaves."""
     curves = drawn.curves
     across = over(curves.time, calendar)
@@ -227,7 +227,7 @@ def over_time(drawn: Drawn, calendar: Calendar | None) -> Figure:
     )
 
 
-def _say_time(drawn: Drawn) -> str:
+def _say_time(drawn: ReadingCourses) -> str:
     """Errors inside the located region and outside it."""
 
     def off(flags: np.ndarray) -> str:
@@ -245,7 +245,7 @@ def _say_time(drawn: Drawn) -> str:
     return f"In the shaded {shaded} {off(inside)}; outside it {off(outside)}."
 
 
-def _shades(drawn: Drawn, panel: Panel) -> list[str]:
+def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
     """Where the mismatch was located, and what was held out."""
     time, flags = drawn.curves.time, [drawn.located, drawn.curves.heldout]
     if len(time) > 2 * COLUMNS:
@@ -258,7 +258,7 @@ def _shades(drawn: Drawn, panel: Panel) -> list[str]:
     ]
 
 
-def _over_driver(drawn: Drawn, index: int, title: str) -> Figure:
+def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
     """Errors against a driver, recalibrated above and repaired below, on one scale."""
     readings = drawn.curves.drivers[title]
     models = list(MODELS[1:] if np.isfinite(drawn.curves.repaired).any() else MODELS[1:2])

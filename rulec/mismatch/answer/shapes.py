@@ -14,7 +14,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model, Variable
 from rulec.mismatch.result import Beaten, Region, Shape
-from rulec.mismatch.search.curve_found import Branches, CurveFound, Lost
+from rulec.mismatch.search.curve_found import Branches, CurveFound, RejectedCandidate
 
 LEGS = 3
 """Rises and falls that are told one by one."""
@@ -123,7 +123,7 @@ def answer_of(branches: Branches, height: float) -> str:
     return "no" if gap + limits.NORMAL_95 * branches.u < least else "cannot be told"
 
 
-def _beaten(lost: Lost, name: str, driver: Variable) -> Beaten:
+def _beaten(lost: RejectedCandidate, name: str, driver: Variable) -> Beaten:
     candidate, region = lost.candidate, None
     if lost.between is not None:
         low, high = (None if end is None else float(driver.shown(end)) for end in lost.between)

@@ -23,13 +23,13 @@ from rulec.mismatch.answer.wording import (
     titled,
 )
 from rulec.mismatch.result import (
+    Detectability,
     Evidence,
     Finding,
     Fit,
     HiddenDriver,
     Location,
     Mismatch,
-    Seen,
     SelfProof,
 )
 from rulec.mismatch.structure.hypotheses import CONNECTION
@@ -343,7 +343,7 @@ def power_words(power: SelfProof) -> Iterator[str]:
         yield f"{seen.title}: {_replayed(seen, power.replays)}."
 
 
-def _replayed(seen: Seen, replays: int) -> str:
+def _replayed(seen: Detectability, replays: int) -> str:
     """How often an effect is told, from which size on, and what else is.
 
     >>> own = Seen(id="a", title="A", size=0.12, unit="bar", told=187, found=True, usual=0.05,

@@ -11,7 +11,7 @@ from rulec.effects.candidate import TIME, Missing
 from rulec.knowledge.belief import Strain
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words, titled
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
@@ -29,7 +29,7 @@ PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`
 
 
 @dataclass(frozen=True)
-class Told:
+class Answer:
     """The verdict, the headline, and the next step."""
 
     verdict: str
@@ -37,11 +37,11 @@ class Told:
     next: str
 
 
-def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Told:
+def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Answer:
     """An answer of a recording with columns that are not what their header says, or of a plant that
     is not connected as its file says: these first."""
     if not misread:
-        return Told(verdict, headline, then)
+        return Answer(verdict, headline, then)
     said, todo = (
         " ".join(f"{text[0].upper()}{text[1:]}." for text in texts)
         for texts in ([f.text for f in misread], [f.action for f in misread])
@@ -51,7 +51,7 @@ def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Findi
     so = ["read"] * (len(pipes) < len(misread)) + ["connected"] * bool(pipes)
     # Nothing can be adopted before the plant file is right.
     rest = "" if alone or pipes else f" {then}"
-    return Told(
+    return Answer(
         ("named" if pipes else "sensor") if alone else verdict,
         f"{said} {' and '.join(so).capitalize()} as it should be, {_inside(headline)}",
         f"{todo} Then run again.{rest}",
@@ -103,7 +103,7 @@ def headline_of(
     locations: Sequence[Location],
     doubt: Doubt,
     fits: Sequence[Fit] = (),
-    standing: Sequence[Standing] = (),
+    standing: Sequence[CandidateSet] = (),
 ) -> str:
     """The finding in one sentence; `standing` are the possible sets, the likeliest first."""
     told = [f for f in findings if f.sort != "free"]
@@ -194,7 +194,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     return f" However, {signal} is still off by {most:.0f} times its noise."
 
 
-def _unsure(doubt: Doubt, standing: Sequence[Standing]) -> str:
+def _unsure(doubt: Doubt, standing: Sequence[CandidateSet]) -> str:
     """Something is missing, or may be, and this recording does not tell what."""
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
     strained = "; ".join(map(str, doubt.unbelievable))
@@ -231,7 +231,7 @@ def next_step(
     missing: Sequence[Missing],
     refused: str = "",
     locations: Sequence[Location] = (),
-    standing: Sequence[Standing] = (),
+    standing: Sequence[CandidateSet] = (),
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
     if hidden is not None and hidden.switches:

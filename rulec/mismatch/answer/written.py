@@ -74,7 +74,7 @@ def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class PlantErrors:
     """Errors of the three plants, their courses, and what was simulated.
 
     `plants` is None where the plant cannot be simulated, which `why` tells.
@@ -86,7 +86,7 @@ class Told:
     why: str
 
 
-def told(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> Told:
+def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> PlantErrors:
     """Simulate the plants over the recording, and compare."""
     model, why = found.model, ""
     ruleset, builder, recording = model.ruleset, model.builder, found.recording
@@ -98,7 +98,7 @@ def told(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> Tol
     signals = ruleset.signal_by_id
     courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
     samples = model.samples
-    return Told(
+    return PlantErrors(
         fits=tuple(r.fit for r in readings),
         series=Series(samples.time, ~samples.open, tuple(courses)),
         plants=plants,

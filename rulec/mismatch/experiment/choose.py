@@ -26,7 +26,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.foretell import Foretold
-from rulec.mismatch.experiment.points import Within
+from rulec.mismatch.experiment.points import Feasible
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Best:
 
     choice: Choice
     told: Sequence[Foretold]
-    limited: Within
+    limited: Feasible
     hindering: tuple[str, ...]
     time_is_short: bool
 
@@ -164,7 +164,7 @@ def best_within(
     odds: Array,
     most: int,
     seconds: float,
-    limited: Within,
+    limited: Feasible,
     settling: float,
 ) -> Best:
     """The places that tell most within limits, and how long to hold them; readings take `settling`,
@@ -209,8 +209,8 @@ def best_within(
 
 
 def _held(
-    told: Sequence[Foretold], limited: Within, held: int, settling: float
-) -> tuple[Sequence[Foretold], Within]:
+    told: Sequence[Foretold], limited: Feasible, held: int, settling: float
+) -> tuple[Sequence[Foretold], Feasible]:
     """What is foretold where each place is held so many times as long as it has to be."""
     least = limited.shortest - settling
     times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
@@ -218,7 +218,7 @@ def _held(
 
 
 def covering(
-    limited: Within, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
+    limited: Feasible, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
 ) -> tuple[int, ...]:
     """Up to so many places beside some steps, as long as there is time, s.
 

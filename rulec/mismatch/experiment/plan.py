@@ -14,14 +14,14 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.choose import Best, best_within, covering
 from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.points import Within, places_in, reach_of, within
+from rulec.mismatch.experiment.points import Feasible, feasible, places_in, reach_of
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.refused import ExperimentRefused
@@ -40,7 +40,7 @@ def planned(
     recording: Recording,
     ruleset: Ruleset,
     builder: ModelBuilder,
-    standing: Sequence[Standing],
+    standing: Sequence[CandidateSet],
     most: int,
     seconds: float,
     *,
@@ -64,7 +64,7 @@ def planned(
     places = places_in(system, reach)
     every = range(len(again.sets))
     told = [foretold(again.geometry, again.models, i, places) for i in every]
-    limited = within(ruleset, places, reach, told)
+    limited = feasible(ruleset, places, reach, told)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(
             f"--hours {seconds / 3600.0:g}: one step takes {limited.shortest / 3600.0:.3g} hours"
@@ -94,8 +94,8 @@ def planned(
 
 
 def _refitted(
-    recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[Standing]
-) -> tuple[Again, tuple[Standing, ...]]:
+    recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[CandidateSet]
+) -> tuple[Again, tuple[CandidateSet, ...]]:
     """What stands, refitted to what was recorded; and what cannot be foretold, for it switched."""
     data = prepare(recording, ruleset)
     assert data is not None
@@ -122,7 +122,12 @@ def _sample(time: Array) -> float:
 
 
 def _covering(
-    limited: Within, best: Best, most: int, seconds: float, told: Sequence[Foretold], system: System
+    limited: Feasible,
+    best: Best,
+    most: int,
+    seconds: float,
+    told: Sequence[Foretold],
+    system: System,
 ) -> tuple[Step, ...]:
     """Steps that cover what may be set, after those that tell explanations apart and without loss
     of product."""
@@ -135,7 +140,7 @@ def _covering(
 
 
 def _steps(
-    limited: Within,
+    limited: Feasible,
     chosen: Sequence[int],
     told: Sequence[Foretold],
     system: System,

@@ -146,7 +146,7 @@ def surroundings(
 
 
 @dataclass(frozen=True)
-class Within:
+class Feasible:
     """Places of which the last is the present one, and what limits say of each.
 
     `possible`, shape (n,): each explanation foretells it, and no reading leaves its sensor.
@@ -215,7 +215,7 @@ class Within:
                 yield name, "lowest" if value == values.min() else "highest"
 
 
-def within(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foretold]) -> Within:
+def feasible(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foretold]) -> Feasible:
     """What limits say of places, by what each explanation foretells of them."""
     possible = np.ones(len(places), dtype=bool)
     possible[-1] = False
@@ -231,7 +231,7 @@ def within(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foreto
             possible &= (values >= least) & (values <= high)
     bounds = reach.allowed.readings
     known = {n: b for n, b in bounds.items() if all(n in one.readings for one in told)}
-    return Within(
+    return Feasible(
         places=places,
         reach=reach,
         possible=possible,

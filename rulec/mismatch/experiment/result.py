@@ -17,7 +17,7 @@ from rulec_runtime.report.text import counted, number, percent
 
 from rulec.effects.made_from import AGAIN
 from rulec.mismatch import limits
-from rulec.mismatch.candidate_sets import Presence, Standing
+from rulec.mismatch.candidate_sets import CandidateSet, Presence
 from rulec.mismatch.experiment.sensors import Advised
 from rulec.mismatch.refused import ExperimentRefused
 
@@ -71,8 +71,8 @@ class Experiment:
     samples of the recording, s; `read` what an equation or an explanation reads.
     """
 
-    standing: tuple[Standing, ...]
-    left_out: tuple[Standing, ...]
+    standing: tuple[CandidateSet, ...]
+    left_out: tuple[CandidateSet, ...]
     steps: tuple[Step, ...]
     certainty: tuple[float, ...]
     unlisted: float
@@ -129,7 +129,7 @@ def alike(factors: Array) -> tuple[tuple[int, int], ...]:
     return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
 
 
-def in_words(one: Standing) -> str:
+def in_words(one: CandidateSet) -> str:
     """What a set of explanations says."""
     return " and ".join(one.titles) or "nothing is missing"
 
@@ -141,7 +141,7 @@ def duration(seconds: float) -> str:
     return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
 
 
-def standing_of(data: Mapping[str, Any], file: Path) -> tuple[Standing, ...]:
+def standing_of(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ...]:
     """What a mismatch left standing; `file` is its name. Raises ExperimentRefused where it does not
     say."""
     try:
@@ -158,8 +158,8 @@ def standing_of(data: Mapping[str, Any], file: Path) -> tuple[Standing, ...]:
     return found
 
 
-def _one(data: dict[str, Any]) -> Standing:
-    return Standing(
+def _one(data: dict[str, Any]) -> CandidateSet:
+    return CandidateSet(
         names=tuple(str(name) for name in data["names"]),
         titles=tuple(str(title) for title in data["titles"]),
         probability=float(data["probability"]),

@@ -24,8 +24,9 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.evidence import Evidence, Term
-from rulec.mismatch.search.refit import Model, least_beyond
+from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.scan import Column
+from rulec.mismatch.search.tolerance import Tolerance, least_beyond
 
 
 @dataclass(frozen=True)
@@ -189,7 +190,7 @@ class Judge:
     @cached_property
     def _least(self) -> Array:
         """The size from which on each column stands out, SI, shape (columns,)."""
-        off_by = self.model.off_by(self.geometry)
+        off_by = Tolerance(self.geometry, self.model).off_by
         sorts = (
             (self.geometry.of_reading(c.candidate), c.since is not None or c.course is not None)
             for c in self.columns
@@ -311,7 +312,7 @@ def _log_between(low: Array, high: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Told:
+class ReplayVerdicts:
     """What is told in each replay, shape (replays,).
 
     `best` is the number of the column that its class is told by, or behind the last one that of a
@@ -322,7 +323,7 @@ class Told:
     sure: NDArray[np.bool_]
 
 
-def told_in(judge: Judge, judged: Judged) -> Told:
+def replay_verdicts(judge: Judge, judged: Judged) -> ReplayVerdicts:
     """The class of the most probable explanation of each replay, and whether it is sure.
 
     Columns that show the same are one class, with all columns of the same candidate, and with what
@@ -345,4 +346,4 @@ def told_in(judge: Judge, judged: Judged) -> Told:
         driver = np.array([t.driver for t in judge.terms])
         of_terms = np.sum((driver == driver[term][:, None]) * judged.terms.T, axis=1)
         best, share = np.where(of_terms > share, count + term, best), np.maximum(share, of_terms)
-    return Told(best, share >= common.CERTAIN)
+    return ReplayVerdicts(best, share >= common.CERTAIN)

@@ -15,9 +15,9 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits as common
 from rulec.mismatch.inference import limits
-from rulec.mismatch.inference.judge import Judge, told_in
+from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.replay import Replayer, without_explanations
-from rulec.mismatch.result import Seen, SelfProof
+from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
@@ -37,7 +37,7 @@ NAMELESS = "something without a name"
 def called_missing(judge: Judge, replays: Array) -> int:
     """In how many replays, shape (rows, replays), something is said to be missing."""
     judged = judge.judged(replays)
-    missing = (judged.nothing < of_search.LIKELIER) | told_in(judge, judged).sure
+    missing = (judged.nothing < of_search.LIKELIER) | replay_verdicts(judge, judged).sure
     return int(missing.sum())
 
 
@@ -54,7 +54,9 @@ def asked_of(
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     drawn = rng.choice(own, count, p=share / share.sum())
     shift = judge.rows[:, drawn] * size
-    told = told_in(judge, judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift)))
+    told = replay_verdicts(
+        judge, judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift))
+    )
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
     named = told.best < len(judge.columns)
     known = np.where(named, told.best, 0)
@@ -183,11 +185,11 @@ def self_proof(
     )
 
 
-def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Seen:
+def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Detectability:
     """How often one effect is told; what no reading shows has no size."""
     own = [i for i, c in enumerate(judge.columns) if c.candidate.id == id_]
     if not own:
-        return Seen(id=id_, title=title)
+        return Detectability(id=id_, title=title)
     first = judge.columns[own[0]]
     size = found.get(id_)
     # What was found comes first.
@@ -199,7 +201,7 @@ def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> See
     told_usual = told if size is None else asked_of(judge, concealed, usual, limits.REPLAYS)[0]
     least = seen_from(judge, concealed, usual)
     factor = first.amplitude.factor
-    return Seen(
+    return Detectability(
         id=id_,
         title=titled_with_module(first.candidate),
         size=abs(at) / factor,

@@ -25,7 +25,7 @@ class Branches:
 
 
 @dataclass(frozen=True)
-class Lost:
+class RejectedCandidate:
     """An effect that is in the place of a term: by how much it fits worse, nats; and where.
 
     `between` are ends of the driver, SI (None: open), that hold the share `share` of that; None
@@ -57,7 +57,7 @@ class CurveFound:
     means: Array
     branches: Branches | None = None
     elsewhere: tuple[str, ...] = ()
-    lost: tuple[Lost, ...] = ()
+    lost: tuple[RejectedCandidate, ...] = ()
     says: str = ""
 
     @property

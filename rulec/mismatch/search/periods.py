@@ -27,7 +27,7 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 
-def coming_and_going(
+def intermittent(
     fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
 ) -> list[InitialCandidate]:
     """Faults as ones that come and go, in so many periods at most, the more telling first."""

@@ -9,7 +9,7 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.special import erfcx, ndtr
+from scipy.special import erfcx
 
-from rulec.effects.candidate import TIME
 from rulec.knowledge.belief import Held
-from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.search import limits
@@ -89,7 +87,7 @@ class Model:
         return self.noise[0]
 
     @cached_property
-    def _inverse(self) -> Array:
+    def inverse(self) -> Array:
         """Covariance of all numbers, in coordinates, shape (values and random numbers,) twice."""
         normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
         size = np.sqrt(np.diag(normal))
@@ -101,127 +99,8 @@ class Model:
     def covariance(self) -> Array:
         """Covariance of the values, SI, shape (values, values)."""
         step, n = self.prior.coordinates.slopes(self.at), len(self.at)
-        covariance: Array = self._inverse[:n, :n] * np.outer(step, step)
+        covariance: Array = self.inverse[:n, :n] * np.outer(step, step)
         return covariance
-
-    def stand_out(self, geometry: Evidence) -> dict[str, float]:
-        """Probability of each explanation, by its id, that it moves some output by more than
-        `off_by`."""
-        begun = {self.setting.candidate_of(course).id for course in self.setting.courses}
-        readings = {c.id for c in self.setting.joined if geometry.of_reading(c)}
-        off_by = self.off_by(geometry)
-        found: dict[str, float] = {}
-        for i, id_, start in self._amplitudes:
-            own = off_by[id_ in readings, id_ in begun]
-            least = least_beyond(geometry, self._moved_by(geometry, i, start), own)
-            found[id_] = max(found.get(id_, 0.0), self._beyond(i, start, least))
-        return found
-
-    def within(self, geometry: Evidence) -> frozenset[str]:
-        """Names of terms without a name that are in no row more than sensors within their class,
-        and laws within their accuracy, may be off by: such a one is an error of form that has not
-        left its declared size. What follows time is none."""
-        every = np.concatenate([geometry.forms, *self._of_sensors(geometry)], axis=1)
-        allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
-        return frozenset(
-            term.name
-            for term, moved in self._moved_by_terms()
-            if term.driver != TIME and np.all(np.abs(moved) <= allowed)
-        )
-
-    def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
-        """Terms without a name, and what each does to the rows, shape (rows,)."""
-        last = len(self.forms) - sum(t.columns.shape[1] for t in self.terms)
-        for term, size in zip(self.terms, self.sizes.terms, strict=True):
-            first, last = last, last + term.columns.shape[1]
-            yield term, term.columns @ (size * self.forms[first:last])
-
-    def _moved_by(self, geometry: Evidence, i: int, start: float) -> Array:
-        """Residuals per unit of a value, shape (rows,), as far as it moves them from its null: a
-        stop or an open relief valve has hardly a slope where it was found."""
-        if self.at[i] != start:
-            without = np.where(np.arange(len(self.at)) == i, start, self.at)
-            rest = geometry.evaluated(self.setting, self.prior, without).residual
-            slopes: Array = (self.point.residual - rest) / (self.at[i] - start)
-            if np.isfinite(slopes).all():
-                return slopes
-        return self.point.jacobian[:, i]
-
-    def shows(self, geometry: Evidence) -> float:
-        """Probability that what is joined moves some output by more than `allowed`."""
-        if self.terms:
-            return 1.0
-        allowed = self.allowed(geometry)
-        slopes = self.point.jacobian * self.table[:, : len(self.at)].any(axis=0)
-        shown = (
-            self._beyond(i, start, least_beyond(geometry, slopes[:, i], allowed))
-            for i, _, start in self._amplitudes
-        )
-        return max(shown, default=0.0)
-
-    @cached_property
-    def _amplitudes(self) -> list[tuple[int, str, float]]:
-        """Of each value that has a null: its number, the id of its explanation, and the null."""
-        null = {
-            u.id: (c.id, u.null) for c in self.setting.joined for u in c.unknowns if not u.fixed
-        }
-        own = [null.get(name.partition("#")[0], ("", None)) for name in self.prior.names]
-        return [(i, id_, start) for i, (id_, start) in enumerate(own) if start is not None]
-
-    def _beyond(self, i: int, start: float, least: float) -> float:
-        """Probability that a value is off its null by at least so much, both SI."""
-        u = np.sqrt(self.covariance[i, i]) / self.prior.coordinates.slopes(self.at)[i]
-        ends = np.array([-least, least]) - (self.at[i] - start)
-        return 1.0 - float(np.diff(ndtr(ends / u))[0])
-
-    def off_by(self, geometry: Evidence) -> dict[tuple[bool, bool], dict[str, float]]:
-        """How far outputs may be off with nothing missing, SI, by whether a reading explains it
-        and whether it begins.
-
-        An error of a law, as large as it is found here, imitates what is there all the time, and
-        one of a sensor within its class another one of that sensor. A term without a name at a law
-        is an error of that law, too.
-        """
-        first, count = len(self.at), geometry.forms.shape[1]
-        own, errors = slice(first, first + count), self.forms[:count]
-        spread = self._inverse[own, own] + np.outer(errors, errors) + 1e-12 * np.eye(count)
-        laws = geometry.forms * self.sizes.of(geometry.law) @ np.linalg.cholesky(spread)
-        terms = [m for t, m in self._moved_by_terms() if not geometry.of_reading(t.changed)]
-        laws = np.column_stack([laws, *terms])
-        sensors = self._of_sensors(geometry)
-        return {
-            (of_sensor, begun): _allowed(
-                geometry, *([] if begun else [laws]), *(sensors if of_sensor else ())
-            )
-            for of_sensor, begun in product((False, True), repeat=2)
-        }
-
-    def _of_sensors(self, geometry: Evidence) -> tuple[Array, ...]:
-        """Rows of errors of sensors within their class, shape (rows, errors) each."""
-        errors = [i for i, name in enumerate(self.prior.names) if name.startswith(ERROR)]
-        return self.point.jacobian[:, errors], *geometry.of_class
-
-    def allowed(self, geometry: Evidence) -> dict[str, float]:
-        """Error of each output that sensors within their class, and laws within their accuracy,
-        explain in 19 of 20 recordings, SI."""
-        return _allowed(geometry, geometry.forms, *self._of_sensors(geometry))
-
-
-def _allowed(geometry: Evidence, *errors: Array) -> dict[str, float]:
-    """By how much errors of unit size, shape (rows, errors) each, move each output in 19 of 20
-    recordings, SI."""
-    every = np.concatenate([np.zeros((geometry.count, 0)), *errors], axis=1)
-    return {n: common.NORMAL_95 * u for n, u in geometry.shown(every).items()}
-
-
-def least_beyond(geometry: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
-    """The size from which on something moves an output by more than is `allowed`, SI by output;
-    `slopes`, shape (rows,), are those by its size."""
-    moved = geometry.shown(slopes[:, None]) if slopes.any() else {}
-    return min(
-        (allowed.get(name, 0.0) / most for name, most in moved.items() if most > 0.0),
-        default=np.inf,
-    )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.locate import Suspect, suspect_at
 from rulec.mismatch.evidence.steady.system import System
 
 
-def wandering(fitted: Fitted, spot: Spot) -> list[Suspect]:
+def varying_parameters(fitted: Fitted, spot: Spot) -> list[Suspect]:
     """Parameters of the law at a place, each with a course of its own.
 
     What drives a law seldom adds to it: it changes what stands in it, and shows where that counts.

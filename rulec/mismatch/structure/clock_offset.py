@@ -22,7 +22,7 @@ from scipy.special import expit
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.hypotheses import CLOCK, Hypothesis, Taken
+from rulec.mismatch.structure.hypotheses import CLOCK, AcceptedHypothesis, Hypothesis
 from rulec.mismatch.structure.moving import Moving
 
 
@@ -198,7 +198,7 @@ def taken_of(
     recording: Recording,
     ruleset: Ruleset,
     leaves: float = limits.CLOCK_LEAVES,
-) -> Taken | None:
+) -> AcceptedHypothesis | None:
     """The best shift, if it is sure and leaves so little; with others that explain as much."""
     sound = [s for s in shifts if s.by and s.left < leaves]
     best = max(sound, key=lambda s: s.odds(tried), default=None)
@@ -207,7 +207,7 @@ def taken_of(
     near = best.odds(tried) - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [s for s in sound if s is not best and s.odds(tried) > near]
     hypothesis = hypothesis_of(best, alike, pace_of(recording), ruleset)
-    return Taken(hypothesis, best.gain, float(expit(best.odds(tried))))
+    return AcceptedHypothesis(hypothesis, best.gain, float(expit(best.odds(tried))))
 
 
 def pace_of(recording: Recording) -> float:

@@ -45,7 +45,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Taken:
+class AcceptedHypothesis:
     """A hypothesis that was taken: what it gains, nats, and how probable it is."""
 
     hypothesis: Hypothesis

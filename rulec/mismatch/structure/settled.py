@@ -30,7 +30,7 @@ from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock_offset import shifts_of, taken_of
 from rulec.mismatch.structure.connections import Rewiring, rewirings
-from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis
 from rulec.mismatch.structure.moving import moving_of
 from rulec.mismatch.structure.wiring import Comparable, connection_of
 
@@ -100,7 +100,7 @@ class Settled:
         self._kept[steps] = found
         return found
 
-    def clock(self, recording: Recording) -> Taken | None:
+    def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         """Columns whose clock is off, if some are; a table of points has no time."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None or found.data.of_rows or len(found.data) < common.FEWEST_POINTS:
@@ -114,7 +114,7 @@ class Settled:
         """Documents of the plant."""
         return self.builder.sources
 
-    def connection(self, recording: Recording, columns: int) -> Taken | None:
+    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
         """A connection that is not as stated, if one is; so many columns were doubted besides."""
         return connection_of(recording, self, columns)
 

@@ -30,7 +30,7 @@ from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock_offset import taken_of
 from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis
 from rulec.mismatch.structure.stored_clock import shifts_against_cause
 
 
@@ -74,12 +74,12 @@ class Stores:
             idle=any(n not in problem.signals for n in shown),
         )
 
-    def clock(self, recording: Recording) -> Taken | None:
+    def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         """Columns whose clock is off, if some are."""
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
 
-    def connection(self, recording: Recording, columns: int) -> Taken | None:
+    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
         """None: connections of a plant that stores are not doubted."""
         return None
 

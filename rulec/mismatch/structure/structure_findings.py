@@ -7,7 +7,14 @@ from collections.abc import Iterator, Sequence
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.mismatch.result import Finding, Location, Misread, Rewired
-from rulec.mismatch.structure.hypotheses import CLOCK, CONNECTION, SIGN, SWAPPED, UNIT, Taken
+from rulec.mismatch.structure.hypotheses import (
+    CLOCK,
+    CONNECTION,
+    SIGN,
+    SWAPPED,
+    UNIT,
+    AcceptedHypothesis,
+)
 
 TITLES = {
     SWAPPED: "Swapped columns",
@@ -22,12 +29,12 @@ SORT = "structure"
 """What these findings are: neither the plant nor a sensor errs, but the table."""
 
 
-def findings_of(taken: Sequence[Taken]) -> tuple[Finding, ...]:
+def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
     """Each as a finding; its place is the ids of its signals, or of outlets."""
     return tuple(_finding(one) for one in taken)
 
 
-def _finding(one: Taken) -> Finding:
+def _finding(one: AcceptedHypothesis) -> Finding:
     signals = one.hypothesis.places
     modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
     return Finding(
@@ -52,7 +59,7 @@ def _finding(one: Taken) -> Finding:
     )
 
 
-def places_of(taken: Sequence[Taken], ruleset: Ruleset) -> Iterator[Location]:
+def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
     """The signals, or outlets, of each."""
     for one in taken:
         for name in one.hypothesis.places:
@@ -67,7 +74,7 @@ def places_of(taken: Sequence[Taken], ruleset: Ruleset) -> Iterator[Location]:
             )
 
 
-def misread_of(taken: Sequence[Taken]) -> tuple[Misread, ...]:
+def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
     """What whoever reads the recording again must do to each column, in this order."""
     return tuple(
         Misread(t.hypothesis.kind, t.hypothesis.mending)
@@ -76,7 +83,7 @@ def misread_of(taken: Sequence[Taken]) -> tuple[Misread, ...]:
     )
 
 
-def rewired_of(taken: Sequence[Taken]) -> tuple[Rewired, ...]:
+def rewired_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Rewired, ...]:
     """What must be edited in the plant file before anything of the answer holds."""
     return tuple(
         Rewired(

@@ -22,7 +22,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import Hypothesis, Taken, hypotheses
+from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Hypothesis, hypotheses
 
 
 class Evidence(Protocol):
@@ -45,10 +45,10 @@ class Evidence(Protocol):
     def builder(self) -> ModelBuilder:
         """Its models."""
 
-    def clock(self, recording: Recording) -> Taken | None:
+    def clock(self, recording: Recording) -> AcceptedHypothesis | None:
         """Columns whose clock is off, if some are."""
 
-    def connection(self, recording: Recording, columns: int) -> Taken | None:
+    def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
         """A connection that is not as stated, if one is; so many columns were doubted besides."""
 
     def rewired(self, rewiring: Rewiring) -> Self | None:
@@ -62,14 +62,14 @@ class Structure:
 
     recording: Recording
     evidence: Evidence
-    taken: tuple[Taken, ...]
+    taken: tuple[AcceptedHypothesis, ...]
 
 
 def structure_of(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
 ) -> Structure:
     """Doubt columns and connections one by one, as long as some are not as they are said to be."""
-    found: list[Taken] = []
+    found: list[AcceptedHypothesis] = []
     for _ in range(limits.MOST_MISREAD):
         one = _best(recording, evidence, progress) or evidence.clock(recording)
         if one is None:
@@ -85,7 +85,7 @@ def structure_of(
 
 def _best(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
-) -> Taken | None:
+) -> AcceptedHypothesis | None:
     plain = evidence.agreement(recording, limits.STRUCTURE_STEPS)
     off = plain.gross >= limits.GROSS_SHARE or plain.idle or evidence.unread(recording)
     column, tried = None, 0
@@ -103,7 +103,7 @@ def _best(
 
 def _column(
     recording: Recording, evidence: Evidence, plain: Agreement, every: list[Hypothesis]
-) -> Taken | None:
+) -> AcceptedHypothesis | None:
     """The column, or the two, that read otherwise make the rest agree, if some do."""
     price = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
     best, most = None, 0.0
@@ -115,7 +115,7 @@ def _column(
         sure = probability > common.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
         if sure and compared.each > most:
             most = compared.each
-            best = Taken(hypothesis, compared.gain, probability)
+            best = AcceptedHypothesis(hypothesis, compared.gain, probability)
     return best
 
 

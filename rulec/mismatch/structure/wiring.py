@@ -22,7 +22,7 @@ from rulec.mismatch import limits as common
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import CONNECTION, Hypothesis, Taken
+from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, Hypothesis
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class _Judged:
     compared: Compared
 
 
-def connection_of(recording: Recording, stated: Wired, columns: int) -> Taken | None:
+def connection_of(recording: Recording, stated: Wired, columns: int) -> AcceptedHypothesis | None:
     """The connection that is not as stated, if one is; so many `columns` were doubted besides."""
     every = stated.otherwise(recording)
     tried = [(one, wired) for one in every if (wired := stated.rewired(one)) is not None]
@@ -89,7 +89,7 @@ def connection_of(recording: Recording, stated: Wired, columns: int) -> Taken | 
     near = first.compared.gain - float(np.log(common.CERTAIN / (1.0 - common.CERTAIN)))
     alike = [o.rewiring for o in sound if o is not first and o.compared.gain > near]
     hypothesis = hypothesis_of(first.rewiring, alike, stated.sources)
-    return Taken(hypothesis, first.compared.gain, float(expit(gain + price)))
+    return AcceptedHypothesis(hypothesis, first.compared.gain, float(expit(gain + price)))
 
 
 def _sure(odds: float) -> bool:

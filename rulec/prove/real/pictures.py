@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.text import number
 
-from rulec.mismatch.answer.pictures import Drawn, over_time
+from rulec.mismatch.answer.pictures import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
 from rulec.prove.real.ask import MODELS
 from rulec.prove.real.score import Scored
@@ -26,7 +26,8 @@ def draw(scored: Scored) -> Figure | None:
     every = np.ones(len(course["time"]), dtype=bool)
     curves = Curves(**course, inside=every, heldout=~every, drivers={})
     figure = over_time(
-        Drawn(signal=scored.signal, unit=found["unit"], curves=curves, located=~every), None
+        ReadingCourses(signal=scored.signal, unit=found["unit"], curves=curves, located=~every),
+        None,
     )
     errors = ", ".join(f"{number(found[model], 3)} {model}" for model in MODELS)
     return replace(

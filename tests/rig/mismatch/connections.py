@@ -16,7 +16,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.structure import limits
-from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
+from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.structure_search import structure_of
 from rulec.prove.analyst import calibrate
@@ -36,7 +36,7 @@ def cases(seed: int) -> Iterator[SettledCase]:
             print(f"{plan.name}: not made")
 
 
-def taken(case: SettledCase) -> tuple[tuple[Taken, ...], float, float]:
+def taken(case: SettledCase) -> tuple[tuple[AcceptedHypothesis, ...], float, float]:
     """What is told of a case, how far the plain model is strained, nats, and CPU s."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

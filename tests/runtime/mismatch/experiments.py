@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.experiment.result import Experiment, Reading, Step
 
 
 def made_by_hand() -> Experiment:
     """Two explanations; a reading that is foretold in the first of two steps, one in both."""
-    one = Standing(
+    one = CandidateSet(
         names=(),
         titles=("One",),
         probability=0.5,

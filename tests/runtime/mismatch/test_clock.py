@@ -14,7 +14,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.result import Mismatch
-from rulec.mismatch.search.periods import coming_and_going
+from rulec.mismatch.search.periods import intermittent
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.made import HOLD, alone, compared, recorded, tour
 
@@ -71,7 +71,7 @@ def test_files_of_their_own_have_none() -> None:
         system = system_of(replace(leaking(), one_clock=one_clock))
         rows = rows_of(system, Configuration())
         plain = fit(rows, Configuration(), system.data.open)
-        assert one_clock == bool(list(coming_and_going(plain, system.candidates)))
+        assert one_clock == bool(list(intermittent(plain, system.candidates)))
 
 
 def test_the_answer_says_so() -> None:

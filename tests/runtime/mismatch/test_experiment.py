@@ -21,7 +21,7 @@ from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.choose import certain, chosen, covering, gains
 from rulec.mismatch.experiment.foretell import Foretold, Places, foretold, known_with_onsets
-from rulec.mismatch.experiment.points import Reach, Within, places_in, reach_of, surroundings
+from rulec.mismatch.experiment.points import Feasible, Reach, places_in, reach_of, surroundings
 from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
@@ -357,7 +357,7 @@ def test_steps_that_cover_are_far_from_all_others() -> None:
     speeds = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 0.0])
     places = Places({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
     may = np.array([True] * 5 + [False])
-    limited = Within(places, Reach({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
+    limited = Feasible(places, Reach({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
     assert covering(limited, may, [0, 4], 9, 240.0) == (2, 1, 3)
     assert covering(limited, may, [0, 4], 9, 100.0) == (2,)
     assert covering(limited, may, [], 2, 240.0) == (2, 0)
@@ -373,7 +373,7 @@ def test_steps_that_cover_give_each_input_many_values() -> None:
     places = Places(dict(zip(names, shares.T, strict=True)), np.zeros(count, int), np.zeros(count))
     reach = Reach(dict.fromkeys(names, (0.0, 1.0)), 60.0)
     may = np.ones(count, dtype=bool)
-    limited = Within(places, reach, may, {}, ((),) * count, ())
+    limited = Feasible(places, reach, may, {}, ((),) * count, ())
     steps = list(covering(limited, may, [], 18, 3600.0))
     for values in np.sort(shares[steps].T):
         assert values[0] < 0.1 < 0.9 < values[-1]

@@ -12,7 +12,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.choose import best_within
 from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.points import Reach, Within, places_in, reach_of, within
+from rulec.mismatch.experiment.points import Feasible, Reach, feasible, places_in, reach_of
 from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
@@ -63,7 +63,7 @@ def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places)
 
 
 def _breaches(
-    ruleset: Ruleset, given: PlantLimits, told: list[Foretold], found: Within, place: int
+    ruleset: Ruleset, given: PlantLimits, told: list[Foretold], found: Feasible, place: int
 ) -> list[str]:
     """What is wrong with a place that may be proposed, each limit looked up anew."""
     breaches = []
@@ -105,7 +105,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
             continue
         places = places_in(system, reach)
         told = _any_foretold(random, ruleset, places)
-        found = within(ruleset, places, reach, told)
+        found = feasible(ruleset, places, reach, told)
         may = np.flatnonzero(found.may_run)
         looked += len(may)
         assert [b for place in may for b in _breaches(ruleset, given, told, found, place)] == []
@@ -129,11 +129,11 @@ def test_thousands_of_places_keep_the_limits() -> None:
     assert steps
 
 
-def _two_places(lost: tuple[tuple[str, ...], ...], forbids: tuple[bool, ...]) -> Within:
+def _two_places(lost: tuple[tuple[str, ...], ...], forbids: tuple[bool, ...]) -> Feasible:
     """Two places that can be run, and the present one."""
     places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
     possible, forbidden = np.array([True, True, False]), {"A.dp": np.array([*forbids, False])}
-    return Within(places, Reach({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ())
+    return Feasible(places, Reach({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ())
 
 
 def _apart_by(first: float, second: float) -> list[Foretold]:

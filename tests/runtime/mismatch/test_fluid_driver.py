@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.candidate_sets import Standing
+from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -91,11 +91,11 @@ def test_the_law_has_exact_slopes_by_the_temperature() -> None:
     assert slope == pytest.approx(expected, rel=1e-5)
 
 
-def standing(name: str, strength: str, value: float) -> Standing:
+def standing(name: str, strength: str, value: float) -> CandidateSet:
     """One law, as if a mismatch had left it standing."""
     system = planted().system
     candidate = next(c for c in system.candidates if c.id == name)
-    return Standing(
+    return CandidateSet(
         names=(name,),
         titles=(name,),
         probability=0.5,

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from rulec.cli import main
-from rulec.mismatch.inference.judge import Judge, told_in
+from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.power import asked_of, called_missing, judge_of, self_proof
 from rulec.mismatch.inference.replay import Replayer
-from rulec.mismatch.search.settled.sets import Posterior, begun, with_laws
+from rulec.mismatch.search.settled.scan import columns, scan
+from rulec.mismatch.search.settled.sets import Posterior, _join, begun
 from rulec.mismatch.search.stores import sets as of_stores
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, bench, made
@@ -37,7 +38,12 @@ def warm(built: Built | None = None) -> Posterior:
     """A pump whose liquid warms up, with the plain model and the slip weighed."""
     given = {**tour(alone()[0], 200), "A.T": warming(200)}
     rows = rows_at(alone(), recorded(alone(), given, built))
-    return begun(rows).posterior() if built is None else with_laws(rows, [{SLIP}])
+    search = begun(rows)
+    plain = search.models[frozenset()]
+    every = columns(search.settled, plain, search.alike) if built else []
+    for found in scan(search.settled, plain, every, search.alike, 8, {SLIP}):
+        _join(search, frozenset(), found)
+    return search.posterior()
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +119,7 @@ def test_what_is_told_as_sure_is_right_as_often(judge: Judge) -> None:
     sizes = np.array([_size(judge, i, rng) for i in own]) * missing
     shift = judge.rows[:, own] * sizes
     judged = judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift, seed=3))
-    told = told_in(judge, judged)
+    told = replay_verdicts(judge, judged)
     best = np.minimum(told.best, len(judge.columns) - 1)
     right = missing & (best == told.best)
     right &= (judge.owner[best] == judge.owner[own]) | judge.alike[best, own]

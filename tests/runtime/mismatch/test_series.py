@@ -10,7 +10,7 @@ import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written import writable
-from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series

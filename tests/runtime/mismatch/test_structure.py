@@ -11,7 +11,7 @@ from rulec_runtime.recordings.mending import Mending
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
-from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT, Taken
+from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.stores import Stores
 from rulec.mismatch.structure.structure_search import structure_of
@@ -27,7 +27,7 @@ def example(plant: str, name: str) -> Recording:
     return read_recording(ROOT / "plants" / plant / "examples" / f"{name}.csv", opened(plant)[0])
 
 
-def looked(plant: str, recording: Recording) -> tuple[Taken, ...]:
+def looked(plant: str, recording: Recording) -> tuple[AcceptedHypothesis, ...]:
     """What is found in a recording."""
     kind = Stores if plant == TANKS else Settled
     return structure_of(recording, kind(*opened(plant), ()), lambda text: None).taken

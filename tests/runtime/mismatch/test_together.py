@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.settle import repair_of, with_sensors_as_they_are
 from rulec.mismatch.evidence.steady.states import averaged
 from rulec.mismatch.result import Likely, Moved
-from rulec.mismatch.search.settled.by_recording import Alone, ByRecording, by_recording
+from rulec.mismatch.search.settled.by_recording import ByRecording, SingleRecording, by_recording
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.sets import Posterior, explain
 from tests.runtime.mismatch.made import (
@@ -264,7 +264,7 @@ def test_what_changed_is_one_sentence(moved: Sequence[Moved], text: str) -> None
 
 def test_updates_are_told_by_name() -> None:
     """Of the second and each later one."""
-    own = Alone(0, "ambiguous", (Likely("a", "slip", 0.52),))
+    own = SingleRecording(0, "ambiguous", (Likely("a", "slip", 0.52),))
     found = ByRecording((own, own, own), {1: MOVED, 2: MOVED[:1]})
     updates = updates_of(("a.csv", "b.csv", "c.csv"), found)
     assert ["b.csv", "c.csv"] == [update.recording for update in updates]

@@ -14,12 +14,12 @@ from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.answer.written import refusal
 from rulec.mismatch.result import (
     Alternative,
+    CandidateSet,
     Check,
     Errors,
     Finding,
     Fit,
     Location,
-    Standing,
 )
 from tests.runtime.mismatches import UNNAMED, WARM
 
@@ -145,9 +145,9 @@ def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     assert "leaves is noise" not in far
 
 
-def possible(probability: float, *titles: str) -> Standing:
+def possible(probability: float, *titles: str) -> CandidateSet:
     """A set of explanations that is possible."""
-    return Standing(
+    return CandidateSet(
         names=titles,
         titles=titles,
         probability=probability,

@@ -25,11 +25,11 @@ from rulec.mismatch.search.settled.beaten_names import lost_to
 from rulec.mismatch.search.settled.branches import branches_of
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
-from rulec.mismatch.search.settled.onset_refinement import sharpened
+from rulec.mismatch.search.settled.onset_refinement import with_refined_onset
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
 from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
-from rulec.mismatch.search.time_varying import wandering
+from rulec.mismatch.search.time_varying import varying_parameters
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def told_of(posterior: Posterior) -> Names:
     """
     best, sets = posterior.told, posterior.sets
     kept = set()
-    for name in best - posterior.models[best].within(posterior.geometry):
+    for name in best - posterior.tolerance.within:
         rest = best - {name}
         alike = [names for names in sets if rest < names and len(names) == len(best)]
         same = frozenset[str]().union(*(names - rest for names in alike))
@@ -104,7 +104,7 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
     setting = fitted.setting
     names = {name_of(setting, c): c for c in setting.joined}
     for course in setting.courses:
-        fitted = sharpened(fitted, course.unknown)
+        fitted = with_refined_onset(fitted, course.unknown)
     for term in (t for t in model.terms if t.name in told):
         there = with_term(fitted, term)
         if there is not None:
@@ -152,7 +152,7 @@ def _place(fitted: Fitted, id_: str) -> Suspect | None:
         column = spot_column(fitted, spot)
         if spot.id == id_:
             return None if column is None else suspect_at(fitted, spot, column)
-    ways = (way for spot in spots for way in wandering(fitted, spot))
+    ways = (way for spot in spots for way in varying_parameters(fitted, spot))
     return next((way for way in ways if way.spot.id == id_), None)
 
 
@@ -199,7 +199,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
     ranked = [(n, p) for n, p in sorted(others.items(), key=lambda o: -o[1])]
     odds = tuple((known[n], p / own) for n, p in ranked)
     told = sum(p for _, p in odds)
-    stands_out = posterior.models[best].stand_out(posterior.geometry).get(candidate.id, 1.0)
+    stands_out = posterior.tolerance.stand_out.get(candidate.id, 1.0)
     same = [n for n, p in ranked if p >= common.REPORTED and _coincides(posterior, name, n)]
     return Accepted(
         candidate,

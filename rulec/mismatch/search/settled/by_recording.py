@@ -37,7 +37,7 @@ SORTED = {"physics": "named", "ageing": "named", "fault": "fault", "sensor": "se
 
 
 @dataclass(frozen=True)
-class Alone:
+class SingleRecording:
     """What one recording, by its number, says alone."""
 
     number: int
@@ -50,7 +50,7 @@ class ByRecording:
     """What each recording says alone, and how the second and each later one, by its number, moved
     probabilities."""
 
-    alone: tuple[Alone, ...]
+    alone: tuple[SingleRecording, ...]
     moved: Mapping[int, tuple[Moved, ...]]
 
 
@@ -88,7 +88,7 @@ def by_recording(
             known[chosen] = _explained(recording, chosen, system, heldout, progress)
         return known[chosen]
 
-    each = tuple(Alone(number, *_said(on({number}))) for number in range(count))
+    each = tuple(SingleRecording(number, *_said(on({number}))) for number in range(count))
     moved = {n: _moved(on(range(n)), on(range(n + 1))) for n in range(1, count)}
     return ByRecording(each, moved)
 

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits as common
-from rulec.mismatch.candidate_sets import Presence, Standing
+from rulec.mismatch.candidate_sets import CandidateSet, Presence
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search import limits
@@ -21,14 +21,14 @@ from rulec.mismatch.search.settled.nameless import smooth, terms
 from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 
 
-def standing_of(posterior: Posterior) -> tuple[Standing, ...]:
+def standing_of(posterior: Posterior) -> tuple[CandidateSet, ...]:
     """The sets that are still possible, the likeliest first."""
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
     likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]
     return tuple(_standing(posterior, names, probability) for names, probability in likely)
 
 
-def _standing(posterior: Posterior, names: Names, probability: float) -> Standing:
+def _standing(posterior: Posterior, names: Names, probability: float) -> CandidateSet:
     model, known = posterior.models[names], candidates_of(posterior)
     setting = model.setting
     by_name = {term.name: term for term in model.terms}
@@ -36,7 +36,7 @@ def _standing(posterior: Posterior, names: Names, probability: float) -> Standin
     titles = (
         titled_with_module(known[n]) if n in known else _in_words(by_name[n]) for n in ordered
     )
-    return Standing(
+    return CandidateSet(
         names=ordered,
         titles=tuple(titles),
         probability=probability,
@@ -64,11 +64,11 @@ class Again:
     """Sets refitted to the means of operating states that `geometry` has, in order."""
 
     geometry: Geometry
-    sets: tuple[Standing, ...]
+    sets: tuple[CandidateSet, ...]
     models: tuple[Model, ...]
 
 
-def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
+def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
     """Sets refitted from where they were; without those of which a term switched with set points,
     for it is not known what it does at others.
 
@@ -90,7 +90,7 @@ def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
     return Again(search.settled, tuple(kept), tuple(models))
 
 
-def _setting(geometry: Geometry, one: Standing) -> Configuration:
+def _setting(geometry: Geometry, one: CandidateSet) -> Configuration:
     system = geometry.rows.system
     known = {candidate.id: candidate for candidate in system.builder.candidates}
     return Configuration(

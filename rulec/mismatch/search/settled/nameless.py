@@ -19,7 +19,7 @@ from rulec.mismatch.search.evidence import Evidence, Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, driver_of, term_of
 from rulec.mismatch.search.settled.switching import by_the_way
-from rulec.mismatch.search.time_varying import wandering
+from rulec.mismatch.search.time_varying import varying_parameters
 
 
 def terms(geometry: Geometry, model: Model) -> list[Term]:
@@ -34,7 +34,7 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
         set_ = [name for name in drivers if system.ruleset.signal_by_id[name].is_input]
         if system.data.timed:
             # What drives a law seldom adds to it: it changes what stands in it.
-            ways += [(w.spot, w.column) for w in wandering(model.fitted, spot)]
+            ways += [(w.spot, w.column) for w in varying_parameters(model.fitted, spot)]
             for changed, slopes in ways:
                 found += _over(geometry, spot.id, changed, slopes, TIME)
                 for name in set_:

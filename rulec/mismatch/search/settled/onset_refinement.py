@@ -12,7 +12,7 @@ from rulec.mismatch.evidence.steady.onset import onset_of
 from rulec.mismatch.search import limits
 
 
-def sharpened(fitted: Fitted, unknown: str) -> Fitted:
+def with_refined_onset(fitted: Fitted, unknown: str) -> Fitted:
     """The fit with a better onset of one unknown, where it lasts to the end."""
     course = _course(fitted, unknown)
     if len(course.periods) != 1 or course.segment[-1] < 0:

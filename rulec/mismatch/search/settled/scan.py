@@ -23,7 +23,7 @@ from rulec.mismatch.evidence.steady.screen import (
 )
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.evidence import Evidence
-from rulec.mismatch.search.periods import coming_and_going, in_periods
+from rulec.mismatch.search.periods import in_periods, intermittent
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
 
@@ -163,16 +163,16 @@ def shut_out(model: Model, alike: Alike) -> frozenset[str]:
     return frozenset(joined).union(*(alike.get(name, frozenset()) for name in joined))
 
 
-def coming(every: Rows, model: Model, alike: Alike, times: Array) -> list[Found]:
+def intermittent_faults(every: Rows, model: Model, alike: Alike, times: Array) -> list[Found]:
     """Faults that come and go, found among all points; `times` are those of means, which blur."""
     known = shut_out(model, alike)
     free = [c for c in every.system.candidates if c.id not in known]
-    trials = coming_and_going(_among_all_points(every, model.setting), free)
+    trials = intermittent(_among_all_points(every, model.setting), free)
     found = (_at_means(trial, times) for trial in trials)
     return [one for one in found if one is not None]
 
 
-def coming_again(
+def periods_again(
     every: Rows, setting: Configuration, fault: Candidate, times: Array
 ) -> Found | None:
     """When a fault comes and goes beside all else that is known by now."""
@@ -243,18 +243,18 @@ def scan(
     if alone:
         count = limits.FIRST_SETS if len(levels) == 1 else most
         found += _scanned(geometry, levels[0], every, count, 0)
-        found += _scanned(geometry, _stiff(geometry, model), every, most, 0)
-    found = [f for f in found if not _twice(f, alike)]
+        found += _scanned(geometry, _with_exact_laws(geometry, model), every, most, 0)
+    found = [f for f in found if not _has_alike_faults(f, alike)]
     return sorted(found, key=lambda f: -f.gain)
 
 
-def _twice(found: Found, alike: Alike) -> bool:
+def _has_alike_faults(found: Found, alike: Alike) -> bool:
     """Does it hold two faults that show alike?"""
     ids = [column.candidate.id for column, _ in found.starts]
     return any(b in alike.get(a, ()) for i, a in enumerate(ids) for b in ids[i + 1 :])
 
 
-def _stiff(geometry: Evidence, model: Model) -> Model:
+def _with_exact_laws(geometry: Evidence, model: Model) -> Model:
     """A model whose laws err less, with calibrations as firm as stated: where something large is
     missing these take its place, and then no explanation gains anything beside them."""
     table, n = model.table.copy(), len(model.at)

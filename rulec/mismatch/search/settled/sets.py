@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,13 +25,14 @@ from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
     columns,
-    coming,
-    coming_again,
     id_of,
+    intermittent_faults,
     joined,
+    periods_again,
     scan,
 )
 from rulec.mismatch.search.settled.switching import with_set_points
+from rulec.mismatch.search.tolerance import Tolerance
 
 Names = frozenset[str]
 """Ids of candidates, those that begin or come and go marked, and names of terms."""
@@ -68,17 +70,25 @@ class Posterior:
         """Probability that nothing is left out."""
         return self.sets[frozenset()]
 
+    @cached_property
+    def tolerance(self) -> Tolerance:
+        """How far readings may be off by the set that is told."""
+        return self._tolerance(self.told)
+
+    def _tolerance(self, names: Names) -> Tolerance:
+        return Tolerance(self.geometry, self.models[names])
+
     @property
     def unseen(self) -> float:
         """Probability that nothing is left out that shows: nothing, terms without a name that stay
         within what laws and sensors may be off by, or, unless something is likely enough to be
         mentioned, what moves no reading by more than class and accuracy do."""
         others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
-        within = [n for n in others if n == self.models[n].within(self.geometry)]
+        within = [n for n in others if n == self._tolerance(n).within]
         nothing = self.nothing + sum(others.pop(names) for names in within)
         if max(others.values(), default=0.0) >= common.MENTIONED:
             return nothing
-        shown = (self.models[n].shows(self.geometry) for n in others)
+        shown = (self._tolerance(n).shows for n in others)
         hidden = (p * (1.0 - share) for p, share in zip(others.values(), shown, strict=True))
         return nothing + sum(hidden)
 
@@ -159,14 +169,16 @@ def posterior(
     return Posterior(geometry, dict(models), dict(odds), sets)
 
 
-def _coming(search: Search, model: Model) -> list[Found]:
-    return coming(search.every, model, search.alike, search.settled.rows.system.data.time)
+def _intermittent(search: Search, model: Model) -> list[Found]:
+    return intermittent_faults(
+        search.every, model, search.alike, search.settled.rows.system.data.time
+    )
 
 
 def begun(every: Rows) -> Search:
     """A search that has refitted the plain model to means of operating states."""
     search = _plain(every, np.zeros(0))
-    cuts = _ends(_coming(search, search.models[frozenset()]))
+    cuts = _ends(_intermittent(search, search.models[frozenset()]))
     search = _plain(every, cuts) if len(cuts) else search
     search.alike.update(alike_faults(columns(search.settled, search.models[frozenset()], {})))
     return search
@@ -190,22 +202,6 @@ def _ends(found: Sequence[Found]) -> np.ndarray:
     )
 
 
-def with_laws(every: Rows, laws: Sequence[Collection[str]]) -> Posterior:
-    """One of some candidates after the other, by their ids: how likely known laws are."""
-    search = begun(every)
-    names: Names = frozenset()
-    for ids in laws:
-        model = search.models[names]
-        own = columns(search.settled, model, search.alike)
-        found = scan(search.settled, model, own, search.alike, limits.SETS_REFITTED, set(ids))
-        come = _coming(search, model)
-        for one in [*found, *(f for f in come if f.ids <= set(ids))]:
-            _join(search, names, one)
-        more = [n for n in search.odds if n > names]
-        names = max(more, key=lambda n: search.odds[n], default=names)
-    return search.posterior()
-
-
 def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     """Terms without a name at some places alone: how likely what has no name is there."""
     search = begun(every)
@@ -219,9 +215,9 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
 def explain(every: Rows, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(every)
-    grown(search, progress, (_sharpen, _grow, _prune))
-    _switch(search)
-    _challenge(search)
+    grown(search, progress, (_refine_onsets, _grow, _prune))
+    _refit_switching_terms(search)
+    _refit_candidates_for_terms(search)
     return search.posterior()
 
 
@@ -249,7 +245,7 @@ def grown(
                 step(search, names)
 
 
-def _switch(search: Search) -> None:
+def _refit_switching_terms(search: Search) -> None:
     """In the place of each fault that comes and goes in one of the best sets, a term that does so
     where set points change."""
     for names in sorted(search.odds, key=lambda n: -search.odds[n])[: limits.SETS_SWITCHED]:
@@ -266,7 +262,7 @@ def _switch(search: Search) -> None:
                 search.keep(rest | {term.name}, search.refit(near.setting, near, own))
 
 
-def _challenge(search: Search) -> None:
+def _refit_candidates_for_terms(search: Search) -> None:
     """Refit effects of the catalogue in the place of each term of the best set, so that the answer
     can say by how much they lost."""
     names = search.likeliest
@@ -303,7 +299,7 @@ def _grow(search: Search, names: Names) -> None:
         if names | one.names not in search.odds:
             _join(search, names, one)
     # A fault that began, too, may be one that comes and goes: the likelier one is kept.
-    for one in _coming(search, model):
+    for one in _intermittent(search, model):
         _join(search, names, one)
     join_terms(search, names, terms(geometry, model))
 
@@ -367,13 +363,13 @@ def without(names: Names, candidate: Candidate) -> Names:
     return frozenset(n for n in names if id_of(n) != candidate.id)
 
 
-def _sharpen(search: Search, names: Names) -> None:
+def _refine_onsets(search: Search, names: Names) -> None:
     """Find periods anew beside all else, and move onsets as long as that is likelier: those that
     were tried lie far apart."""
     time = search.settled.rows.system.data.time
     setting = search.models[names].setting
     for course in (c for c in setting.courses if not c.grows):
-        again = coming_again(search.every, setting, setting.candidate_of(course), time)
+        again = periods_again(search.every, setting, setting.candidate_of(course), time)
         if again is not None:
             ((column, _),) = again.starts
             bare = setting.leaving(column.candidate.id)

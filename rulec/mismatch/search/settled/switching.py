@@ -26,7 +26,7 @@ from rulec.mismatch.search.branches import ways_there
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry, term_of
-from rulec.mismatch.search.time_varying import wandering
+from rulec.mismatch.search.time_varying import varying_parameters
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,10 @@ def with_set_points(
         column = spot_column(model.fitted, spot) if (spot.module, spot.place) == place else None
         if column is None:
             continue
-        ways = [(spot, column), *((w.spot, w.column) for w in wandering(model.fitted, spot))]
+        ways = [
+            (spot, column),
+            *((w.spot, w.column) for w in varying_parameters(model.fitted, spot)),
+        ]
         for changed, slopes in ways:
             term = term_of(geometry, spot.id, changed, slopes[geometry.seen], TIME, way)
             if term is not None:

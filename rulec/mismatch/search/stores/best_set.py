@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.mismatch.evidence.stores.ends import Ends, plain_end
+from rulec.mismatch.evidence.stores.final_fits import FinalFits, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.accepted import Accepted
@@ -19,7 +19,7 @@ class Found:
     """What a search found: the plain model and the one with explanations, which may be the same,
     as `ends` fitted them; what it says, and all that was weighed."""
 
-    ends: Ends
+    ends: FinalFits
     plain: Fitted
     best: Fitted
     accepted: tuple[Accepted, ...]

@@ -23,10 +23,10 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.branches import enough_visits, ways_there
 from rulec.mismatch.search.curve_found import Branches, CurveFound
-from rulec.mismatch.search.stores.drawn_curve import Drawn, inverse_of, rows_of, system_at
+from rulec.mismatch.search.stores.fitted_curve import FittedCurve, inverse_of, rows_of, system_at
 
 
-def curve_of(bench: SimulationProblem, drawn: Drawn) -> CurveFound:
+def curve_of(bench: SimulationProblem, drawn: FittedCurve) -> CurveFound:
     """A curve with its covariance, all else in its model refitted beside it.
 
     A state whose reading is recorded is told by that: what scale a level has is often hardly
@@ -67,7 +67,7 @@ class Axis:
         return np.asarray(np.interp(driver, self.at, self.shown))
 
 
-def axis_of(bench: SimulationProblem, drawn: Drawn) -> Axis:
+def axis_of(bench: SimulationProblem, drawn: FittedCurve) -> Axis:
     """What a sensor shows of a state, the time of the recording, or the driver itself."""
     driver, fitted = drawn.place.driver, drawn.fitted
     at, order = np.unique(course_of(bench, drawn), return_index=True)
@@ -80,19 +80,19 @@ def axis_of(bench: SimulationProblem, drawn: Drawn) -> Axis:
     return Axis(driver, at, at)
 
 
-def _rows(drawn: Drawn) -> tuple[Array, Array]:
+def _rows(drawn: FittedCurve) -> tuple[Array, Array]:
     """Slopes of a model by its values, the amounts of its curve last; see `rows_of`."""
     return rows_of(system_at(drawn.fitter, drawn.at, drawn.place, drawn.judged), drawn.form)
 
 
-def _at(drawn: Drawn, driver: Array) -> Array:
+def _at(drawn: FittedCurve, driver: Array) -> Array:
     """Functions of a curve at values of its driver, shape (n, functions), SI of its place."""
     knots = drawn.place.knots
     functions = [np.interp(driver, knots, column) for column in drawn.form.table.T]
     return np.stack(functions, axis=1)
 
 
-def _covariance(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -> Array:
+def _covariance(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array) -> Array:
     """Covariance of all values, shape (values, values), where errors last; else what is known
     before counts as it does in the fit."""
     inverse = inverse_of(table, known)
@@ -111,13 +111,13 @@ def _covariance(bench: SimulationProblem, drawn: Drawn, table: Array, known: Arr
     return covariance
 
 
-def course_of(bench: SimulationProblem, drawn: Drawn) -> Array:
+def course_of(bench: SimulationProblem, drawn: FittedCurve) -> Array:
     """Course of the driver in the model with the curve, shape (n,), SI."""
     fitted = drawn.fitted
     return bench.trajectory(fitted.ids, fitted.values, drawn.place.driver, fitted.inputs)
 
 
-def _means(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -> Array:
+def _means(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array) -> Array:
     """What stretches of time show beside the curve, shape (stretches, 3): driver, value, doubt.
 
     Each may be off the curve by as much as that is high; those that say more than this are told.
@@ -148,7 +148,7 @@ def _means(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -
 
 
 def _branches(
-    bench: SimulationProblem, drawn: Drawn, table: Array, known: Array
+    bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array
 ) -> Branches | None:
     """The gap between both ways that the driver comes, everything else and the curve found anew
     beside it; None where there is no clock, or too few visits on either branch."""

@@ -131,17 +131,6 @@ def about_the_best(bench: SimulationProblem, search: Search) -> Search:
     return again
 
 
-def with_laws(bench: SimulationProblem, laws: Sequence[Set[str]]) -> Posterior:
-    """One of some candidates after the other, by their ids: how likely known laws are."""
-    search = begun(bench)
-    names: Names = frozenset()
-    for ids in laws:
-        grow(search, names, ids)
-        more = [n for n in search.odds if n > names]
-        names = max(more, key=lambda n: search.odds[n], default=names)
-    return about_the_best(bench, search).posterior()
-
-
 def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
     """Refit a set with what would gain most beside it."""
     geometry, model = search.geometry, search.models[names]

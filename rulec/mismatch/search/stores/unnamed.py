@@ -10,12 +10,12 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.region import where_most
-from rulec.mismatch.evidence.stores.ends import Ends
+from rulec.mismatch.evidence.stores.final_fits import FinalFits
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.curve_found import CurveFound, Lost
+from rulec.mismatch.search.curve_found import CurveFound, RejectedCandidate
 from rulec.mismatch.search.stores.best_set import Found
-from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
+from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.search.stores.posterior_curve import axis_of, course_of, curve_of
 
 
@@ -27,7 +27,7 @@ class Unnamed:
     share: float
 
 
-def followed(found: Found) -> Unnamed | None:
+def likeliest_curve(found: Found) -> Unnamed | None:
     """The place and the driver whose curve gains most beside the plain model, of all terms that
     were refitted, if one is likelier than nothing."""
     posterior = found.posterior
@@ -36,12 +36,12 @@ def followed(found: Found) -> Unnamed | None:
         return None
     # A term is straight about a model that may be far off: which one is best, its curve says.
     ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
-    curves = [drawn(found.ends, found.plain, *way) for way in ways.values()]
+    curves = [fitted_curve(found.ends, found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
     return _told(found, every) if every else None
 
 
-def _told(found: Found, every: Sequence[Drawn]) -> Unnamed:
+def _told(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
     """The first of some curves; places over the same driver that are not told from its own, and
     names that lost to it."""
     first = every[0]
@@ -59,7 +59,7 @@ def _told(found: Found, every: Sequence[Drawn]) -> Unnamed:
     return Unnamed(curve, max(share, 0.0))
 
 
-def _squares(ends: Ends, fitted: Fitted) -> Array:
+def _squares(ends: FinalFits, fitted: Fitted) -> Array:
     """Squared errors of a model at each sample, over the variance of the reading, shape (n,)."""
     total = np.zeros(len(ends.bench.time))
     for name, known in ends.judged.known.items():
@@ -68,16 +68,16 @@ def _squares(ends: Ends, fitted: Fitted) -> Array:
     return total
 
 
-def _lost(found: Found, first: Drawn) -> tuple[Lost, ...]:
+def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
     """Names that were tried alone and gain less than a curve, the nearest first."""
     ends = found.ends
     driver = axis_of(ends.bench, first).over(course_of(ends.bench, first))
-    own, lost = _squares(ends, first.fitted), list[Lost]()
+    own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
     for single in _singles(found):
         nats = float(first.gain - ends.gain(single, found.plain))
         if nats > 0.0:
             worse = np.maximum(_squares(ends, single) - own, 0.0)
-            lost.append(Lost(single.joined[0], nats, *where_most(driver, worse)))
+            lost.append(RejectedCandidate(single.joined[0], nats, *where_most(driver, worse)))
     lost.sort(key=lambda one: one.nats)
     nearest = {one.candidate.name: one for one in reversed(lost)}
     return tuple(sorted(nearest.values(), key=lambda one: one.nats))

@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.ends import Ends, plain_end
+from rulec.mismatch.evidence.stores.final_fits import FinalFits, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
@@ -94,7 +94,7 @@ def bench(recording: Recording) -> SimulationProblem:
 
 def joined_to(
     place: SimulationProblem, name: str, values: Mapping[str, float]
-) -> tuple[Ends, Fitted, Fitted]:
+) -> tuple[FinalFits, Fitted, Fitted]:
     """The plain model and one with a candidate, fitted from some values of that."""
     ends, plain = plain_end(place, {})
     return ends, plain, ends.fitted((place.candidate(name),), {**plain.values, **values}, plain)
@@ -109,6 +109,6 @@ def searched(place: SimulationProblem, *names: str) -> Found:
     return Found(ends, plain, plain, (), search.posterior())
 
 
-def as_found(ends: Ends, plain: Fitted, best: Fitted) -> Found:
+def as_found(ends: FinalFits, plain: Fitted, best: Fitted) -> Found:
     """Models as if a search had found them, which has tried nothing else."""
     return Found(ends, plain, best, (), begun(ends.bench).posterior())

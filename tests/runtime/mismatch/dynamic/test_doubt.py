@@ -11,9 +11,10 @@ import pytest
 
 from rulec.mismatch import analyse
 from rulec.mismatch.answer.verdict import verdict_of
-from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
+from rulec.mismatch.search.settled import sets
 from rulec.mismatch.search.settled.sets import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, as_found, bench, made
@@ -53,11 +54,16 @@ def test_no_tick_where_more_is_left(plain: Explanation) -> None:
 
 
 @pytest.mark.parametrize(("more", "expected"), [(-3.0, "none"), (0.0, "unsure"), (3.0, "unsure")])
-def test_no_tick_where_an_explanation_gains(plain: Explanation, more: float, expected: str) -> None:
+def test_no_tick_where_an_explanation_gains(
+    plain: Explanation, more: float, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One that shows, and is as likely as nothing."""
     was = plain.found.posterior
     none, other = frozenset[str](), frozenset({"pump.x"})
-    shown: Any = SimpleNamespace(shows=lambda geometry: 1.0, within=lambda geometry: none, terms=())
+    shown: Any = SimpleNamespace(terms=())
+    monkeypatch.setattr(
+        sets, "Tolerance", lambda geometry, model: SimpleNamespace(shows=1.0, within=none)
+    )
     odds = {none: was.odds[none], other: was.odds[none] + more}
     now = posterior(was.geometry, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)

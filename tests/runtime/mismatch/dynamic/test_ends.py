@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from tests.runtime.mismatch.dynamic.benches import bench, made

@@ -9,7 +9,7 @@ import pytest
 
 from rulec.mismatch.answer.findings import findings_of, location_of
 from rulec.mismatch.answer.written import writable
-from rulec.mismatch.evidence.stores.ends import kept, plain_end
+from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
@@ -76,7 +76,7 @@ def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
     ends, plain, smooth = joined_to(place, fault, {**sudden, f"{fault}.t_half": 4094.0})
     found = ends.sharpened(smooth)
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE + 1.0, abs=0.5)
-    fitter = Fitter(place, found.joined, kept(found))
+    fitter = Fitter(place, found.joined, fixed_values(found))
     u = fitter.with_covariance(found, ends.judged).u(f"{fault}.x")
     assert abs(found.values[f"{fault}.x"] - degree) < 3.0 * u
     assert abs(smooth.values[f"{fault}.x"] - degree) > 10.0 * u
@@ -94,7 +94,7 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
     place = bench(recording)
     ends, plain, found = joined_to(place, fault, planted(fault))
-    model_found = model_of(place, found, ends.judged, kept(found))
+    model_found = model_of(place, found, ends.judged, fixed_values(found))
     explained = explanation(recording, model_found, as_found(ends, plain, found))
     model = writable(explained)
     adopted = model.repaired
@@ -129,8 +129,8 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     told = {c.id for own in found.accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= told
     judged, best = found.ends.judged, found.best
-    best = Fitter(place, best.joined, kept(best)).with_covariance(best, judged)
-    model = model_of(place, best, judged, kept(best))
+    best = Fitter(place, best.joined, fixed_values(best)).with_covariance(best, judged)
+    model = model_of(place, best, judged, fixed_values(best))
     (finding,) = findings_of(model, found.accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

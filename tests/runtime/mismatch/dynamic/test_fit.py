@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.ends import kept, plain_end
+from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.locate import suspects
 from rulec.mismatch.evidence.stores.noise import Noise
@@ -51,7 +51,7 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     ends, plain, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
     assert plain.noise["lower.y"].spread > 5 * NOISE
     assert found.noise["lower.y"].spread == pytest.approx(NOISE, rel=0.15)
-    fitter = Fitter(place, found.joined, kept(found))
+    fitter = Fitter(place, found.joined, fixed_values(found))
     exact = fitter.with_covariance(found, replace(ends.judged, noise=found.noise))
     for name in ("l_o", "f"):
         key = f"{OVERFLOW}.{name}"

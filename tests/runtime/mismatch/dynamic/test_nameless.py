@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.locate import Suspect
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.unnamed import followed
+from rulec.mismatch.search.stores.unnamed import likeliest_curve
 from rulec.mismatch.stores import nameless_places
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
 
@@ -41,7 +41,7 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     """A jet that misses the first tank at high flow: a flow from tank to tank, as the pump runs."""
     missed = 0.6 * TRUE["pump.k"] * np.maximum(voltage(384, 1) - 3.0, 0.0)
     place = bench(made(384, errors={"definition:upper.outflow": missed}))
-    unnamed = followed(searched(place, LOSS))
+    unnamed = likeliest_curve(searched(place, LOSS))
     assert unnamed is not None
     assert unnamed.curve.driver == "pump.u"
     assert unnamed.curve.place.module in ("upper", "lower")

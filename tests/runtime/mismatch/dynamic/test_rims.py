@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.stores.ends import kept
+from rulec.mismatch.evidence.stores.final_fits import fixed_values
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.interval import profile
@@ -46,8 +46,8 @@ def test_what_only_a_prior_tells_is_as_uncertain_as_the_prior() -> None:
     """All levels of an unmeasured tank could be larger: flows, outlets and gain go with them."""
     place = bench(made(n=512, seed=6, joined=(OVERFLOW,), more=RIM))
     ends, _, found = joined_to(place, OVERFLOW, {**TRUE, **RIM})
-    found = Fitter(place, found.joined, kept(found)).with_covariance(found, ends.judged)
-    model = model_of(place, found, ends.judged, kept(found))
+    found = Fitter(place, found.joined, fixed_values(found)).with_covariance(found, ends.judged)
+    model = model_of(place, found, ends.judged, fixed_values(found))
     low, high = profile(model.line(f"{OVERFLOW}.l_o"))
     assert low < RIM[f"{OVERFLOW}.l_o"] < high
     assert high - low > 0.3 * RIM[f"{OVERFLOW}.l_o"]

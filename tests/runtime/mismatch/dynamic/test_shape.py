@@ -17,12 +17,12 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.pictures import pictures_of
-from rulec.mismatch.evidence.stores.ends import plain_end
+from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.search.curve_found import CurveFound
-from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
+from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.search.stores.posterior_curve import curve_of
-from rulec.mismatch.search.stores.unnamed import Unnamed, followed
+from rulec.mismatch.search.stores.unnamed import Unnamed, likeliest_curve
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 
@@ -76,7 +76,7 @@ def flapping(kb: Path, seed: int) -> Recording:
     return recording
 
 
-def left_out(curve: CurveFound, found: Drawn) -> Array:
+def left_out(curve: CurveFound, found: FittedCurve) -> Array:
     """What the plain law leaves out, SI, in a model with its scale of the level: all that a sensor
     of unknown gain and zero says of it is what it shows."""
     values = found.fitted.values
@@ -97,7 +97,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     place = bench(flapping(thin, seed))
     ends, plain = plain_end(place, {})
     spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
-    term = drawn(ends, plain, spot, "lower.h")
+    term = fitted_curve(ends, plain, spot, "lower.h")
     assert term is not None
     curve = curve_of(place, term)
     assert "lower.y" == curve.driver
@@ -113,7 +113,7 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 
 def test_place_and_driver_are_found(thin: Path) -> None:
     """Among all places and all that they may follow; no memory, and the name that lost."""
-    unnamed = followed(searched(bench(flapping(thin, 1)), LAW))
+    unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), LAW))
     assert isinstance(unnamed, Unnamed)
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
@@ -129,7 +129,7 @@ def test_place_and_driver_are_found(thin: Path) -> None:
 
 def test_a_right_plain_model_follows_nothing() -> None:
     """No curve is drawn through noise."""
-    assert followed(searched(bench(made(SAMPLES, 1)), LAW)) is None
+    assert likeliest_curve(searched(bench(made(SAMPLES, 1)), LAW)) is None
 
 
 @pytest.mark.prove

@@ -19,7 +19,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 
 @dataclass(frozen=True)
-class Ends:
+class FinalFits:
     """Fits models of a plant to the end, with samples counted as `judged` says."""
 
     bench: SimulationProblem
@@ -56,7 +56,7 @@ class Ends:
 
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end, or as far as the model does not run away."""
-        fitter = Fitter(self.bench, fitted.joined, kept(fitted))
+        fitter = Fitter(self.bench, fitted.joined, fixed_values(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         for _ in range(limits.POLISHES):
             with contextlib.suppress(RanAway):
@@ -92,7 +92,7 @@ class Ends:
         return sharp if self.gain(sharp, fitted) > 0.0 else fitted
 
 
-def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[Ends, Fitted]:
+def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[FinalFits, Fitted]:
     """The model without anything joined fitted from some values, and what fits others beside it."""
     measured = bench.record.measured
     noise = {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
@@ -100,11 +100,11 @@ def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[En
     fitter = Fitter(bench, (), {})
     first = fitter.finish(fitter.vector(values), rough, common.THOROUGH, 2)
     drift = drift_of(bench, (), first.values)
-    ends = Ends(bench, Judged(bench.known, first.noise, drift, np.zeros(drift.count)))
+    ends = FinalFits(bench, Judged(bench.known, first.noise, drift, np.zeros(drift.count)))
     return ends, ends.polished(replace(first, slow=ends.judged.slow, drift=drift))
 
 
-def kept(fitted: Fitted) -> dict[str, float]:
+def fixed_values(fitted: Fitted) -> dict[str, float]:
     """Typical values that parameters of a model stay at, SI by id."""
     fixed = {u.id for c in fitted.joined for u in c.unknowns if u.fixed}
     return {n: v for n, v in fitted.values.items() if n in fixed}

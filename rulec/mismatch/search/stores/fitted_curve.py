@@ -18,7 +18,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch.evidence.stores.ends import Ends, kept
+from rulec.mismatch.evidence.stores.final_fits import FinalFits, fixed_values
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.search import limits
@@ -36,7 +36,7 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class FittedCurve:
     """A curve that was fitted, with all else that its model holds.
 
     `amounts`, shape (functions,), are those of `form`, with unit prior. `at` are the free values of
@@ -75,18 +75,18 @@ class System:
     own: Array
 
 
-def _fitter(ends: Ends, bare: Fitted, place: Place) -> Fitter:
+def _fitter(ends: FinalFits, bare: Fitted, place: Place) -> Fitter:
     """What fits a curve beside all that a model holds."""
     parts, knots = place.parts(ends.bench.builder)
-    return Fitter(ends.bench, (*bare.joined, *parts), {**kept(bare), **knots})
+    return Fitter(ends.bench, (*bare.joined, *parts), {**fixed_values(bare), **knots})
 
 
-def drawn(ends: Ends, bare: Fitted, spot: Spot, driver: str) -> Drawn | None:
+def fitted_curve(ends: FinalFits, bare: Fitted, spot: Spot, driver: str) -> FittedCurve | None:
     """A curve fitted beside all that a model holds; None where nothing comes of it.
 
     Beside a curve a state may run through another range, over which the curve is then drawn anew.
     """
-    bench, found = ends.bench, list[Drawn]()
+    bench, found = ends.bench, list[FittedCurve]()
     with contextlib.suppress(RanAway):
         for _ in range(limits.REDRAWN):
             last = found[-1] if found else None
@@ -104,7 +104,7 @@ def _as_wide(place: Place, other: Place) -> bool:
     return off < limits.AS_WIDE * (other.high - other.low)
 
 
-def _drawn(ends: Ends, bare: Fitted, place: Place, before: Drawn | None) -> Drawn:
+def _drawn(ends: FinalFits, bare: Fitted, place: Place, before: FittedCurve | None) -> FittedCurve:
     """A curve with knots where they stand, from nothing or from one with others."""
     fitter = _fitter(ends, bare, place)
     near = bare if before is None else before.fitted
@@ -129,10 +129,10 @@ def _drawn(ends: Ends, bare: Fitted, place: Place, before: Drawn | None) -> Draw
     inverse = inverse_of(*rows_of(system_at(fitter, at, place, judged), form))
     told = len(amounts) - float(np.trace(inverse[count:, count:]))
     gained = _gained(ends, fitted, bare, told)
-    return Drawn(place, form, amounts, fitter, fitted, judged, gained)
+    return FittedCurve(place, form, amounts, fitter, fitted, judged, gained)
 
 
-def _news(ends: Ends, judged: Judged) -> float:
+def _news(ends: FinalFits, judged: Judged) -> float:
     """Independent pieces of news in the recording, as samples count."""
     return sum(ends.samples[n] / noise.memory for n, noise in judged.noise.items())
 
@@ -147,7 +147,7 @@ def _same(before: float, after: float) -> bool:
     return abs(before - after) < limits.NOISE_STAYS * before
 
 
-def _gained(ends: Ends, fitted: Fitted, bare: Fitted, values: float) -> float:
+def _gained(ends: FinalFits, fitted: Fitted, bare: Fitted, values: float) -> float:
     """What a curve gains over the model without it; as many values as the recording tells of it
     are paid for, as if each had been found alone."""
     found = sum(gain(bare.noise[n], fitted.noise[n], ends.samples[n]) for n in bare.noise)

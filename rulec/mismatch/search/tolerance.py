@@ -1,0 +1,157 @@
+"""What an explanation changes, against what errors of laws and of sensors change anyway.
+
+A name is sure only if it moves some reading by more than laws and sensors may be off by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from scipy.special import ndtr
+
+from rulec.effects.candidate import TIME
+from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.steady.configuration import ERROR
+from rulec.mismatch.search.evidence import Evidence, Term
+from rulec.mismatch.search.refit import Model
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far readings may be off by a model with nothing missing, and what stands out of that."""
+
+    geometry: Evidence
+    model: Model
+
+    @cached_property
+    def stand_out(self) -> dict[str, float]:
+        """Probability of each explanation, by its id, that it moves some output by more than
+        `off_by`."""
+        setting = self.model.setting
+        begun = {setting.candidate_of(course).id for course in setting.courses}
+        readings = {c.id for c in setting.joined if self.geometry.of_reading(c)}
+        found: dict[str, float] = {}
+        for i, id_, start in self._amplitudes:
+            own = self.off_by[id_ in readings, id_ in begun]
+            least = least_beyond(self.geometry, self._moved_by(i, start), own)
+            found[id_] = max(found.get(id_, 0.0), self._beyond(i, start, least))
+        return found
+
+    @property
+    def within(self) -> frozenset[str]:
+        """Names of terms without a name that are in no row more than sensors within their class,
+        and laws within their accuracy, may be off by: such a one is an error of form that has not
+        left its declared size. What follows time is none."""
+        every = np.concatenate([self.geometry.forms, *self._of_sensors], axis=1)
+        allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
+        return frozenset(
+            term.name
+            for term, moved in self._moved_by_terms
+            if term.driver != TIME and np.all(np.abs(moved) <= allowed)
+        )
+
+    @property
+    def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
+        """Terms without a name, and what each does to the rows, shape (rows,)."""
+        model = self.model
+        last = len(model.forms) - sum(t.columns.shape[1] for t in model.terms)
+        for term, size in zip(model.terms, model.sizes.terms, strict=True):
+            first, last = last, last + term.columns.shape[1]
+            yield term, term.columns @ (size * model.forms[first:last])
+
+    def _moved_by(self, i: int, start: float) -> Array:
+        """Residuals per unit of a value, shape (rows,), as far as it moves them from its null: a
+        stop or an open relief valve has hardly a slope where it was found."""
+        model = self.model
+        if model.at[i] != start:
+            without = np.where(np.arange(len(model.at)) == i, start, model.at)
+            rest = self.geometry.evaluated(model.setting, model.prior, without).residual
+            slopes: Array = (model.point.residual - rest) / (model.at[i] - start)
+            if np.isfinite(slopes).all():
+                return slopes
+        return model.point.jacobian[:, i]
+
+    @property
+    def shows(self) -> float:
+        """Probability that what is joined moves some output by more than `allowed`."""
+        model, allowed = self.model, self.allowed
+        if model.terms:
+            return 1.0
+        slopes = model.point.jacobian * model.table[:, : len(model.at)].any(axis=0)
+        shown = (
+            self._beyond(i, start, least_beyond(self.geometry, slopes[:, i], allowed))
+            for i, _, start in self._amplitudes
+        )
+        return max(shown, default=0.0)
+
+    @cached_property
+    def _amplitudes(self) -> list[tuple[int, str, float]]:
+        """Of each value that has a null: its number, the id of its explanation, and the null."""
+        joined, names = self.model.setting.joined, self.model.prior.names
+        null = {u.id: (c.id, u.null) for c in joined for u in c.unknowns if not u.fixed}
+        own = [null.get(name.partition("#")[0], ("", None)) for name in names]
+        return [(i, id_, start) for i, (id_, start) in enumerate(own) if start is not None]
+
+    def _beyond(self, i: int, start: float, least: float) -> float:
+        """Probability that a value is off its null by at least so much, both SI."""
+        model = self.model
+        u = np.sqrt(model.covariance[i, i]) / model.prior.coordinates.slopes(model.at)[i]
+        ends = np.array([-least, least]) - (model.at[i] - start)
+        return 1.0 - float(np.diff(ndtr(ends / u))[0])
+
+    @cached_property
+    def off_by(self) -> dict[tuple[bool, bool], dict[str, float]]:
+        """How far outputs may be off with nothing missing, SI, by whether a reading explains it
+        and whether it begins.
+
+        An error of a law, as large as it is found here, imitates what is there all the time, and
+        one of a sensor within its class another one of that sensor. A term without a name at a law
+        is an error of that law, too.
+        """
+        geometry, model = self.geometry, self.model
+        first, count = len(model.at), geometry.forms.shape[1]
+        own, errors = slice(first, first + count), model.forms[:count]
+        spread = model.inverse[own, own] + np.outer(errors, errors) + 1e-12 * np.eye(count)
+        laws = geometry.forms * model.sizes.of(geometry.law) @ np.linalg.cholesky(spread)
+        terms = [m for t, m in self._moved_by_terms if not geometry.of_reading(t.changed)]
+        laws, sensors = np.column_stack([laws, *terms]), self._of_sensors
+        return {
+            (of_sensor, begun): _allowed(
+                geometry, *([] if begun else [laws]), *(sensors if of_sensor else ())
+            )
+            for of_sensor, begun in product((False, True), repeat=2)
+        }
+
+    @property
+    def _of_sensors(self) -> tuple[Array, ...]:
+        """Rows of errors of sensors within their class, shape (rows, errors) each."""
+        errors = [i for i, name in enumerate(self.model.prior.names) if name.startswith(ERROR)]
+        return self.model.point.jacobian[:, errors], *self.geometry.of_class
+
+    @property
+    def allowed(self) -> dict[str, float]:
+        """Error of each output that sensors within their class, and laws within their accuracy,
+        explain in 19 of 20 recordings, SI."""
+        return _allowed(self.geometry, self.geometry.forms, *self._of_sensors)
+
+
+def _allowed(geometry: Evidence, *errors: Array) -> dict[str, float]:
+    """By how much errors of unit size, shape (rows, errors) each, move each output in 19 of 20
+    recordings, SI."""
+    every = np.concatenate([np.zeros((geometry.count, 0)), *errors], axis=1)
+    return {n: common.NORMAL_95 * u for n, u in geometry.shown(every).items()}
+
+
+def least_beyond(geometry: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
+    """The size from which on something moves an output by more than is `allowed`, SI by output;
+    `slopes`, shape (rows,), are those by its size."""
+    moved = geometry.shown(slopes[:, None]) if slopes.any() else {}
+    return min(
+        (allowed.get(name, 0.0) / most for name, most in moved.items() if most > 0.0),
+        default=np.inf,
+    )
