@@ -124,6 +124,14 @@ def test_what_is_remembered_survives_as_bytes() -> None:
     memory, _, _ = followed(rules, first_rows(recording, half), 1000)
     again, position = state.from_bytes(rules, state.to_bytes(rules, memory, {"offset": 7}), "x")
     assert position == {"offset": 7}
+    assert memory.before is not None
+    assert again.episodes == memory.episodes
+    stood = {"A.dp": np.ones(len(memory.before), dtype=bool)}
+    points = replace(memory.before.points, stood_in=stood)
+    moved = replace(memory, before=replace(memory.before, points=points))
+    kept, _ = state.from_bytes(rules, state.to_bytes(rules, moved, {}), "x")
+    assert kept.before is not None
+    assert kept.before.points.stood_in["A.dp"].all()
     rest = part_of(recording, half, len(recording))
     one, other = ([*follow(rules, m, rest)][-1] for m in (memory, again))
     assert one.events == other.events

@@ -25,7 +25,7 @@ from rulec_runtime.live.history import History
 from rulec_runtime.recordings.recording import RecordingRefused
 from rulec_runtime.recordings.stationary import Timeline
 
-TABLES = ("values", "u", "systematic", "bad", "lag")
+TABLES = ("values", "u", "systematic", "bad", "lag", "stood_in")
 TIMELINE = ("since", "until", "samples", "later", "paused")
 
 
@@ -96,8 +96,15 @@ def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, An
         values=values,
         missing=tuple(s.id for s in ruleset.signals if s.id in ruleset.read and s.id not in values),
     )
+    # JSON has no tuples.
     episodes = tuple(
-        Episode(**{**one, "alternatives": tuple((n, p) for n, p in one["alternatives"])})
+        Episode(
+            **{
+                **one,
+                "alternatives": tuple((n, p) for n, p in one["alternatives"]),
+                "told": one["told"] and tuple(one["told"]),
+            }
+        )
         for one in text["episodes"]
     )
     return Memory(
