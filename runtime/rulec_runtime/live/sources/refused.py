@@ -20,5 +20,5 @@ def extra(name: str, of: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         raise SourceRefused(
-            f"this source needs the package '{name.partition('.')[0]}': {to_install(of)}"
+            f"the package '{name.partition('.')[0]}' is missing: {to_install(of)}"
         ) from None
