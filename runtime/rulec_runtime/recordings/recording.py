@@ -224,12 +224,11 @@ def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) ->
 def _first_of_a_time(time: Array) -> tuple[NDArray[np.bool_], int]:
     """Rows with a later time than that before them, and how many others there are."""
     first, repeated = array(len(time), bool), 0
-    for low, high in blocks(len(time)):
+    for low, high in blocks(len(time), time, first):
         behind = max(low, 1)
         first[behind:high] = time[behind:high] > time[behind - 1 : high - 1]
         first[:1] = True
         repeated += int((~first[low:high]).sum())
-        let_go(time, first)
     return first, repeated
 
 

@@ -86,12 +86,11 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
 def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
     """First samples of runs of what is free, cut where something starts."""
     before = np.zeros(1, dtype=bool)
-    for low, high in blocks(len(free)):
+    for low, high in blocks(len(free), free, starts):
         here = free[low:high].copy()
         new = here & (starts[low:high] | ~np.concatenate([before, here[:-1]]))
         before = here[-1:]
         yield from (np.flatnonzero(new) + low).tolist()
-        let_go(free, starts)
 
 
 def lag_errors(

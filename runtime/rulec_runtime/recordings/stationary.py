@@ -141,9 +141,8 @@ def noise_within(
 
 def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
     """Second differences of what lies within one stretch."""
-    for low, high in blocks(len(within)):
+    for low, high in blocks(len(within), values):
         yield np.diff(values[low : high + 2], 2)[within[low:high]]
-        let_go(values)
 
 
 def _within(stretches: Stretches, samples: int) -> np.ndarray:
@@ -234,11 +233,10 @@ def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
     breaks[0] = True
     time, segment = recording.time, recording.segment
     longest = limits.PAUSE * (recording.interval or np.inf)
-    for low, high in blocks(len(time)):
+    for low, high in blocks(len(time), time, segment, breaks):
         first = max(low, 1)
         breaks[first:high] |= np.diff(time[first - 1 : high]) > longest
         breaks[first:high] |= segment[first:high] != segment[first - 1 : high - 1]
-        let_go(time, segment, breaks)
 
 
 def _mark_jumps(values: Array, jumps: np.ndarray, order: int, limit: float) -> None:
@@ -339,9 +337,8 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
 
 def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
     """First samples of runs, and the end of the last one."""
-    for low, high in blocks(len(breaks)):
+    for low, high in blocks(len(breaks), breaks, jumps):
         yield from (np.flatnonzero(breaks[low:high] | jumps[low:high]) + low).tolist()
-        let_go(breaks, jumps)
     yield len(breaks)
 
 
