@@ -14,7 +14,7 @@ from rulec_runtime.recordings.pairs import pair_sheet
 from rulec_runtime.recordings.places import Places, places_of
 from rulec_runtime.recordings.quality import codes_told, judged
 from rulec_runtime.recordings.table import Sheet, Table, texts_of
-from rulec_runtime.recordings.time_parts import time_of_parts
+from rulec_runtime.recordings.time_column import time_of_parts
 
 
 def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:

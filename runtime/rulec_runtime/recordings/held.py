@@ -14,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells
-from rulec_runtime.recordings.time_parts import seconds_in
+from rulec_runtime.recordings.time_column import seconds_in
 
 
 def last_before(own: Array, rows: Array, longest: float | None) -> NDArray[np.intp]:

@@ -24,7 +24,7 @@ from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
 from rulec_runtime.recordings.places import Places
 from rulec_runtime.recordings.quality import as_word, codes_told, good_of
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
-from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
+from rulec_runtime.recordings.time_column import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
 
 

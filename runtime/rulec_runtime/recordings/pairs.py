@@ -16,7 +16,7 @@ from rulec_runtime.recordings.long_table import LongTable, Readings
 from rulec_runtime.recordings.places import Pair
 from rulec_runtime.recordings.quality import codes_told, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, texts_of
-from rulec_runtime.recordings.time_parts import comparable, seconds_in
+from rulec_runtime.recordings.time_column import comparable, seconds_in
 
 
 def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) -> Sheet:

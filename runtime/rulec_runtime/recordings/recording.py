@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -309,3 +309,22 @@ def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
 
 def _follow(parts: Iterable[_Part]) -> bool:
     return all(a.time[-1] < b.time[0] for a, b in pairwise(parts))
+
+
+Found = TypeVar("Found")
+
+
+def once(
+    function: Callable[[Recording, Ruleset], Found],
+) -> Callable[[Recording, Ruleset], Found]:
+    """The same function, called once for a recording and a ruleset."""
+
+    @wraps(function)
+    def asked(recording: Recording, ruleset: Ruleset) -> Found:
+        known = recording.kept.get(asked)
+        if known is None or known[0] is not ruleset:
+            known = recording.kept[asked] = ruleset, function(recording, ruleset)
+        found: Found = known[1]
+        return found
+
+    return asked

@@ -18,6 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.piecewise import means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
@@ -29,7 +30,6 @@ from rulec_runtime.recordings.stationary import (
     stretches_of,
     systematic_u,
 )
-from rulec_runtime.recordings.sums import means_between
 
 
 def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:

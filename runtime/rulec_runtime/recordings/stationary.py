@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
-from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.piecewise import (
     Parts,
     differences,
@@ -30,7 +29,7 @@ from rulec_runtime.recordings.piecewise import (
     parts_of,
     runs_where,
 )
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.robust import medians, white_noise_of
 from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark, picked
 

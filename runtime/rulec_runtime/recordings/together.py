@@ -20,11 +20,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.given import bytes_of, place_of
+from rulec_runtime.recordings.piecewise import means_between
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
-from rulec_runtime.recordings.sums import means_between
 from rulec_runtime.recordings.wall_clock import Calendar
 
 OWN_CLOCKS = (

@@ -23,8 +23,8 @@ from rulec_runtime.live.view.words import (
     unjudged,
     unseen,
 )
+from rulec_runtime.report.document import STYLE
 from rulec_runtime.report.html_story import REMARKS, ground_of
-from rulec_runtime.report.style import STYLE
 from rulec_runtime.report.text import counted, safe
 
 SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")

@@ -14,11 +14,10 @@ import openpyxl
 
 from rulec_runtime import limits
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_table import text_sheet
 from rulec_runtime.recordings.titles import are_titles
-from rulec_runtime.recordings.unpacking import refuse_bomb
 
 PIECE = 1 << 20
 

@@ -15,10 +15,9 @@ import h5py
 import numpy as np
 
 from rulec_runtime import limits
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.unpacking import refuse_bomb
 
 UNITS = ("units", "unit", "Units", "Unit", "unit_string")
 """Attributes of an array that hold its unit."""
