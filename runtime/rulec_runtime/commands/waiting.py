@@ -19,11 +19,11 @@ def waiting_in(folder: Path | None, name: str, sink: Sink, plant: str) -> Outbox
     return outbox
 
 
-def closed(outbox: Outbox) -> str | None:
-    """Write what waits as far as that works, and say what is left; None if that is nothing."""
+def close(outbox: Outbox, unwritten: list[str]) -> None:
+    """Write what waits as far as that works; what is left is said, and put into `unwritten`."""
     left = outbox.close()
     if not left:
-        return None
+        return
     text = f"{outbox.place}: {counted(left, 'event')} could not be written"
     file = outbox.file
     if file is not None and file.exists():
@@ -31,4 +31,4 @@ def closed(outbox: Outbox) -> str | None:
     else:
         text += " and nowhere else stands"
     say_aside(text)
-    return text
+    unwritten.append(text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from rulec_runtime.commands.waiting import closed, waiting_in
+from rulec_runtime.commands.waiting import close, waiting_in
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal.files import Files
@@ -71,10 +71,5 @@ def kept_files(
     folder = folder or names[-1].parent
     files = Files(lines, Path(state) if state else None)
     outbox = waiting_in(folder, names[0].name, files, plant)
-
-    def ended() -> None:
-        if text := closed(outbox):
-            unwritten.append(text)
-
-    stack.callback(ended)
+    stack.callback(close, outbox, unwritten)
     return KeptFiles(files, outbox, plant, folder)

@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rulec_runtime.commands.waiting import closed, waiting_in
+from rulec_runtime.commands.waiting import close, waiting_in
 from rulec_runtime.live.journal.notes import Notes
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalTrouble, needs
@@ -97,12 +97,7 @@ def kept_journal(
         name, folder = file.name, folder or file.parent
     stack.callback(_released, journal, plant)
     outbox = waiting_in(folder, name, journal, plant)
-
-    def ended() -> None:
-        if text := closed(outbox):
-            unwritten.append(text)
-
-    stack.callback(ended)
+    stack.callback(close, outbox, unwritten)
     return KeptJournal(journal, outbox, plant, folder)
 
 

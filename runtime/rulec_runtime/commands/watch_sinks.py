@@ -7,7 +7,7 @@ import os
 from contextlib import ExitStack
 from pathlib import Path
 
-from rulec_runtime.commands.waiting import closed, waiting_in
+from rulec_runtime.commands.waiting import close, waiting_in
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.journal.refused import JournalRefused, needs
@@ -51,7 +51,7 @@ def _mqtt(
     )
     stack.callback(broker.close)
     outbox = waiting_in(folder, "mqtt", broker, plant)
-    stack.callback(closed, outbox)
+    stack.callback(close, outbox, [])
     return MqttSink(broker, outbox, say_aside)
 
 

@@ -3,7 +3,7 @@ pairs, or beside columns of qualities is put in order, by its column map or by i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from rulec_runtime.recordings.long_table import long_sheet
 from rulec_runtime.recordings.pairs import pair_sheet
 from rulec_runtime.recordings.places import Places, places_of
 from rulec_runtime.recordings.quality import codes_told, judged
-from rulec_runtime.recordings.table import Sheet, Table, texts_of
+from rulec_runtime.recordings.table import Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import time_of_parts
 
 
@@ -43,7 +43,7 @@ def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
         titles=tuple(titles),
         units=tuple(sheet.units[i] for i in there),
         read=table.read,
-        lines=table.lines,
+        lines=lambda: lines_of(table.read, len(there)),
     )
 
 
@@ -85,7 +85,3 @@ class _WideTable:
         return replace(
             table, kept=cells, columns=tuple(columns[i] for i in wanted), remarks=remarks
         )
-
-    def lines(self) -> Iterator[list[str]]:
-        table = self.read(range(len(self.there)), ())
-        return (list(row) for row in zip(*(texts_of(c) for c in table.kept), strict=True))

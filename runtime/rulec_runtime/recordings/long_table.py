@@ -21,9 +21,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import held
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
+from rulec_runtime.recordings.piecewise import interval_of, nearest
 from rulec_runtime.recordings.places import Places
 from rulec_runtime.recordings.quality import as_word, codes_told, good_of
-from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
+from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
 
@@ -78,10 +79,6 @@ class LongTable:
             first_left_out=self.left_out[1],
             remarks=tuple(remarks),
         )
-
-    def lines(self) -> Iterator[list[str]]:
-        table = self.read(range(len(self.tags) + 1), ())
-        return (list(row) for row in zip(*(texts_of(c) for c in table.kept), strict=True))
 
     def _rows(self, found: Mapping[int, Readings], most: int, form: FileForm) -> NDArray[np.intp]:
         """Rows of the file whose times are those of the table: of the tag with the most readings;
@@ -201,7 +198,7 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         titles=(sheet.titles[places.time[0]], *tags),
         units=(sheet.units[places.time[0]], *_units(path, tuple(tags), number, units)),
         read=long.read,
-        lines=long.lines,
+        lines=lambda: lines_of(long.read, len(long.tags) + 1),
         rows=None,
         remarks=(*sheet.remarks, *table.remarks, count, *seen),
     )
@@ -239,13 +236,9 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     the usual distance, and where a nearer one took it."""
     if not len(base):
         return np.full(len(own), -1, dtype=np.intp)
-    behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
-    before, behind = np.maximum(behind - 1, 0), np.minimum(behind, len(base) - 1)
-    near = np.where(own - base[before] <= base[behind] - own, before, behind)
-    usual = float(np.median(np.diff(base))) if len(base) > 1 else 0.0
-    away = np.abs(base[near] - own)
-    away = np.round(away * 1e6) / 1e6
-    taken = np.where(away <= 0.5 * usual, near, -1)
+    near = nearest(base, own)
+    away = np.round(np.abs(base[near] - own) * 1e6) / 1e6
+    taken = np.where(away <= 0.5 * interval_of(base, 0.0), near, -1)
     order = np.lexsort((away, taken))
     again = np.concatenate([[False], np.diff(taken[order]) == 0])
     taken[order[again]] = -1

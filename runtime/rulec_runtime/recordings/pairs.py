@@ -15,7 +15,7 @@ from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.long_table import LongTable, Readings
 from rulec_runtime.recordings.places import Pair
 from rulec_runtime.recordings.quality import codes_told, judged
-from rulec_runtime.recordings.table import Cells, Dates, Sheet, texts_of
+from rulec_runtime.recordings.table import Cells, Dates, Sheet, lines_of, texts_of
 from rulec_runtime.recordings.time_column import comparable, seconds_in
 
 
@@ -50,7 +50,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
         ),
         units=(sheet.units[pairs[0].time], *(sheet.units[p.value] for p in pairs)),
         read=long.read,
-        lines=long.lines,
+        lines=lambda: lines_of(long.read, len(long.tags) + 1),
         rows=None,
         remarks=(*sheet.remarks, *table.remarks, count, *dict.fromkeys(seen)),
     )

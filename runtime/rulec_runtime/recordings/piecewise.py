@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
@@ -234,3 +235,10 @@ def _means_at_once(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[
         values = np.where(known, values, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return sums_between(values, first, last) / number, number
+
+
+def nearest(base: Array, own: Array) -> NDArray[np.intp]:
+    """For each time that of some, in order, that is nearest: its place in `base`."""
+    behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
+    before, behind = behind - 1, np.minimum(behind, len(base) - 1)
+    return np.where(own - base[before] <= base[behind] - own, before, behind)

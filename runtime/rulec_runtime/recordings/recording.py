@@ -279,17 +279,23 @@ def _one_behind_the_other(
         parts = [_moved(part, -start) for part in parts]
     if _follow(ordered):
         return ordered, True
-    result: list[_Part] = []
-    names, end = [], 0.0
-    for part in parts:
-        step = interval_of(part.time, 1.0)
-        begin = end + step if result else float(part.time[0])
-        result.append(_moved(part, begin - float(part.time[0])))
-        end = float(result[-1].time[-1])
-        names.append(f"{part.name} from {begin:g} s")
+    starts = starts_behind([part.time for part in parts])
+    result = [_moved(part, start) for part, start in zip(parts, starts, strict=True)]
+    names = [f"{part.name} from {part.time[0]:g} s" for part in result]
     shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
     notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
     return result, False
+
+
+def starts_behind(times: Sequence[Array]) -> list[float]:
+    """What is added to each of some times, s, so that one follows the other."""
+    starts: list[float] = []
+    end = 0.0
+    for time in times:
+        begin = end + interval_of(time, 1.0) if starts else float(time[0])
+        starts.append(begin - float(time[0]))
+        end = starts[-1] + float(time[-1])
+    return starts
 
 
 def _moved(part: _Part, seconds: float) -> _Part:

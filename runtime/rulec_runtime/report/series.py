@@ -24,6 +24,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.report.chart import runs_of
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import l_per_h, worst_first
 
@@ -238,9 +239,8 @@ def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
 
     `fired`, shape (n,), is False on samples that were not judged, which therefore end a run.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], fired.astype(int), [0]])))
-    pairs = edges.reshape(-1, 2)
-    return [(int(a), int(b) - 1) for a, b in pairs if b - a >= limits.SHORTEST_STRETCH]
+    runs = ((run.start, run.stop - 1) for run in runs_of(fired))
+    return [(a, b) for a, b in runs if b - a + 1 >= limits.SHORTEST_STRETCH]
 
 
 def detail(curves: Curves) -> Curves:
