@@ -10,9 +10,8 @@ import pytest
 from rulec_runtime.contract.ruleset import Junction, Ruleset
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.made import EPOCH, made_now
-from rulec_runtime.report.sketch import sketch
+from rulec_runtime.report.sketch import MOST, sketch, topology_of
 from rulec_runtime.report.time_axis import Dated, named, time_axis
-from rulec_runtime.report.topology import MOST, topology_of
 
 from rulec.cli import main
 from tests.conftest import ROOT, compiled

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from rulec_runtime.commands.waiting import close, waiting_in
+from rulec_runtime.commands.watch_sinks import close, waiting_in
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal.files import Files

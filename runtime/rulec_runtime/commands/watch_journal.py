@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rulec_runtime.commands.waiting import close, waiting_in
+from rulec_runtime.commands.watch_sinks import close, waiting_in
 from rulec_runtime.live.journal.notes import Notes
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalTrouble, needs

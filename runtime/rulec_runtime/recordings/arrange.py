@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column
-from rulec_runtime.recordings.held import held
+from rulec_runtime.recordings.held import held, rows_written
 from rulec_runtime.recordings.long_table import LongTable, Readings, long_sheet
 from rulec_runtime.recordings.places import Pair, Places, places_of
 from rulec_runtime.recordings.quality import codes_told, judged
@@ -130,11 +130,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
 def _readings(column: Column, times: Cells, form: FileForm, low: int) -> Readings:
     """Readings of a column whose first time is that with the number `low`."""
     seconds, numbers = seconds_in(times, form), column.numbers()
-    words = column.placed or {}
-    there = np.isfinite(numbers)
-    there[[*words]] = True
-    rows = np.flatnonzero(there & np.isfinite(seconds))
-    rows = rows[np.argsort(seconds[rows], kind="stable")]
+    words, rows = column.placed or {}, rows_written(numbers, column, seconds)
     own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
     return Readings(rows + low, seconds[rows], numbers[rows], own)
 

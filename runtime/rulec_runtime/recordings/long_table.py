@@ -61,7 +61,7 @@ class LongTable:
         wanted = {index - 1 for index in (*numbers, *kept) if index}
         found = {k: self.readings[k] for k in wanted}
         most = max(found, key=lambda k: len(found[k].at), default=0)
-        base = self._rows(found, most, form)
+        base = self._rows(found, most)
         at = seconds_in(_taken(self.times, base), form)
         if form.hold == "last":
             placed = {k: held.last_before(r.at, at, form.hold_for) for k, r in found.items()}
@@ -71,7 +71,7 @@ class LongTable:
             self._column(index - 1, found[index - 1], placed[index - 1]) for index in numbers
         )
         texts = {k: _texts(found[k], placed[k]) for k in {i - 1 for i in kept if i}}
-        remarks = self._moved(most, at, found, placed, form)
+        remarks = self._moved(most, at, found, placed)
         return Table(
             kept=tuple(texts[i - 1] if i else _taken(self.times, base) for i in kept),
             columns=columns,
@@ -80,13 +80,13 @@ class LongTable:
             remarks=tuple(remarks),
         )
 
-    def _rows(self, found: Mapping[int, Readings], most: int, form: FileForm) -> NDArray[np.intp]:
+    def _rows(self, found: Mapping[int, Readings], most: int) -> NDArray[np.intp]:
         """Rows of the file whose times are those of the table: of the tag with the most readings;
         where readings hold, of all tags, as far as they are not closer than those of this one.
 
         Raises `RecordingRefused` where readings seem to hold, and no column map says so.
         """
-        base = found[most] if found else self.readings[0]
+        base, form = found[most] if found else self.readings[0], self.form
         if form.hold == "last":
             rows = np.concatenate([r.rows for r in found.values()])
             at = np.concatenate([r.at for r in found.values()])
@@ -126,14 +126,13 @@ class LongTable:
         at: Array,
         found: Mapping[int, Readings],
         placed: Mapping[int, NDArray[np.intp]],
-        form: FileForm,
     ) -> Iterator[str]:
         """Remarks on readings that have no row of their own time."""
         if self.untimed:
             count = plural(self.untimed, "reading has", "readings have")
             yield f"{count} no usable time; left out"
-        if form.hold == "last":
-            yield held.told(form)
+        if self.form.hold == "last":
+            yield held.told(self.form)
             return
         moved, lost, largest = 0, 0, 0.0
         for k, own in found.items():
