@@ -171,14 +171,9 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
     column.parts.append(numbers)
 
 
-def most_unpacked(size: int) -> int:
-    """Bytes that a packed file of `size` bytes may unpack to."""
-    return max(limits.FREE_TO_UNPACK, limits.DENSEST * size)
-
-
 def refuse_bomb(path: Path, unpacked: int, size: int) -> None:
     """Raise `RecordingRefused` where a file of `size` bytes unpacks to too many."""
-    if unpacked > most_unpacked(size):
+    if unpacked > max(limits.FREE_TO_UNPACK, limits.DENSEST * size):
         raise RecordingRefused(
             f"{path}: it unpacks to more than {limits.DENSEST} times its size, as no "
             "recording does; if it is one, unpack it first"

@@ -32,11 +32,6 @@ def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
         before = row[-order:]
 
 
-def count_of(parts: Iterable[Array]) -> int:
-    """How many numbers there are."""
-    return sum(len(part) for part in parts)
-
-
 def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
     """Whether a function is true of some number."""
     return any(function(values[low:high]).any() for low, high in blocks(len(values), values))

@@ -239,9 +239,8 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
 
 def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> list[Cell | str]:
     kind, words = agreement(ruleset, finding, e)
-    row = told_residual(ruleset, e, LITRES)
-    value, threshold = row.value.replace("-", "−"), row.threshold
-    fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
+    value, threshold = told_residual(ruleset, e, LITRES)
+    value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
     first = map(safe, (e.residual, value, threshold, fired, expected))
     return [*first, Cell(safe(words), kind)]
 

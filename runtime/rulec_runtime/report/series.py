@@ -234,15 +234,6 @@ def _module(diagnosis: Diagnosis) -> str:
     return compared[0] if compared else ""
 
 
-def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of at least three judged samples that fire, as (first, last) sample.
-
-    `fired`, shape (n,), is False on samples that were not judged, which therefore end a run.
-    """
-    runs = ((run.start, run.stop - 1) for run in runs_of(fired))
-    return [(a, b) for a, b in runs if b - a + 1 >= limits.SHORTEST_STRETCH]
-
-
 def detail(curves: Curves) -> Curves:
     """Of a long recording the part around its focus, else its beginning; short ones whole."""
     if len(curves.time) <= 2 * COLUMNS:
@@ -253,8 +244,12 @@ def detail(curves: Curves) -> Curves:
 
 
 def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Residuals that fire for three samples in a row, with their runs."""
+    """Residuals that fire for three judged samples in a row, with such runs: first and last sample.
+
+    What was not judged does not fire, and so ends a run.
+    """
     for i, row in enumerate(curves.fired()):
-        runs = runs_of_firing(row)
+        lengths = ((run, run.stop - run.start) for run in runs_of(row))
+        runs = [(run.start, run.stop - 1) for run, n in lengths if n >= limits.SHORTEST_STRETCH]
         if runs:
             yield i, runs

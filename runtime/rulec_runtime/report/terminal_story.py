@@ -189,11 +189,9 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     flow = flow_unit(ruleset)
     for e in evidence_first(finding)[:LISTED]:
         kind, words = agreement(ruleset, finding, e)
-        row = told_residual(ruleset, e, flow)
         table.add_row(
             e.residual,
-            row.value if e.verdict != "invalid" else "-",
-            row.threshold if e.verdict != "invalid" else "-",
+            *told_residual(ruleset, e, flow, "-"),
             e.verdict,
             e.expected,
             styled("[{}]{}[/]", _AGREEMENT.get(kind, "dim"), words),
