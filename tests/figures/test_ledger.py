@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import shutil
 import warnings
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, recordings_folder
 from tests.figures.change import write_figures, write_places
-from tests.figures.commands import Measured, picked, quick_verdict, updated
+from tests.figures.commands import Measured, output_here, picked, quick_verdict, updated
 from tests.figures.content import content_of, is_stale
 from tests.figures.ledger import FILE, Figure, Ledger, mistakes, read_ledger
 from tests.figures.pages import misprints, unclaimed
@@ -160,3 +162,27 @@ def test_the_interval_of_a_share(count: int, of: int, low: float, high: float) -
     """Clopper and Pearson. Source of 8 of 10: R, binom.test(8, 10); the others by hand,
     1 - 0.025^(1/n) and 0.025^(1/n)."""
     assert (low, high) == pytest.approx(Share(count, of).interval, rel=1e-4)
+
+
+QUICK = [f for f in read_ledger().figures.values() if f.quick]
+
+
+@functools.cache
+def output(command: str) -> Any:
+    """What a command gives; once for all its figures."""
+    return output_here(command)
+
+
+@pytest.mark.parametrize("figure", QUICK, ids=lambda f: f.id)
+def test_what_is_printed_is_still_true(figure: Figure) -> None:
+    """If this fails: mend what changed the figure, or `make figures ONLY=...` and say why."""
+    assert figure.quick is not None
+    if figure.needs and not (recordings_folder() / figure.needs).exists():
+        pytest.skip(f"no recording {figure.needs}")
+    found = picked(output(figure.quick.command), figure.quick.key)
+    assert "" == quick_verdict(figure, found)
+
+
+def test_isolation_is_among_them() -> None:
+    """It once went from 0.98 to 0.86 and nobody saw it."""
+    assert {f"isolation.sound-start.0.{k}" for k in (1, 2, 3)} <= {f.id for f in QUICK}
