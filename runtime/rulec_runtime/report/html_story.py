@@ -25,9 +25,9 @@ from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
 from rulec_runtime.report.wording import (
+    L_PER_H,
     LISTED,
     STATUS,
-    FlowUnit,
     Row,
     actions,
     advice,
@@ -48,9 +48,6 @@ from rulec_runtime.report.wording import (
     why_first,
     worst_first,
 )
-
-LITRES = FlowUnit("l/h", 3.6e6)
-"""Unit of flows in a report."""
 
 REMARKS = 8
 """Different remarks shown."""
@@ -239,7 +236,7 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
 
 def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> list[Cell | str]:
     kind, words = agreement(ruleset, finding, e)
-    value, threshold = told_residual(ruleset, e, LITRES)
+    value, threshold = told_residual(ruleset, e, L_PER_H)
     value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
     first = map(safe, (e.residual, value, threshold, fired, expected))
     return [*first, Cell(safe(words), kind)]

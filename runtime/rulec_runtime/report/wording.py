@@ -64,11 +64,14 @@ class FlowUnit:
     factor: float
 
 
+L_PER_H, M3_PER_H = FlowUnit("l/h", 3.6e6), FlowUnit("m3/h", 3600.0)
+
+
 def flow_unit(ruleset: Ruleset) -> FlowUnit:
     """l/h for a rig, m3/h for a station."""
     flows = sorted(abs(o.reference) for o in ruleset.observers)
     large = bool(flows) and flows[len(flows) // 2] > LARGE
-    return FlowUnit("m3/h", 3600.0) if large else FlowUnit("l/h", 3.6e6)
+    return M3_PER_H if large else L_PER_H
 
 
 def told_residual(
