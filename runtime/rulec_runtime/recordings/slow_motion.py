@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from array import array as packed
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
+    cut,
     find_stretches,
     noise_at_work,
     noise_within,
@@ -74,11 +74,9 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
         stop = begin + 1
         while free[stop] and not starts[stop]:
             stop += 1
-        pieces = max(1, (stop - begin) // limits.LONGEST_SLOW)
-        for low, high in pairwise(np.linspace(begin, stop, pieces + 1).astype(int)):
-            if high - low >= limits.SHORTEST_STRETCH:
-                first.append(low)
-                last.append(high)
+        firsts, lasts = cut(begin, stop, (stop - begin) // limits.LONGEST_SLOW)
+        first.extend(firsts)
+        last.extend(lasts)
     order = np.argsort(first, kind="stable")
     return stretches_of(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
 
@@ -106,12 +104,14 @@ def lag_errors(
         return found
     lag = lag_u(recording)
     room = iter(arrays([((len(stretches),), float)] * len(recording.values)))
-    between = _between(recording.time, stretches)
+    between, _ = _apart(recording.time, stretches)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not len(stretches):
             continue
-        rate, u = _rates(between, values, stretches, noise[signal.id])
+        apart, shares = _apart(values, stretches)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rate, u = apart / between, noise[signal.id] * np.sqrt(shares) / between
         level = means_between(values, stretches.first, stretches.last)[0]
         least = limits.NO_CHANGE * systematic_u(signal, level)
         with np.errstate(invalid="ignore"):
@@ -129,22 +129,11 @@ def lag_u(recording: Recording) -> float:
     return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * recording.interval))
 
 
-def _between(time: Array, stretches: Stretches) -> Array:
-    """Time between the middles of the first and of the last part of each stretch, s."""
-    length = np.maximum(stretches.lengths // 2, 1)
-    early = means_between(time, stretches.first, stretches.first + length)[0]
-    return means_between(time, stretches.last - length, stretches.last)[0] - early
-
-
-def _rates(
-    between: Array, values: Array, stretches: Stretches, noise: float
-) -> tuple[Array, Array]:
-    """Rate of change within each stretch, SI/s, and its standard uncertainty by noise: the mean of
-    its last part less that of its first. Shape (n,) each."""
+def _apart(values: Array, stretches: Stretches) -> tuple[Array, Array]:
+    """The mean of the last part of each stretch less that of its first, and the variance of this
+    difference by noise, in variances of a reading. Shape (n,) each."""
     length = np.maximum(stretches.lengths // 2, 1)
     early, number = means_between(values, stretches.first, stretches.first + length)
     late, behind = means_between(values, stretches.last - length, stretches.last)
     with np.errstate(invalid="ignore", divide="ignore"):
-        rate = (late - early) / between
-        u = noise * np.sqrt(1.0 / number + 1.0 / behind) / between
-    return rate, u
+        return late - early, 1.0 / number + 1.0 / behind

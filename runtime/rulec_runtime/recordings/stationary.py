@@ -325,13 +325,18 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
     first, last = packed("q"), packed("q")
     for start, stop in pairwise(_ends(breaks, jumps)):
         begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
-        pieces = max(1, -(-(stop - begin) // longest))
-        edges = np.linspace(begin, stop, pieces + 1).astype(int)
-        long = np.diff(edges) >= limits.SHORTEST_STRETCH
-        first.extend(edges[:-1][long].tolist())
-        last.extend(edges[1:][long].tolist())
+        firsts, lasts = cut(begin, stop, -(-(stop - begin) // longest))
+        first.extend(firsts)
+        last.extend(lasts)
     let_go(breaks, jumps)
     return stretches_of(np.array(first, dtype=np.intp), np.array(last, dtype=np.intp))
+
+
+def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:
+    """First samples of about equal pieces of a run, and those behind them; too short ones go."""
+    edges = np.linspace(begin, stop, max(1, pieces) + 1).astype(int)
+    long = np.diff(edges) >= limits.SHORTEST_STRETCH
+    return edges[:-1][long].tolist(), edges[1:][long].tolist()
 
 
 def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
