@@ -22,6 +22,7 @@ from tests.figures.commands import output_of, picked, updated
 from tests.figures.content import content_of, state_of
 from tests.figures.ledger import Figure, Ledger, read_ledger
 from tests.figures.pages import misprints, unclaimed
+from tests.figures.sources import write_sources
 
 OUT = Console(highlight=False, soft_wrap=True, markup=False)
 
@@ -77,7 +78,8 @@ def measure(ledger: Ledger, chosen: Sequence[Figure]) -> int:
         OUT.print(f"[{k}/{len(commands)}] {command}: {len(parts)} figures")
         begin = time.perf_counter()
         try:
-            form = output_of(command)
+            form, paths = output_of(command)
+            write_sources(command, paths)
             changed = [_again(f, form, ledger) for f in parts]
         except (RuntimeError, KeyError, subprocess.TimeoutExpired) as mistake:
             OUT.print(f"  not measured: {mistake!r}")

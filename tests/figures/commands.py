@@ -6,17 +6,21 @@ import contextlib
 import importlib
 import io
 import json
+import os
 import shlex
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
 from tests.conftest import ROOT
 from tests.figures.ledger import Figure
 from tests.figures.share import Share
+from tests.figures.sources import HOOK, environment, used
 
 LIMIT = 7200.0  # s; the longest command takes half an hour on two cores
 
@@ -37,19 +41,24 @@ class Measured:
         return Share(self.count, self.of).interval
 
 
-def output_of(command: str) -> Any:
-    """Run a command of this project; its JSON. Raises RuntimeError."""
-    done = subprocess.run(
-        [sys.executable, "-m", *_words(command)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=LIMIT,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{command} failed:\n{done.stderr[-2000:]}")
-    return json.loads(done.stdout)
+def output_of(command: str) -> tuple[Any, tuple[str, ...]]:
+    """Run a command of this project; its JSON, and the files that it used. Raises RuntimeError."""
+    with tempfile.TemporaryDirectory() as folder:
+        note = Path(folder) / "used"
+        note.touch()
+        paths = [str(HOOK), *filter(None, [os.environ.get("PYTHONPATH")])]
+        done = subprocess.run(
+            [sys.executable, "-m", *_words(command)],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT,
+            check=False,
+            env={**os.environ, **environment(note), "PYTHONPATH": os.pathsep.join(paths)},
+        )
+        if done.returncode:
+            raise RuntimeError(f"{command} failed:\n{done.stderr[-2000:]}")
+        return json.loads(done.stdout), used(note)
 
 
 def output_here(command: str) -> Any:

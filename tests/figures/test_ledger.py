@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 import shutil
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT, recordings_folder
+from tests.conftest import ROOT, SOURCES, recordings_folder
 from tests.figures.change import write_figures, write_places
 from tests.figures.commands import Measured, output_here, picked, quick_verdict, updated
 from tests.figures.content import content_of, is_stale
 from tests.figures.ledger import FILE, Figure, Ledger, mistakes, read_ledger
 from tests.figures.pages import misprints, unclaimed
+from tests.figures.plain_code import plain_code
 from tests.figures.share import Share
+from tests.figures.sources import HOOK, environment, files_of, read_sources, used, write_sources
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +105,8 @@ def test_a_new_measurement_is_written_everywhere(ledger: Ledger, copy: Path) -> 
 
 
 def test_figures_grow_stale_with_their_files(ledger: Ledger, tmp_path: Path) -> None:
-    """A changed byte below `runtime` and one more file count; a file elsewhere does not."""
+    """A changed byte below `runtime` and one more file count; a file elsewhere does not. So it is
+    where nothing was noted."""
     for folder in ("one", "two", "three", "four"):
         place = tmp_path / folder / "runtime" / "rulec_runtime" / "contract"
         place.mkdir(parents=True)
@@ -111,7 +117,7 @@ def test_figures_grow_stale_with_their_files(ledger: Ledger, tmp_path: Path) -> 
     (tmp_path / "three" / "runtime" / "rulec_runtime" / "contract" / "more.py").touch()
     (tmp_path / "four" / "tests").mkdir()
     (tmp_path / "four" / "tests" / "test_it.py").touch()
-    figure = isolation(ledger)
+    figure = dataclasses.replace(isolation(ledger), command="never run since files are noted")
     one, two, three, four = (
         content_of(figure, ledger, tmp_path / name) for name in ("one", "two", "three", "four")
     )
@@ -162,6 +168,56 @@ def test_the_interval_of_a_share(count: int, of: int, low: float, high: float) -
     """Clopper and Pearson. Source of 8 of 10: R, binom.test(8, 10); the others by hand,
     1 - 0.025^(1/n) and 0.025^(1/n)."""
     assert (low, high) == pytest.approx(Share(count, of).interval, rel=1e-4)
+
+
+def test_figures_depend_on_what_their_command_used(tmp_path: Path) -> None:
+    """Also what a process below it used, though it was killed; not what was only looked for."""
+    note, place = tmp_path / "used", ROOT / "kb" / "fluids"
+    note.touch()
+    script = (
+        "import importlib, os, signal\n"
+        "from pathlib import Path\n"
+        "importlib.import_module('tests.figures.share')\n"
+        f"Path({str(place / 'water.yaml')!r}).read_text()\n"
+        "if os.fork() == 0:\n"
+        "    import rulec.limits\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+        "os.wait()\n"
+    )
+    path = os.pathsep.join([str(HOOK), SOURCES])
+    environ = {**os.environ, **environment(note), "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", script], check=True, env=environ, cwd=tmp_path)
+    found = used(note)
+    code = {"tests/figures/share.py", "tests/figures/__init__.py", "rulec/limits.py"}
+    assert code | {"kb/fluids/*"} <= set(found)
+    assert [f"kb/fluids/{name}" for name in sorted(os.listdir(place))] == files_of("kb/fluids/*")
+    assert "tests/figures/ledger.py" not in found
+
+
+def test_what_was_noted_is_read_back(tmp_path: Path) -> None:
+    """Command by command; what was noted of others stays."""
+    file = tmp_path / "sources.json"
+    write_sources("one", ["a/b.py", "a/c.py"], file)
+    write_sources("two", ["kb/x.yaml"], file)
+    write_sources("one", ["a/c.py"], file)
+    assert {"one": ("a/c.py",), "two": ("kb/x.yaml",)} == read_sources(file)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "same"),
+    [
+        ("x = 1\n", 'x = 1  # one\n\n"""Text\nof it."""\n', True),
+        ('def f():\n    """Doc."""\n    return 2\n', "def f():\n\n    return 2\n", True),
+        ("x = 1\n", "x = 2\n", False),
+        ('x = "a # b"\n', 'x = "a # c"\n', False),
+        ('x = (\n    "a"\n    "b"\n)\n', 'x = (\n    "a"\n)\n', False),
+        ('x = """\na\n"""\n', 'x = """\nb\n"""\n', False),
+        ("if x:\n    y\nz\n", "if x:\n    y\n    z\n", False),
+    ],
+)
+def test_comments_and_docstrings_make_no_figure_stale(one: str, two: str, same: bool) -> None:
+    """What computes does: strings in expressions, numbers, indentation."""
+    assert same == (plain_code(one) == plain_code(two))
 
 
 QUICK = [f for f in read_ledger().figures.values() if f.quick]

@@ -1,0 +1,1 @@
+"""On the path of a measurement, to note which files it uses; Python imports it by its name."""
