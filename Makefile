@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 comma := ,
-.PHONY: help demo demo-live test prove bench goals profiles figures golden docs clean
+.PHONY: help demo demo-live test prove bench goals figures golden docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -61,14 +61,11 @@ $(VENV)/bench: $(VENV)/dev
 	$(call install,.[dev$(comma)bench])
 	@touch $@
 
-bench: $(VENV)/bench ## speed beside peers, as ratios, and how effort grows (three minutes)
+bench: $(VENV)/bench ## speed beside peers, as ratios (three minutes)
 	$(BIN)/python -m tests.bench
 
 goals: $(VENV)/dev ## speed against goals: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s
-
-profiles: $(VENV)/dev ## the five hottest paths: where their time goes, and what bounds them
-	$(BIN)/python -m tests.bench.profiles
 
 figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema isolation' takes some
 	$(BIN)/python -m tests.figures measure $(if $(ONLY),--only $(ONLY))

@@ -49,7 +49,7 @@ LONGEST = (
     "tests/live/",
     "tests/test_docs.py",
     "tests/runtime/mismatch/test_answers.py",
-    "tests/figures/test_quick.py",
+    "tests/figures/test_ledger.py",
     "tests/prove/test_campaign.py",
     "tests/runtime/mismatch/test_experiment.py",
     "tests/hostile/test_hostile.py",

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.output.story import as_html, plain, with_styles
+from rulec_runtime.output.terminal import as_html, plain, with_styles
 
 from rulec.api.frames import Backend, Columns, frame_of
 

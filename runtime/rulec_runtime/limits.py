@@ -34,17 +34,13 @@ MARKED_AT_ONCE = 4096
 GATHERED_AT_ONCE = 64
 """Points anywhere in a table that are read before memory is let go. Origin: numerical."""
 
-COUNTED_BITS = 16
-"""Leading bits by which numbers are counted to find their median. Origin: numerical, the median is
-the same."""
-
 BLOCK = 2**17
 """Samples that a pass over a column takes at a time. Origin: numerical, what is found is the
 same."""
 
 SORTED_AT_ONCE = 2**19
-"""Numbers whose median is found by sorting them; of more by a sample, or by counting. Origin:
-numerical, the median is the same."""
+"""Numbers whose median is found by sorting them; of more by a sample. Origin: numerical, the
+median is the same."""
 
 SAMPLED = 251
 """Numbers of which one is taken into the sample that tells where a median is. Origin: numerical,

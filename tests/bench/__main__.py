@@ -1,8 +1,7 @@
-"""Ours beside peers, and how effort grows: `python -m tests.bench`, `make bench`.
+"""Ours beside peers: `python -m tests.bench`, `make bench`.
 
 Every peer runs in a process of its own, after ours in the same process: ratios of medians of CPU
-time, warm, on one core. `--only` takes some of them; `--json FILE` writes all; `--picture FILE.svg`
-draws the growth.
+time, warm, on one core. `--only` takes some of them; `--json FILE` writes all.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import json
 import pkgutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,22 +20,19 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench import peers
-from tests.bench.growth import curves
-from tests.bench.picture import draw
 
-GROWTH = "growth"
-PARTS = (*(m.name for m in pkgutil.iter_modules(peers.__path__)), GROWTH)
+PARTS = tuple(m.name for m in pkgutil.iter_modules(peers.__path__))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, default=PARTS)
     parser.add_argument("--json", metavar="FILE", help="- for standard output")
-    parser.add_argument("--picture", metavar="FILE.svg")
     parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part:
-        print(json.dumps(list(part_of(options.part))))
+        found = importlib.import_module(f"{peers.__name__}.{options.part}").rows()
+        print(json.dumps([asdict(row) | {"ratio": row.ratio} for row in found]))
         return 0
     aside, found = Console(stderr=True), []
     for part in options.only:
@@ -50,51 +45,26 @@ def main() -> int:
         found += json.loads(done.stdout.splitlines()[-1])
     form = {one["key"]: one for one in found}
     shown = aside if options.json == "-" else Console()
-    for table in told(found):
-        shown.print()
-        shown.print(table)
+    if found:
+        shown.print(told(found))
     shown.print("\nCPU time. What is the same in both, and what is not: docs/compare.md")
     if options.json == "-":
         print(json.dumps(form, indent=1))
     elif options.json:
         Path(options.json).write_text(json.dumps(form, indent=1) + "\n", encoding="utf-8")
-    if options.picture:
-        draw([one for one in found if "exponent" in one], Path(options.picture))
-    return 0 if len(found) else 1
+    return 0 if found else 1
 
 
-def part_of(name: str) -> Iterator[dict[str, Any]]:
-    """Rows of a peer, or curves."""
-    if name == GROWTH:
-        for curve in curves():
-            yield asdict(curve) | {"exponent": curve.exponent}
-        return
-    for row in importlib.import_module(f"{peers.__name__}.{name}").rows():
-        yield asdict(row) | {"ratio": row.ratio}
-
-
-def told(found: list[dict[str, Any]]) -> Iterator[Table]:
-    """Ours beside peers, then how effort grows. What is the same in both is told on the page."""
-    beside = _table("what", "peer", "ours", "peer's", "ratio")
-    for one in found:
-        if "ratio" in one:
-            words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
-            beside.add_row(one["what"], one["peer"], *words)
-    grows = _table("what grows", "from", "to", "power", of_numbers=1)
-    for one in found:
-        if "exponent" in one:
-            each = zip(one["counts"], one["seconds"], strict=True)
-            ends = [f"{seconds(s)} at {n:,}" for n, s in each]
-            grows.add_row(one["what"], ends[0], ends[-1], f"{one['exponent']:.2f}")
-    return (table for table in (beside, grows) if table.row_count)
-
-
-def _table(*titles: str, of_numbers: int = 2) -> Table:
-    """An empty table; columns behind the first `of_numbers` hold numbers."""
+def told(found: list[dict[str, Any]]) -> Table:
+    """Ours beside peers. What is the same in both is told on the page."""
     table = Table(box=None, pad_edge=False, padding=(0, 1))
-    for place, title in enumerate(titles):
-        number = place >= of_numbers
-        table.add_column(title, justify="right" if number else "left", no_wrap=number)
+    for title in ("what", "peer"):
+        table.add_column(title)
+    for title in ("ours", "peer's", "ratio"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for one in found:
+        words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
+        table.add_row(one["what"], one["peer"], *words)
     return table
 
 

@@ -6,7 +6,6 @@ import gc
 import math
 import os
 import resource
-import statistics
 import subprocess
 import sys
 import time
@@ -14,7 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pytest_benchmark.fixture import BenchmarkFixture
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.passes.pipeline import PASSES, compile_plant, run_passes, without_collector
@@ -23,32 +21,12 @@ from tests.bench.conftest import Results
 from tests.bench.rigs import chain, side_by_side
 from tests.conftest import ROOT, SOURCES
 
-SIZES = (10, 50, 200)
-GOALS = {50: 2.0, 200: 10.0, 1000: 15.0}
 FAMILIES: dict[str, Callable[[int], str]] = {"chain": chain, "side by side": side_by_side}
 
 
 def written(family: str, size: int, folder: Path) -> Path:
     (folder / "plant.yaml").write_text(FAMILIES[family](size), encoding="utf-8")
     return folder
-
-
-CASES = [(family, size) for family in FAMILIES for size in (*SIZES, 1000)]
-
-
-@pytest.mark.parametrize(("family", "size"), CASES)
-def test_compile(
-    family: str, size: int, tmp_path: Path, benchmark: BenchmarkFixture, results: Results
-) -> None:
-    """The whole of `compile_plant`, module types differentiated before (a second compile)."""
-    plant = written(family, size, tmp_path)
-    compile_plant(ROOT / "plants" / "abc")
-    made: Ruleset = benchmark.pedantic(compile_plant, (plant,), rounds=1 if size > 100 else 3)
-    seconds = statistics.median(benchmark.stats.stats.data)
-    what = f"compile {size} modules, {family} ({len(made.cells)} rules)"
-    results.add(what, seconds, "s", GOALS.get(size))
-    results.add("    per rule", 1e6 * seconds / len(made.cells), "us")
-    assert not made.unobserved
 
 
 def seconds_of_passes(plant: Path) -> tuple[dict[str, float], Ruleset]:
@@ -111,27 +89,6 @@ def test_growth(family: str, tmp_path: Path, results: Results) -> None:
             results.add(
                 f"    {name}: per module, against the smallest", ratio * len(small[1].modules), ""
             )
-
-
-def test_passes(tmp_path: Path, results: Results) -> None:
-    """Processor time of each pass for a chain of 100 modules."""
-    found, _ = seconds_of_passes(written("chain", 100, tmp_path))
-    for name, seconds in found.items():
-        results.add(f"pass {name}, chain of 100", seconds, "s")
-
-
-@pytest.mark.parametrize("size", SIZES[:2])
-def test_whole_process(size: int, tmp_path: Path, results: Results) -> None:
-    """`rulec compile` from a shell, imports, differentiation and writing included."""
-    plant = written("chain", size, tmp_path)
-    command = [sys.executable, "-m", "rulec", "compile", str(plant), "-o", str(tmp_path / "r.json")]
-    environment = {**os.environ, "PYTHONPATH": SOURCES}
-    times = []
-    for _ in range(3):
-        begin = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True, env=environment)
-        times.append(time.perf_counter() - begin)
-    results.add(f"process: compile {size} modules", statistics.median(times), "s")
 
 
 ALONE = """

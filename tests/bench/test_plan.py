@@ -1,10 +1,9 @@
-"""Plans on many samples: by numpy, by machine code, and by two other ways."""
+"""Plans on many samples: by numpy, and by machine code."""
 
 from __future__ import annotations
 
 import math
 import os
-import statistics
 import subprocess
 import sys
 import time
@@ -15,31 +14,17 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
-from pytest_benchmark.fixture import BenchmarkFixture
 from rulec_runtime import limits
 from rulec_runtime.contract import plan_kernel
 from rulec_runtime.contract.plan import CHUNK, Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.machine_code import engine
-from uncertainties import ufloat
 
 from tests.bench.conftest import Results
 from tests.conftest import SOURCES, compiled
-from tests.runtime.equations import ProgressiveCavity
-from tests.runtime.test_uncertainty import Abc, Case, rule, signed_sum
 
-SAMPLES = 1_000_000
 BLOCK = 16_384
-GOAL = 100.0
-FEW = 200
 PATHS = {**os.environ, "PYTHONPATH": SOURCES}
-
-
-@pytest.fixture
-def plan(abc: Ruleset) -> Plan:
-    """All residuals and linear degrees, with their uncertainties."""
-    kinds = ("R:", "u:", "x:linear:", "ux:linear:")
-    return abc.plan.select([name for name in abc.plan.outputs if name.startswith(kinds)])
 
 
 def readings(ruleset: Ruleset, plan: Plan, n: int) -> dict[str, Any]:
@@ -67,62 +52,6 @@ def in_blocks(plan: Plan, inputs: dict[str, Any], n: int) -> None:
 
 def nanoseconds(seconds: float, samples: int, ruleset: Ruleset) -> float:
     return 1e9 * seconds / samples / len(ruleset.residuals)
-
-
-def median(call: Callable[[], object], rounds: int = 3) -> float:
-    times = []
-    for _ in range(rounds):
-        begin = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - begin)
-    return statistics.median(times)
-
-
-def test_a_million_samples(
-    abc: Ruleset, plan: Plan, benchmark: BenchmarkFixture, results: Results
-) -> None:
-    """Blocks of 16384 samples; memory stays flat."""
-    inputs = readings(abc, plan, SAMPLES)
-    benchmark.pedantic(in_blocks, (plan, inputs, SAMPLES), rounds=5, warmup_rounds=1)
-    seconds = statistics.median(benchmark.stats.stats.data)
-    what = f"plan, {len(plan.operations)} operations, {len(plan.outputs)} outputs"
-    each = nanoseconds(seconds, SAMPLES, abc)
-    results.add(f"{what}: per residual and sample", each, "ns", GOAL)
-    results.add(
-        "    per operation and sample", 1e9 * seconds / SAMPLES / len(plan.operations), "ns"
-    )
-
-
-def test_ratios(abc: Ruleset, plan: Plan, results: Results) -> None:
-    """The same outputs by sympy's lambdify and by `uncertainties`, in the same run."""
-    n = 200_000
-    inputs = readings(abc, plan, n)
-    ours = median(lambda: in_blocks(plan, inputs, n))
-    fresh = median(lambda: plan.run(inputs))
-    function = by_lambdify(plan)
-    given = {name: inputs[name] for name in plan.inputs}
-    whole = median(lambda: function(*given.values()))
-
-    def chunked() -> None:
-        for low in range(0, n, 8192):
-            function(*block(given, low, low + 8192).values())
-
-    parts = median(chunked)
-    expected = plan.run(inputs)
-    for name, values in zip(plan.outputs, function(*given.values()), strict=True):
-        # Beside a pole of a degree rounding grows without bound: few samples may differ.
-        same = np.isclose(values, expected[name], rtol=1e-6, atol=1e-9)
-        assert np.mean(same) > 0.999, (name, np.mean(same))
-    slow = by_uncertainties(abc, inputs) / FEW * n
-    results.add("plan in blocks, 2e5 samples", nanoseconds(ours, n, abc), "ns", GOAL)
-    for what, seconds in (
-        ("plan at once into fresh memory", fresh),
-        ("lambdify(cse=True) at once", whole),
-        ("lambdify(cse=True) in chunks of 8192", parts),
-        ("uncertainties, sample by sample (extrapolated)", slow),
-    ):
-        results.add(what, nanoseconds(seconds, n, abc), "ns")
-        results.add("    times the plan in blocks", seconds / ours, "")
 
 
 KINDS = {
@@ -182,8 +111,7 @@ def test_machine_code(
     results.add("    machine code", nanoseconds(fast, n, rules), "ns")
     results.add("    a copy of the same bytes", nanoseconds(bound, n, rules), "ns")
     results.add("    machine code, times numpy", fast / slow, "")
-    key = f"plan.{plant}.{kind.replace(' ', '-')}.times-copy"
-    results.add("    machine code, times the copy", fast / bound, "", 3.0, key)
+    results.add("    machine code, times the copy", fast / bound, "", 3.0)
     results.add("    8 samples, times numpy", quick / call, "")
     results.add("    an operation of numpy: one call, in samples", n * call / slow, "")
     results.add("    making code, in samples for numpy", n * made / slow, "")
@@ -237,22 +165,3 @@ def by_lambdify(plan: Plan) -> Callable[..., list[Any]]:
     outputs = [values[i] for i in plan.outputs.values()]
     function: Callable[..., list[Any]] = sympy.lambdify(symbols, outputs, "numpy", cse=True)
     return function
-
-
-def by_uncertainties(ruleset: Ruleset, inputs: dict[str, Any]) -> float:
-    """Seconds for a few samples, equations by hand, all residuals and degrees."""
-    kinds = {"A": ProgressiveCavity, "B": ProgressiveCavity}
-    at = Case(ruleset, "dosing-pcp", {}, {})
-    fixed = {k: ufloat(v, u) if u else v for k, (v, u) in at.parameters().items()}
-    names = [s.id for s in ruleset.signals if s.id in inputs]
-    residuals = {r.id: r for r in ruleset.residuals}
-    begin = time.perf_counter()
-    for i in range(FEW):
-        read = {name: ufloat(inputs[name][i], inputs[f"u:{name}"]) for name in names}
-        system = Abc(kinds, fixed | read)
-        observers = system.observers()
-        for residual in residuals.values():
-            signed_sum(residual, observers).std_dev  # noqa: B018
-        for cell in ruleset.cells:
-            rule(system, residuals[cell.residual], cell.fault).std_dev  # noqa: B018
-    return time.perf_counter() - begin

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.conftest import ROOT
 from tests.figures.ledger import FILE, Figure, Ledger
-from tests.figures.templates import figure_of, holes, replaced
+from tests.figures.pages import figure_of, holes, replaced
 
 
 def write_figures(figures: Iterable[Figure], file: Path = FILE) -> None:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import shutil
 import subprocess
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT, SOURCES
+from tests.conftest import ROOT, SOURCES, recordings_folder
 from tests.figures.change import write_figures, write_places
-from tests.figures.commands import Measured, picked, quick_verdict, updated
+from tests.figures.commands import Measured, output_here, picked, quick_verdict, updated
 from tests.figures.content import content_of, is_stale
 from tests.figures.ledger import FILE, Figure, Ledger, mistakes, read_ledger
 from tests.figures.pages import misprints, unclaimed
@@ -216,3 +218,27 @@ def test_what_was_noted_is_read_back(tmp_path: Path) -> None:
 def test_comments_and_docstrings_make_no_figure_stale(one: str, two: str, same: bool) -> None:
     """What computes does: strings in expressions, numbers, indentation."""
     assert same == (plain_code(one) == plain_code(two))
+
+
+QUICK = [f for f in read_ledger().figures.values() if f.quick]
+
+
+@functools.cache
+def output(command: str) -> Any:
+    """What a command gives; once for all its figures."""
+    return output_here(command)
+
+
+@pytest.mark.parametrize("figure", QUICK, ids=lambda f: f.id)
+def test_what_is_printed_is_still_true(figure: Figure) -> None:
+    """If this fails: mend what changed the figure, or `make figures ONLY=...` and say why."""
+    assert figure.quick is not None
+    if figure.needs and not (recordings_folder() / figure.needs).exists():
+        pytest.skip(f"no recording {figure.needs}")
+    found = picked(output(figure.quick.command), figure.quick.key)
+    assert "" == quick_verdict(figure, found)
+
+
+def test_isolation_is_among_them() -> None:
+    """It once went from 0.98 to 0.86 and nobody saw it."""
+    assert {f"isolation.sound-start.0.{k}" for k in (1, 2, 3)} <= {f.id for f in QUICK}

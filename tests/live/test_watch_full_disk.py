@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_files import KeptFiles, kept_files
+from rulec_runtime.commands.watch_kept import KeptFiles, kept_files
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused

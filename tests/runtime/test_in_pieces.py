@@ -172,11 +172,9 @@ def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[int], None]) 
 @given(
     st.lists(st.sampled_from([-2.5, -1.0, 0.0, 1e-300, 1.0, 1.0, 3.0, 1e9]), max_size=60),
     st.integers(1, 9),
-    st.sampled_from([0, limits.IN_MEMORY]),
 )
-def test_median_of_many(numbers: list[float], part: int, room: int) -> None:
-    """As by sorting, whatever is equal and wherever parts end: by a sample, or by counting alone
-    where there is no room."""
+def test_median_of_many(numbers: list[float], part: int) -> None:
+    """As by sorting, whatever is equal and wherever parts end, also where a sample misses it."""
     values = np.array(numbers)
 
     def parts() -> Iterator[Array]:
@@ -186,7 +184,6 @@ def test_median_of_many(numbers: list[float], part: int, room: int) -> None:
         patched.setattr(limits, "SORTED_AT_ONCE", 3)
         patched.setattr(limits, "SAMPLED", 3)
         patched.setattr(limits, "MEDIAN_WITHIN", 1.0)
-        patched.setattr(limits, "IN_MEMORY", room)
         found = median_of(parts)
     expected = float(np.median(values)) if numbers else NAN
     np.testing.assert_equal(found, expected)

@@ -31,7 +31,7 @@ LAYOUT = {
     "rulec_runtime.contract.plan": "samples at a time: speed alone",
     "rulec_runtime.recordings.text_parts": "rows at a time: speed alone",
     "rulec_runtime.fleet.plant_day": "version of a format",
-    "rulec_runtime.recordings.which_sheet": "how many tables a message lists",
+    "rulec_runtime.recordings.formats": "how many tables a message lists",
     "rulec_runtime.recordings.recording_file": "how many words a remark lists",
     "rulec_runtime.recordings.long_table": "units of time",
     "rulec_runtime.recordings.zone": "units of time",

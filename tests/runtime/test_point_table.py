@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,42 +49,26 @@ def _points(recording: Recording) -> NDArray[np.intp]:
     return middles[np.diff(edges) > HELD]
 
 
-def test_a_run_is_no_table(run: Recording, abc: Ruleset) -> None:
-    """Points that are held change by their noise from row to row."""
-    assert not is_point_table(run, abc)
+TAKEN: dict[str, tuple[Callable[[NDArray[np.intp]], NDArray[np.intp]], bool]] = {
+    "one row of each point": (lambda points: points, True),
+    "the same shuffled": (np.random.default_rng(5).permutation, True),
+    "a few rows of each point": (lambda points: (points[:, None] + np.arange(3)).ravel(), False),
+    "all rows": (lambda points: np.arange(points[-1]), False),
+}
 
 
-def test_one_row_per_point_is_a_table(run: Recording, abc: Ruleset) -> None:
-    """The same points with one row each, in the order of the run."""
-    assert is_point_table(_rows(run, _points(run)), abc)
-
-
-def test_order_does_not_matter(run: Recording, abc: Ruleset) -> None:
-    """The same points shuffled."""
-    shuffled = np.random.default_rng(5).permutation(_points(run))
-    assert is_point_table(_rows(run, shuffled), abc)
-
-
-def test_a_few_rows_of_each_point_are_no_table(run: Recording, abc: Ruleset) -> None:
-    """Three rows of each point are settled stretches."""
-    rows = (_points(run)[:, None] + np.arange(3)).ravel()
-    assert not is_point_table(_rows(run, rows), abc)
+@pytest.mark.parametrize("name", TAKEN)
+def test_tables_are_told_from_runs(name: str, run: Recording, abc: Ruleset) -> None:
+    """A table moves on at every row, in any order; what is held changes by its noise alone."""
+    taken, is_table = TAKEN[name]
+    assert is_table == is_point_table(_rows(run, taken(_points(run))), abc)
 
 
 def test_one_noisy_sensor_makes_no_table(run: Recording, abc: Ruleset) -> None:
     """A single reading that jumps at every row is a bad sensor."""
     held = _rows(run, np.full(40, _points(run)[0]))
     noisy = held.values["A.dp"] * np.random.default_rng(5).uniform(0.5, 1.5, 40)
-    assert not is_point_table(
-        Recording(
-            time=held.time,
-            values={**held.values, "A.dp": noisy},
-            segment=held.segment,
-            missing=(),
-            notes=(),
-        ),
-        abc,
-    )
+    assert not is_point_table(replace(held, values={**held.values, "A.dp": noisy}), abc)
 
 
 def test_examples_are_runs(abc: Ruleset) -> None:

@@ -15,15 +15,8 @@ from rulec_runtime.recordings.together import (
     read_recordings,
 )
 
-from tests.conftest import compiled
-
 COLUMNS = ("A.n [rpm]", "A.dp [bar]", "A.T [degC]")
 STEP = 2.0
-
-
-@pytest.fixture
-def abc() -> Ruleset:
-    return compiled("abc")
 
 
 def written(

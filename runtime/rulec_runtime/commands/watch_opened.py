@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.commands.destinations import console
-from rulec_runtime.commands.watch_files import KeptFiles, kept_files
-from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
+from rulec_runtime.commands.watch_kept import KeptFiles, KeptJournal, kept_files, kept_journal
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state

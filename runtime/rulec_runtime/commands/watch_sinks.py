@@ -7,12 +7,14 @@ import os
 from contextlib import ExitStack
 from pathlib import Path
 
-from rulec_runtime.commands.waiting import closed, waiting_in
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
+from rulec_runtime.live.journal.outbox import Outbox, Sink
 from rulec_runtime.live.journal.refused import JournalRefused, needs
 from rulec_runtime.live.journal.sinks import HealthSink, MqttSink, WatchSink
+from rulec_runtime.live.journal.spill import spill_beside
 from rulec_runtime.output.terminal import say_aside
+from rulec_runtime.report.text import counted
 
 CERTIFICATES = ("own.der", "own.pem", "trusted")
 """Of the server of device health: its certificate, its key, and a folder of those it trusts."""
@@ -51,7 +53,7 @@ def _mqtt(
     )
     stack.callback(broker.close)
     outbox = waiting_in(folder, "mqtt", broker, plant)
-    stack.callback(closed, outbox)
+    stack.callback(close, outbox, [])
     return MqttSink(broker, outbox, say_aside)
 
 
@@ -84,3 +86,27 @@ def host_and_port(option: str, text: str) -> tuple[str, int]:
     if not port.isdecimal() or int(port) > limits.LAST_PORT:
         raise JournalRefused(f"{option} {text[:60]}: write PORT or HOST:PORT, such as 8080")
     return host.strip("[]") or "127.0.0.1", int(port)
+
+
+def waiting_in(folder: Path | None, name: str, sink: Sink, plant: str) -> Outbox:
+    """The outbox of a sink, which writes at once what an earlier process has left in the folder;
+    without a folder events wait in memory alone."""
+    file = None if folder is None else spill_beside(folder / name, plant)
+    outbox = Outbox(sink, plant, say_aside, file=file)
+    outbox.start()
+    return outbox
+
+
+def close(outbox: Outbox, unwritten: list[str]) -> None:
+    """Write what waits as far as that works; what is left is said, and put into `unwritten`."""
+    left = outbox.close()
+    if not left:
+        return
+    text = f"{outbox.place}: {counted(left, 'event')} could not be written"
+    file = outbox.file
+    if file is not None and file.exists():
+        text += f"; what waits stands in {file} and is written at the next start"
+    else:
+        text += " and nowhere else stands"
+    say_aside(text)
+    unwritten.append(text)

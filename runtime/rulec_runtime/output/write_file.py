@@ -34,32 +34,16 @@ def write_text(path: Path, text: str) -> None:
 
 def write_data(path: Path, data: bytes) -> None:
     """Write a file as a whole or not at all, and onto the disk: the machine may fail next."""
-    part = path.with_name(f".rulec-{secrets.token_hex(8)}.part")
-    try:
-        with _opened(part, through=False) as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except BaseException as error:
-        with suppress(OSError):
-            part.unlink()
-        if isinstance(error, OSError):
-            error.filename, error.filename2 = str(path), None
-        raise
+    with _replacing(path) as part, _opened(part, _NEW) as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def write_private(path: Path, data: bytes) -> None:
     """Write a file that nobody else can read, as a whole or not at all."""
-    part = path.with_name(f".rulec-{secrets.token_hex(8)}.part")
-    try:
-        with os.fdopen(os.open(part, _NEW, 0o600), "wb") as file:
-            file.write(data)
-        os.replace(part, path)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
+    with _replacing(path) as part, _opened(part, _NEW, 0o600) as file:
+        file.write(data)
 
 
 @contextmanager
@@ -69,29 +53,36 @@ def written(path: Path) -> Iterator[TextIO]:
     A link is replaced, not followed: nothing is written where the link points. What is no file
     (a pipe, a terminal, /dev/null, /dev/stdout) is written through.
     """
-    part: Path | None = None
+    through = _is_through(path)
+    if not through and path.is_dir() and not path.is_symlink():
+        text = "this is a folder; give the name of a file"
+        raise IsADirectoryError(errno.EISDIR, text, str(path))
+    with ExitStack() as stack:
+        part = stack.enter_context(_replacing(path, through))
+        file: Any = stack.enter_context(_opened(part, os.O_WRONLY if through else _NEW))
+        if path.name.lower().endswith(".gz"):
+            # No date and no name in it: the same content gives the same bytes.
+            file = stack.enter_context(gzip.GzipFile("", "wb", fileobj=file, mtime=0))
+        yield stack.enter_context(
+            io.TextIOWrapper(file, encoding="utf-8", errors="backslashreplace", newline="\n")
+        )
+
+
+@contextmanager
+def _replacing(path: Path, through: bool = False) -> Iterator[Path]:
+    """A new name beside a file, whose place it takes in the end; of what failed nothing is left.
+    What is written `through` keeps its own."""
+    part = path if through else path.with_name(f".rulec-{secrets.token_hex(8)}.part")
     try:
-        through = _is_through(path)
-        if not through and path.is_dir() and not path.is_symlink():
-            raise IsADirectoryError(errno.EISDIR, "this is a folder; give the name of a file")
-        part = None if through else path.with_name(f".rulec-{secrets.token_hex(8)}.part")
-        with ExitStack() as stack:
-            file: Any = stack.enter_context(_opened(part or path, through))
-            if path.name.lower().endswith(".gz"):
-                # No date and no name in it: the same content gives the same bytes.
-                file = stack.enter_context(gzip.GzipFile("", "wb", fileobj=file, mtime=0))
-            yield stack.enter_context(
-                io.TextIOWrapper(file, encoding="utf-8", errors="backslashreplace", newline="\n")
-            )
-        if part is not None:
+        yield part
+        if not through:
             os.replace(part, path)
     except BaseException as error:
-        if part is not None:
+        if not through:
             with suppress(OSError):
                 part.unlink()
         if isinstance(error, OSError) and error.filename in (None, str(part)):
-            error.filename = str(path)  # the user asked for this one
-            error.filename2 = None
+            error.filename, error.filename2 = str(path), None  # the user asked for this one
         raise
 
 
@@ -109,7 +100,6 @@ def _is_through(path: Path) -> bool:
     return path.is_symlink() and any(folder == d or folder.startswith(f"{d}/") for d in _DEVICES)
 
 
-def _opened(path: Path, through: bool) -> io.BufferedWriter:
-    """A new file with the rights that the user's umask gives; or what is there, as it is."""
-    flags = os.O_WRONLY if through else _NEW
-    return os.fdopen(os.open(path, flags, 0o666), "wb")
+def _opened(path: Path, flags: int, rights: int = 0o666) -> io.BufferedWriter:
+    """A file to write to; a new one has these rights, as far as the user's umask gives them."""
+    return os.fdopen(os.open(path, flags, rights), "wb")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.piecewise import runs_of_same
-from rulec_runtime.recordings.scratch import blocks, let_go
+from rulec_runtime.recordings.scratch import blocks
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,7 @@ def _standing(time: Array) -> list[ClockSet]:
 def _steps_back(time: Array) -> NDArray[np.intp]:
     """Rows with an earlier time than that before them."""
     found = [np.zeros(0, dtype=np.intp)]
-    for low, high in blocks(len(time)):
+    for low, high in blocks(len(time), time):
         first = max(low, 1)
         found.append(np.flatnonzero(time[first:high] < time[first - 1 : high - 1]) + first)
-        let_go(time)
     return np.concatenate(found)

@@ -12,7 +12,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.file_form import START, FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Unclear
-from rulec_runtime.recordings.scratch import blocks, let_go, mapped
+from rulec_runtime.recordings.scratch import blocks, mapped
 from rulec_runtime.recordings.table import Dates
 
 
@@ -95,10 +95,9 @@ def dated(numbers: Array, one: Counting) -> Dates:
 def _ends(numbers: Array) -> tuple[float, float, float]:
     """Smallest and largest of some numbers, and how far they are apart in the middle at first."""
     low, high = np.inf, -np.inf
-    for a, b in blocks(len(numbers)):
+    for a, b in blocks(len(numbers), numbers):
         part = numbers[a:b][np.isfinite(numbers[a:b])]
         low, high = min(low, part.min(initial=np.inf)), max(high, part.max(initial=-np.inf))
-        let_go(numbers)
     first = numbers[: limits.BLOCK]
     steps = np.diff(first[np.isfinite(first)])
     return float(low), float(high), float(np.median(steps)) if len(steps) else 0.0

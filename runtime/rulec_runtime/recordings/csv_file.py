@@ -12,8 +12,7 @@ from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_file import TextFile, text_file
 from rulec_runtime.recordings.text_parts import Part, parts_of, rows_of
 from rulec_runtime.recordings.text_table import text_sheet
-from rulec_runtime.recordings.title_search import TitleLine, TitleSearch
-from rulec_runtime.recordings.titles import left_out_above, rejoined
+from rulec_runtime.recordings.titles import TitleLine, TitleSearch, left_out_above, rejoined
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:

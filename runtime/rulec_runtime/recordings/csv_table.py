@@ -169,3 +169,12 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
                 word = cell.strip()[:30]
                 column.say(before + i, word)
     column.parts.append(numbers)
+
+
+def refuse_bomb(path: Path, unpacked: int, size: int) -> None:
+    """Raise `RecordingRefused` where a file of `size` bytes unpacks to too many."""
+    if unpacked > max(limits.FREE_TO_UNPACK, limits.DENSEST * size):
+        raise RecordingRefused(
+            f"{path}: it unpacks to more than {limits.DENSEST} times its size, as no "
+            "recording does; if it is one, unpack it first"
+        )

@@ -7,7 +7,7 @@ import logging
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,8 +21,7 @@ from rulec_runtime.recordings.arrange import arrange
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_columns
 from rulec_runtime.recordings.given import opened, place_of
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.titles import names_of_times
-from rulec_runtime.recordings.which_sheet import which
+from rulec_runtime.recordings.titles import is_time, names_of_times
 
 
 class Reader(Protocol):
@@ -49,10 +48,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 CSV = Format("CSV", (".csv", ".csv.gz"), (), "rulec_runtime.recordings.csv_file")
 
 BINARY = (
-    Format("Parquet", (".parquet",), ((0, b"PAR1"),), f"{_READERS}.parquet", "parquet"),
-    Format(
-        "Arrow", (".arrow", ".feather"), ((0, b"ARROW1"),), f"{_READERS}.arrow_file", "parquet"
-    ),
+    Format("Parquet", (".parquet",), ((0, b"PAR1"),), f"{_READERS}.arrow", "parquet"),
+    Format("Arrow", (".arrow", ".feather"), ((0, b"ARROW1"),), f"{_READERS}.arrow", "parquet"),
     Format("Excel", (".xlsx", ".xlsm"), ((0, b"PK\x03\x04"),), f"{_READERS}.excel", "excel"),
     Format("MAT 7.3", (), ((0, b"MATLAB 7.3 MAT-file"),), f"{_READERS}.hdf5", "mat"),
     Format("MAT", (".mat",), ((0, b"MATLAB 5.0 MAT-file"),), f"{_READERS}.mat", "mat"),
@@ -199,3 +196,48 @@ def _quiet() -> Iterator[None]:
     finally:
         logging.disable(before)
         sys.unraisablehook = hook
+
+
+SHOWN = 8
+
+
+def which(path: Path, sheets: Sequence[Sheet], name: str, times: Collection[str]) -> Sheet:
+    """The table called `name`; without one, the only one with a time column.
+
+    Tables have clocks of their own, and nothing puts them on one. Raises `RecordingRefused`.
+    """
+    if name:
+        for sheet in sheets:
+            if sheet.name.strip("/") == name:
+                return sheet
+        raise RecordingRefused(
+            f"{path}: there is no table '{name[:40]}' in it{_listed(sheets, times)}"
+        )
+    timed = [sheet for sheet in sheets if any(is_time(title, times) for title in sheet.titles)]
+    if len(timed) == 1:
+        return timed[0]
+    if timed:
+        raise RecordingRefused(
+            f"{path}: it holds {len(timed)} tables with times of their own, which are not put on "
+            f"one clock; name one, as in '{path.name}#{timed[0].name.strip('/')}'"
+            f"{_listed(timed, times)}"
+        )
+    if len(sheets) == 1:
+        return sheets[0]
+    raise RecordingRefused(f"{path}: no table in it has a time column{_listed(sheets, times)}")
+
+
+def _listed(sheets: Sequence[Sheet], times: Collection[str]) -> str:
+    shown = [_described(sheet, times) for sheet in sheets[:SHOWN]]
+    more = f" and {len(sheets) - SHOWN} more" if len(sheets) > SHOWN else ""
+    return f": {'; '.join(shown)}{more}" if shown else ""
+
+
+def _described(sheet: Sheet, times: Collection[str]) -> str:
+    """Its name, and titles where one is a time: of a file of others nothing else is quoted."""
+    if not any(is_time(title, times) for title in sheet.titles):
+        return f"'{sheet.name.strip('/')}'"
+    rows = "" if sheet.rows is None else f"{sheet.rows} rows of "
+    titles = ", ".join(title.strip() for title in sheet.titles[:3])
+    more = ", ..." if len(sheet.titles) > 3 else ""
+    return f"'{sheet.name.strip('/')}' ({rows}{titles}{more})"

@@ -108,16 +108,12 @@ def assign(
 
 def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
     """Why a file of which no column belongs to the plant is none of its recordings."""
+    first = ruleset.signals[0]
+    example = ruleset.columns[0].column if ruleset.columns else f"{first.id} [{first.unit}]"
     return RecordingRefused(
-        f"{name}: no column belongs to this plant. Expected columns such as "
-        f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
+        f"{name}: no column belongs to this plant. Expected columns such as '{example}'; foreign "
+        "names need a column map (columns.yaml)"
     )
-
-
-def _example(ruleset: Ruleset) -> str:
-    if ruleset.columns:
-        return ruleset.columns[0].column
-    return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
 
 
 def result_of(name: str, ruleset: Ruleset) -> bool:

@@ -14,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells
-from rulec_runtime.recordings.time_parts import seconds_in
+from rulec_runtime.recordings.time_column import seconds_in
 
 
 def last_before(own: Array, rows: Array, longest: float | None) -> NDArray[np.intp]:
@@ -42,12 +42,17 @@ def told(form: FileForm) -> str:
     return f"a reading holds until the next one of its signal{most}, as the column map says"
 
 
-def _filled(column: Column, seconds: Array, longest: float | None) -> Column:
-    values = column.numbers()
+def rows_written(values: Array, column: Column, seconds: Array) -> NDArray[np.intp]:
+    """Rows in which a column holds a number or a word, in order of their times."""
     there = np.isfinite(values)
     there[[*(column.placed or ())]] = True
     rows = np.flatnonzero(there & np.isfinite(seconds))
-    rows = rows[np.argsort(seconds[rows], kind="stable")]
+    return rows[np.argsort(seconds[rows], kind="stable")]
+
+
+def _filled(column: Column, seconds: Array, longest: float | None) -> Column:
+    values = column.numbers()
+    rows = rows_written(values, column, seconds)
     at = last_before(seconds[rows], seconds, longest)
     filled = np.where(at >= 0, values[rows[np.maximum(at, 0)]], np.nan) if len(rows) else values
     parts = Growing()

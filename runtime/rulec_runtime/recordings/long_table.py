@@ -21,10 +21,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings import held
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
+from rulec_runtime.recordings.piecewise import interval_of, nearest
 from rulec_runtime.recordings.places import Places
 from rulec_runtime.recordings.quality import as_word, codes_told, good_of
-from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
-from rulec_runtime.recordings.time_parts import seconds_in, time_of_parts
+from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
+from rulec_runtime.recordings.time_column import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
 
 
@@ -60,7 +61,7 @@ class LongTable:
         wanted = {index - 1 for index in (*numbers, *kept) if index}
         found = {k: self.readings[k] for k in wanted}
         most = max(found, key=lambda k: len(found[k].at), default=0)
-        base = self._rows(found, most, form)
+        base = self._rows(found, most)
         at = seconds_in(_taken(self.times, base), form)
         if form.hold == "last":
             placed = {k: held.last_before(r.at, at, form.hold_for) for k, r in found.items()}
@@ -70,7 +71,7 @@ class LongTable:
             self._column(index - 1, found[index - 1], placed[index - 1]) for index in numbers
         )
         texts = {k: _texts(found[k], placed[k]) for k in {i - 1 for i in kept if i}}
-        remarks = self._moved(most, at, found, placed, form)
+        remarks = self._moved(most, at, found, placed)
         return Table(
             kept=tuple(texts[i - 1] if i else _taken(self.times, base) for i in kept),
             columns=columns,
@@ -79,17 +80,13 @@ class LongTable:
             remarks=tuple(remarks),
         )
 
-    def lines(self) -> Iterator[list[str]]:
-        table = self.read(range(len(self.tags) + 1), ())
-        return (list(row) for row in zip(*(texts_of(c) for c in table.kept), strict=True))
-
-    def _rows(self, found: Mapping[int, Readings], most: int, form: FileForm) -> NDArray[np.intp]:
+    def _rows(self, found: Mapping[int, Readings], most: int) -> NDArray[np.intp]:
         """Rows of the file whose times are those of the table: of the tag with the most readings;
         where readings hold, of all tags, as far as they are not closer than those of this one.
 
         Raises `RecordingRefused` where readings seem to hold, and no column map says so.
         """
-        base = found[most] if found else self.readings[0]
+        base, form = found[most] if found else self.readings[0], self.form
         if form.hold == "last":
             rows = np.concatenate([r.rows for r in found.values()])
             at = np.concatenate([r.at for r in found.values()])
@@ -129,14 +126,13 @@ class LongTable:
         at: Array,
         found: Mapping[int, Readings],
         placed: Mapping[int, NDArray[np.intp]],
-        form: FileForm,
     ) -> Iterator[str]:
         """Remarks on readings that have no row of their own time."""
         if self.untimed:
             count = plural(self.untimed, "reading has", "readings have")
             yield f"{count} no usable time; left out"
-        if form.hold == "last":
-            yield held.told(form)
+        if self.form.hold == "last":
+            yield held.told(self.form)
             return
         moved, lost, largest = 0, 0, 0.0
         for k, own in found.items():
@@ -201,7 +197,7 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         titles=(sheet.titles[places.time[0]], *tags),
         units=(sheet.units[places.time[0]], *_units(path, tuple(tags), number, units)),
         read=long.read,
-        lines=long.lines,
+        lines=lambda: lines_of(long.read, len(long.tags) + 1),
         rows=None,
         remarks=(*sheet.remarks, *table.remarks, count, *seen),
     )
@@ -239,13 +235,9 @@ def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
     the usual distance, and where a nearer one took it."""
     if not len(base):
         return np.full(len(own), -1, dtype=np.intp)
-    behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
-    before, behind = np.maximum(behind - 1, 0), np.minimum(behind, len(base) - 1)
-    near = np.where(own - base[before] <= base[behind] - own, before, behind)
-    usual = float(np.median(np.diff(base))) if len(base) > 1 else 0.0
-    away = np.abs(base[near] - own)
-    away = np.round(away * 1e6) / 1e6
-    taken = np.where(away <= 0.5 * usual, near, -1)
+    near = nearest(base, own)
+    away = np.round(np.abs(base[near] - own) * 1e6) / 1e6
+    taken = np.where(away <= 0.5 * interval_of(base, 0.0), near, -1)
     order = np.lexsort((away, taken))
     again = np.concatenate([[False], np.diff(taken[order]) == 0])
     taken[order[again]] = -1

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.piecewise import interval_of, nearest
 from rulec_runtime.recordings.recording import Recording
 
 
@@ -46,12 +47,8 @@ class Mending:
             rows = np.flatnonzero(recording.segment == segment)
             time = recording.time[rows]
             wanted = time + self.late
-            behind = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
-            behind = np.minimum(behind, len(time) - 1)
-            before = np.maximum(behind - 1, 0)
-            near = np.where(wanted - time[before] <= time[behind] - wanted, before, behind)
-            usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-            there = np.abs(time[near] - wanted) <= 0.5 * usual
+            near = nearest(time, wanted)
+            there = np.abs(time[near] - wanted) <= 0.5 * interval_of(time, 0.0)
             found[rows[there]] = values[rows[near[there]]]
         return found
 

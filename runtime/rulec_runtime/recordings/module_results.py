@@ -22,7 +22,7 @@ from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.given import is_there, place_of
-from rulec_runtime.recordings.header import parts_of, result_of
+from rulec_runtime.recordings.header import Header, Target, parts_of, result_of
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording_file import form_of
 from rulec_runtime.recordings.time_column import read_times
@@ -76,35 +76,15 @@ def holds_results(path: Path, ruleset: Ruleset) -> bool:
 
 def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     """Read a CSV file (also .gz); raises `RecordingRefused` with a message for the operator."""
-    names: list[str] = []
-    scales: list[tuple[float, float]] = []
-    time_title = ["", ""]
-
-    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
-        time, wanted = -1, []
-        for i, title in enumerate(as_meant(t.strip()) for t in titles):
-            name, unit = parts_of(title)
-            if name == TIME:
-                time = i
-                time_title[:] = [title, unit.strip()]
-            elif (scale := _scale(path, title, name, unit.strip(), ruleset)) is not None:
-                if name in names:
-                    raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
-                names.append(name)
-                scales.append(scale)
-                wanted.append(i)
-        if time < 0:
-            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
-        return time, wanted
-
     with opened_sheet(path, form_of(ruleset)) as sheet:
-        index, wanted = choose(sheet.titles)
-        table = sheet.read([index], wanted)
-    _check(path, names, ruleset)
-    time, zones = read_times(path, table.kept[0], time_title[0], time_title[1], ruleset.units)
+        header = _header(path, sheet.titles, ruleset)
+        table = sheet.read([header.time], [target.index for target in header.targets])
+    _check(path, [target.signal for target in header.targets], ruleset)
+    title, unit = header.time_title, header.time_unit
+    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units)
     values = {
-        name: column.numbers() * factor + offset
-        for name, column, (factor, offset) in zip(names, table.columns, scales, strict=True)
+        target.signal: column.numbers() * target.factor + target.offset
+        for target, column in zip(header.targets, table.columns, strict=True)
     }
     lengths, samples = values.pop(SECONDS), values.pop(SAMPLES)
     usable = np.isfinite(time) & (lengths >= 0.0) & (samples >= 1.0)
@@ -127,6 +107,22 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
         notes=tuple(notes),
         calendar=calendar,
     )
+
+
+def _header(path: Path, titles: Sequence[str], ruleset: Ruleset) -> Header:
+    """Which columns are of use."""
+    header = Header()
+    for i, title in enumerate(as_meant(t.strip()) for t in titles):
+        name, unit = parts_of(title)
+        if name == TIME:
+            header.time, header.time_title, header.time_unit = i, title, unit.strip()
+        elif (scale := _scale(path, title, name, unit.strip(), ruleset)) is not None:
+            if any(target.signal == name for target in header.targets):
+                raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+            header.targets.append(Target(i, name, *scale))
+    if header.time < 0:
+        raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
+    return header
 
 
 def _scale(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.scratch import blocks, let_go
+from rulec_runtime.recordings.scratch import array, blocks, let_go
 
 Flags = np.ndarray
 Parts = Callable[[], Iterable[Array]]
@@ -17,10 +18,9 @@ Parts = Callable[[], Iterable[Array]]
 
 def parts_of(values: Array, wanted: Callable[[Array], Flags] = np.isfinite) -> Iterator[Array]:
     """Those readings that are wanted, by default all that there are."""
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values):
         part = values[low:high]
         yield part[wanted(part)]
-        let_go(values)
 
 
 def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
@@ -32,35 +32,20 @@ def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
         before = row[-order:]
 
 
-def count_of(parts: Iterable[Array]) -> int:
-    """How many numbers there are."""
-    return sum(len(part) for part in parts)
-
-
 def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
     """Whether a function is true of some number."""
-    for low, high in blocks(len(values)):
-        found = bool(function(values[low:high]).any())
-        let_go(values)
-        if found:
-            return True
-    return False
+    return any(function(values[low:high]).any() for low, high in blocks(len(values), values))
 
 
 def first_reading(values: Array) -> float | None:
     """The first number of a column; None where there is none."""
-    for low, high in blocks(len(values)):
-        known = np.isfinite(values[low:high])
-        if known.any():
-            return float(values[low + int(np.argmax(known))])
-        let_go(values)
-    return None
+    return next((float(part[0]) for part in parts_of(values) if len(part)), None)
 
 
 def median_of(parts: Parts) -> float:
     """The median, as of all numbers at once; NaN of none.
 
-    Of many, it is looked for near that of a sample, and by counting where it is not there.
+    Of many, it is looked for near that of a sample; where it is not there, all are put in order.
     """
     few: list[Array] = []
     sample: list[Array] = []
@@ -78,7 +63,7 @@ def median_of(parts: Parts) -> float:
         return float(np.median(np.concatenate(few)))
     middle = (total - 1) // 2
     near = _near_middle(np.sort(np.concatenate(sample)))
-    one, next_one = _between(parts, middle, *near) or _from_rank(parts, middle)
+    one, next_one = _between(parts, middle, *near) or _of_all(parts, total, middle)
     return 0.5 * (one + next_one) if total % 2 == 0 else one
 
 
@@ -90,75 +75,37 @@ def _near_middle(sample: Array) -> tuple[float, float]:
 
 
 def _between(parts: Parts, rank: int, low: float, high: float) -> tuple[float, float] | None:
-    """The number of a rank, and the one behind it in order of size, if both are between two
-    numbers, and not much else is."""
-    below = count = 0
+    """The number of a rank, and the one behind it in order of size, if both lie between two
+    numbers; how often these two come is counted, as readings often repeat."""
+    below = lows = highs = 0
     within: list[Array] = []
     for part in parts():
-        here = part[(part >= low) & (part <= high)]
         below += int(np.count_nonzero(part < low))
-        count += len(here)
-        if low < high:
-            within.append(here)
-            if here.itemsize * count > limits.IN_MEMORY:
-                return None
-    at = rank - below
-    if not 0 <= at < count - 1:
+        lows += int(np.count_nonzero(part == low))
+        highs += int(np.count_nonzero(part == high))
+        within.append(part[(part > low) & (part < high)])
+    inside = np.sort(np.concatenate(within))
+    ends = below, below + lows, below + lows + len(inside)
+    if rank < below or rank + 1 >= ends[-1] + (highs if low < high else 0):
         return None
-    if low == high:
-        return low, low
-    ordered = np.partition(np.concatenate(within), (at, at + 1))
-    return float(ordered[at]), float(ordered[at + 1])
+
+    def of(rank: int) -> float:
+        if rank < ends[1]:
+            return low
+        return float(inside[rank - ends[1]]) if rank < ends[2] else high
+
+    return of(rank), of(rank + 1)
 
 
-def _from_rank(parts: Parts, rank: int) -> tuple[float, float]:
-    """The number of a rank, and the one behind it in order of size.
-
-    Numbers are counted by their leading bits until few have the same as the one looked for.
-    """
-    prefix, below, shift = 0, 0, 64
-    while True:
-        shift -= limits.COUNTED_BITS
-        counts = np.zeros(1 << limits.COUNTED_BITS, dtype=np.int64)
-        for part in parts():
-            keys = _keys(part)
-            if shift < 64 - limits.COUNTED_BITS:
-                keys = keys[keys >> np.uint64(shift + limits.COUNTED_BITS) == np.uint64(prefix)]
-            last = (keys >> np.uint64(shift)).astype(np.int64) & ((1 << limits.COUNTED_BITS) - 1)
-            counts += np.bincount(last, minlength=1 << limits.COUNTED_BITS)
-        reached = np.cumsum(counts)
-        place = int(np.searchsorted(reached, rank - below, side="right"))
-        below += int(reached[place] - counts[place])
-        prefix = prefix << limits.COUNTED_BITS | place
-        if counts[place] <= limits.SORTED_AT_ONCE or not shift:
-            break
-    same: list[Array] = []
-    behind = np.inf
+def _of_all(parts: Parts, total: int, rank: int) -> tuple[float, float]:
+    """The same, wherever they are."""
+    numbers, done = array(total), 0
     for part in parts():
-        leading = _keys(part) >> np.uint64(shift)
-        if shift:
-            same.append(part[leading == np.uint64(prefix)])
-        behind = min(behind, float(part[leading > np.uint64(prefix)].min(initial=np.inf)))
-    at = rank - below
-    if not shift:
-        one = _number(prefix)
-        return one, one if at + 1 < counts[place] else behind
-    ordered = np.sort(np.concatenate(same))
-    return float(ordered[at]), float(ordered[at + 1]) if at + 1 < len(ordered) else behind
-
-
-def _keys(part: Array) -> np.ndarray:
-    """Whole numbers in the order of those given."""
-    bits = np.ascontiguousarray(part, dtype=float).view(np.uint64)
-    sign = np.uint64(1 << 63)
-    return np.where(bits & sign, ~bits, bits | sign)
-
-
-def _number(key: int) -> float:
-    """The number of a key."""
-    bits = np.array([key], dtype=np.uint64)
-    sign = np.uint64(1 << 63)
-    return float(np.where(bits & sign, bits ^ sign, ~bits).view(float)[0])
+        numbers[done : done + len(part)] = part
+        done += len(part)
+    behind = min(rank + 1, total - 1)
+    numbers.partition((rank, behind))
+    return float(numbers[rank]), float(numbers[behind])
 
 
 def runs_where(count: int, flags: Callable[[int, int], Flags], least: int) -> list[tuple[int, int]]:
@@ -190,11 +137,10 @@ def runs_of_same(values: Array, least: int) -> tuple[list[tuple[int, int]], int]
         shorter = max(shorter, int(np.max(lengths, where=lengths < least, initial=1)))
         found.extend(_long(edges[:-1], edges[1:], least))
 
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values):
         first = max(low, 1)
         with np.errstate(invalid="ignore"):
             changes = np.flatnonzero(values[first:high] != values[first - 1 : high - 1]) + first
-        let_go(values)
         if len(changes):
             enter(np.concatenate([[begun], changes]))
             begun = int(changes[-1])
@@ -231,8 +177,63 @@ def interval_of(time: Array, unknown: float) -> float:
     """The usual time between samples, s; `unknown` where there is one sample alone."""
     if len(time) < 2:
         return unknown
-    return median_of(lambda: differences(parts_of(time, _every), 1))
+    return median_of(
+        lambda: differences((time[low:high] for low, high in blocks(len(time), time)), 1)
+    )
 
 
-def _every(part: Array) -> Flags:
-    return np.ones(len(part), dtype=bool)
+def sums_between(values: Array, first: np.ndarray, last: np.ndarray) -> Array:
+    """Sums of the samples ``first : last``, of stretches in order of time, shape (n,)."""
+    if not len(first):
+        return np.zeros(0)
+    edges = np.column_stack([first, last]).ravel()
+    # What ends with the samples needs no edge.
+    inside = edges[:-1] if edges[-1] == len(values) else edges
+    sums: Array = np.add.reduceat(values, np.minimum(inside, len(values) - 1))[::2]
+    return np.where(last > first, sums, 0.0)
+
+
+def means_between(
+    values: Array,
+    first: np.ndarray,
+    last: np.ndarray,
+    usable: Callable[[Array], Array] = lambda values: values,
+) -> tuple[Array, Array]:
+    """Means of the samples ``first : last`` that have a reading, and how many these are.
+
+    `usable` makes numbers of them that do not count NaN.
+    """
+    means, number = np.zeros((2, len(first)))
+    for low, high in _near(first, last):
+        begin, stop = int(first[low]), int(last[high - 1])
+        here = usable(values[begin:stop]), first[low:high] - begin, last[low:high] - begin
+        means[low:high], number[low:high] = _means_at_once(*here)
+        let_go(values)
+    return means, number
+
+
+def _near(first: np.ndarray, last: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Stretches, in order of time, in groups that are not longer than a block."""
+    low = 0
+    while low < len(first):
+        high = int(np.searchsorted(last, first[low] + limits.BLOCK, side="right"))
+        high = max(high, low + 1)
+        yield low, high
+        low = high
+
+
+def _means_at_once(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[Array, Array]:
+    number = (last - first).astype(float)
+    known = np.isfinite(values)
+    if not known.all():
+        number = sums_between(known.astype(float), first, last)
+        values = np.where(known, values, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return sums_between(values, first, last) / number, number
+
+
+def nearest(base: Array, own: Array) -> NDArray[np.intp]:
+    """For each time that of some, in order, that is nearest: its place in `base`."""
+    behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
+    before, behind = behind - 1, np.minimum(behind, len(base) - 1)
+    return np.where(own - base[before] <= base[behind] - own, before, behind)

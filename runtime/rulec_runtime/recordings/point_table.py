@@ -19,7 +19,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.recordings.piecewise import count_of, differences, median_of, parts_of
+from rulec_runtime.recordings.piecewise import differences, median_of, parts_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, systematic_u, working
 
@@ -66,7 +66,7 @@ def _moves(signal: SignalSpec, recording: Recording) -> bool:
     def at_work() -> Iterator[Array]:
         return parts_of(recording.values[signal.id], partial(working, signal))
 
-    if count_of(at_work()) < limits.FEWEST_POINTS:
+    if sum(map(len, at_work())) < limits.FEWEST_POINTS:
         return False
     usual = median_of(lambda: map(np.abs, at_work()))
     change = median_of(lambda: map(np.abs, differences(at_work(), 1)))

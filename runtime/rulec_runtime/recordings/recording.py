@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,67 +198,54 @@ def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Rulese
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file with its rows in order of time."""
-    has_time, count = _with_time(file.path, file.time, notes, lost)
+    has_time = mapped(file.time, lambda t: np.isfinite(t) & (np.abs(t) < limits.ABSURD), bool)
+    if not has_time.any():
+        raise RecordingRefused(f"{file.path}: no row has a usable time")
     columns = {"": file.time, **file.values}
     if file.zones is not None:
         columns[_ZONES] = file.zones
-    if count < len(file.time):
-        columns = {name: chosen(v, has_time, count) for name, v in columns.items()}
+    said = ("has", "have"), "no usable time"
+    columns = _without(columns, has_time, file.path, *said, notes, lost)
     ordered = in_order(columns[""])
     if ordered.sorted:
         notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
     if ordered.order is not None:
         columns = {name: picked(v, ordered.order) for name, v in columns.items()}
     columns[""] = ordered.time
-    first, repeated = _first_of_a_time(ordered.time)
-    _tell_left_out(
-        file.path, repeated, ("repeats", "repeat"), "the time of another row", notes, lost
-    )
-    if repeated:
-        left = len(first) - repeated
-        columns = {name: chosen(v, first, left) for name, v in columns.items()}
+    said = ("repeats", "repeat"), "the time of another row"
+    columns = _without(columns, _first_of_a_time(ordered.time), file.path, *said, notes, lost)
     time, zones = columns.pop(""), columns.pop(_ZONES, None)
     return _Part(file.path.name, time, columns, zones, ordered.sets)
 
 
-def _first_of_a_time(time: Array) -> tuple[NDArray[np.bool_], int]:
-    """Rows with a later time than that before them, and how many others there are."""
-    first, repeated = array(len(time), bool), 0
-    for low, high in blocks(len(time)):
+def _first_of_a_time(time: Array) -> NDArray[np.bool_]:
+    """Rows with a later time than that before them."""
+    first = array(len(time), bool)
+    for low, high in blocks(len(time), time, first):
         behind = max(low, 1)
         first[behind:high] = time[behind:high] > time[behind - 1 : high - 1]
         first[:1] = True
-        repeated += int((~first[low:high]).sum())
-        let_go(time, first)
-    return first, repeated
+    return first
 
 
-def _with_time(
-    path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
-) -> tuple[NDArray[np.bool_], int]:
-    """Rows that have a time, and how many they are."""
-    has_time = mapped(time, lambda t: np.isfinite(t) & (np.abs(t) < limits.ABSURD), bool)
-    count = int(has_time.sum())
-    if not count:
-        raise RecordingRefused(f"{path}: no row has a usable time")
-    without = len(has_time) - count
-    _tell_left_out(path, without, ("has", "have"), "no usable time", notes, lost)
-    return has_time, count
-
-
-def _tell_left_out(
+def _without(
+    columns: dict[str, Array],
+    stay: NDArray[np.bool_],
     path: Path,
-    count: int,
     verb: tuple[str, str],
     what: str,
     notes: list[str],
     lost: list[tuple[int, str]],
-) -> None:
-    """Rows that are no part of the recording, for the operator and for the count of rows."""
-    if count:
-        one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
-        notes.append(f"{path.name}: {plural(count, one, many)} left out")
-        lost.append((count, f"they {verb[1]} {what}"))
+) -> dict[str, Array]:
+    """Columns without rows that are no part of the recording; how many these are is told the
+    operator and counted."""
+    count = int(stay.sum())
+    if count == len(stay):
+        return columns
+    one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
+    notes.append(f"{path.name}: {plural(len(stay) - count, one, many)} left out")
+    lost.append((len(stay) - count, f"they {verb[1]} {what}"))
+    return {name: chosen(values, stay, count) for name, values in columns.items()}
 
 
 def _one_behind_the_other(
@@ -280,17 +267,23 @@ def _one_behind_the_other(
         parts = [_moved(part, -start) for part in parts]
     if _follow(ordered):
         return ordered, True
-    result: list[_Part] = []
-    names, end = [], 0.0
-    for part in parts:
-        step = interval_of(part.time, 1.0)
-        begin = end + step if result else float(part.time[0])
-        result.append(_moved(part, begin - float(part.time[0])))
-        end = float(result[-1].time[-1])
-        names.append(f"{part.name} from {begin:g} s")
+    starts = starts_behind([part.time for part in parts])
+    result = [_moved(part, start) for part, start in zip(parts, starts, strict=True)]
+    names = [f"{part.name} from {part.time[0]:g} s" for part in result]
     shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
     notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
     return result, False
+
+
+def starts_behind(times: Sequence[Array]) -> list[float]:
+    """What is added to each of some times, s, so that one follows the other."""
+    starts: list[float] = []
+    end = 0.0
+    for time in times:
+        begin = end + interval_of(time, 1.0) if starts else float(time[0])
+        starts.append(begin - float(time[0]))
+        end = starts[-1] + float(time[-1])
+    return starts
 
 
 def _moved(part: _Part, seconds: float) -> _Part:
@@ -310,3 +303,22 @@ def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
 
 def _follow(parts: Iterable[_Part]) -> bool:
     return all(a.time[-1] < b.time[0] for a, b in pairwise(parts))
+
+
+Found = TypeVar("Found")
+
+
+def once(
+    function: Callable[[Recording, Ruleset], Found],
+) -> Callable[[Recording, Ruleset], Found]:
+    """The same function, called once for a recording and a ruleset."""
+
+    @wraps(function)
+    def asked(recording: Recording, ruleset: Ruleset) -> Found:
+        known = recording.kept.get(asked)
+        if known is None or known[0] is not ruleset:
+            known = recording.kept[asked] = ruleset, function(recording, ruleset)
+        found: Found = known[1]
+        return found
+
+    return asked

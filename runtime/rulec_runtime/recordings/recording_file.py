@@ -20,7 +20,7 @@ from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sh
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign, foreign
 from rulec_runtime.recordings.piecewise import any_of
-from rulec_runtime.recordings.scratch import blocks, let_go
+from rulec_runtime.recordings.scratch import blocks
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.titles import names_of_times
 
@@ -174,12 +174,11 @@ def _readings(
             f"{path.name}: {plural(absent, f'{cell} is', f'{cells} are')} {shown}, which the "
             "column map calls missing"
         )
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values):
         values[low:high], absurd = in_si(values[low:high], target, most, missing)
         if not count and absurd.any():
             row = low + int(np.argmax(absurd)) + 1
         count += int(absurd.sum())
-        let_go(values)
     if count:
         notes.append(
             f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "

@@ -80,10 +80,12 @@ def _room_of(one: Any) -> mmap.mmap | None:
     return one if isinstance(one, mmap.mmap) else None
 
 
-def blocks(count: int) -> Iterator[tuple[int, int]]:
-    """First and behind last of so many in a row, a block at a time."""
+def blocks(count: int, *held: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and behind last of so many in a row, a block at a time; behind each, what was used of
+    arrays that are `held` is let go."""
     for low in range(0, count, limits.BLOCK):
         yield low, min(low + limits.BLOCK, count)
+        let_go(*held)
 
 
 def give_back() -> None:
@@ -95,9 +97,8 @@ def give_back() -> None:
 def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
     """What a function makes of each number, shape (n,)."""
     found = array(len(values), kind)
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values, found):
         found[low:high] = function(values[low:high])
-        let_go(values, found)
     return found
 
 
@@ -109,24 +110,22 @@ def copied(values: np.ndarray) -> np.ndarray:
 def picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """``values[at]``; places in order are read block by block."""
     found = array(len(at), values.dtype)
-    for low, high in blocks(len(at)):
+    for low, high in blocks(len(at), found):
         here = at[low:high]
         edges = np.flatnonzero(np.diff(here // limits.BLOCK)) + 1
         for first, last in zip([0, *edges], [*edges, len(here)], strict=True):
             found[low + first : low + last] = values[here[first:last]]
             let_go(values)
-        let_go(found)
     return found
 
 
 def chosen(values: np.ndarray, flags: np.ndarray, count: int) -> np.ndarray:
     """``values[flags]``, `count` of them."""
     found, done = array(count, values.dtype), 0
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values, found):
         part = values[low:high][flags[low:high]]
         found[done : done + len(part)] = part
         done += len(part)
-        let_go(values, found)
     return found
 
 
@@ -145,9 +144,8 @@ def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
         return parts[0]
     found, done = array(sum(map(len, parts)), np.result_type(*parts)), 0
     for part in parts:
-        for low, high in blocks(len(part)):
+        for low, high in blocks(len(part), part, found):
             found[done + low : done + high] = part[low:high]
-            let_go(part, found)
         done += len(part)
     return found
 

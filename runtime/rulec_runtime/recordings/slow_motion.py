@@ -11,17 +11,18 @@ from __future__ import annotations
 
 from array import array as packed
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.piecewise import means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
 from rulec_runtime.recordings.stationary import (
     Stretches,
+    cut,
     find_stretches,
     noise_at_work,
     noise_within,
@@ -29,7 +30,6 @@ from rulec_runtime.recordings.stationary import (
     stretches_of,
     systematic_u,
 )
-from rulec_runtime.recordings.sums import means_between
 
 
 def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
@@ -74,11 +74,9 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
         stop = begin + 1
         while free[stop] and not starts[stop]:
             stop += 1
-        pieces = max(1, (stop - begin) // limits.LONGEST_SLOW)
-        for low, high in pairwise(np.linspace(begin, stop, pieces + 1).astype(int)):
-            if high - low >= limits.SHORTEST_STRETCH:
-                first.append(low)
-                last.append(high)
+        firsts, lasts = cut(begin, stop, (stop - begin) // limits.LONGEST_SLOW)
+        first.extend(firsts)
+        last.extend(lasts)
     order = np.argsort(first, kind="stable")
     return stretches_of(np.array(first, dtype=np.intp)[order], np.array(last, dtype=np.intp)[order])
 
@@ -86,12 +84,11 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
 def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
     """First samples of runs of what is free, cut where something starts."""
     before = np.zeros(1, dtype=bool)
-    for low, high in blocks(len(free)):
+    for low, high in blocks(len(free), free, starts):
         here = free[low:high].copy()
         new = here & (starts[low:high] | ~np.concatenate([before, here[:-1]]))
         before = here[-1:]
         yield from (np.flatnonzero(new) + low).tolist()
-        let_go(free, starts)
 
 
 def lag_errors(
@@ -107,12 +104,14 @@ def lag_errors(
         return found
     lag = lag_u(recording)
     room = iter(arrays([((len(stretches),), float)] * len(recording.values)))
-    between = _between(recording.time, stretches)
+    between, _ = _apart(recording.time, stretches)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not len(stretches):
             continue
-        rate, u = _rates(between, values, stretches, noise[signal.id])
+        apart, shares = _apart(values, stretches)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rate, u = apart / between, noise[signal.id] * np.sqrt(shares) / between
         level = means_between(values, stretches.first, stretches.last)[0]
         least = limits.NO_CHANGE * systematic_u(signal, level)
         with np.errstate(invalid="ignore"):
@@ -130,22 +129,11 @@ def lag_u(recording: Recording) -> float:
     return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * recording.interval))
 
 
-def _between(time: Array, stretches: Stretches) -> Array:
-    """Time between the middles of the first and of the last part of each stretch, s."""
-    length = np.maximum(stretches.lengths // 2, 1)
-    early = means_between(time, stretches.first, stretches.first + length)[0]
-    return means_between(time, stretches.last - length, stretches.last)[0] - early
-
-
-def _rates(
-    between: Array, values: Array, stretches: Stretches, noise: float
-) -> tuple[Array, Array]:
-    """Rate of change within each stretch, SI/s, and its standard uncertainty by noise: the mean of
-    its last part less that of its first. Shape (n,) each."""
+def _apart(values: Array, stretches: Stretches) -> tuple[Array, Array]:
+    """The mean of the last part of each stretch less that of its first, and the variance of this
+    difference by noise, in variances of a reading. Shape (n,) each."""
     length = np.maximum(stretches.lengths // 2, 1)
     early, number = means_between(values, stretches.first, stretches.first + length)
     late, behind = means_between(values, stretches.last - length, stretches.last)
     with np.errstate(invalid="ignore", divide="ignore"):
-        rate = (late - early) / between
-        u = noise * np.sqrt(1.0 / number + 1.0 / behind) / between
-    return rate, u
+        return late - early, 1.0 / number + 1.0 / behind

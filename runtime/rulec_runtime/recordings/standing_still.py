@@ -17,7 +17,7 @@ from rulec_runtime.recordings.piecewise import (
     runs_of_same,
 )
 from rulec_runtime.recordings.robust import white_noise_of
-from rulec_runtime.recordings.scratch import blocks, let_go
+from rulec_runtime.recordings.scratch import blocks
 
 
 def standing_still(
@@ -63,12 +63,11 @@ def _steps(parts: Iterable[Array]) -> tuple[int, int]:
 def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Iterator[Array]:
     """Readings that are in none of some runs."""
     edges = np.array(long).reshape(-1, 2)
-    for low, high in blocks(len(values)):
+    for low, high in blocks(len(values), values):
         there = np.isfinite(values[low:high])
         for first, behind in edges[(edges[:, 0] < high) & (edges[:, 1] > low)].tolist():
             there[max(first - low, 0) : behind - low] = False
         yield values[low:high][there]
-        let_go(values)
 
 
 def _clipped(

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
-from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.piecewise import (
     Parts,
     differences,
@@ -30,7 +29,7 @@ from rulec_runtime.recordings.piecewise import (
     parts_of,
     runs_where,
 )
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.robust import medians, white_noise_of
 from rulec_runtime.recordings.scratch import array, arrays, blocks, let_go, mark, picked
 
@@ -141,9 +140,8 @@ def noise_within(
 
 def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
     """Second differences of what lies within one stretch."""
-    for low, high in blocks(len(within)):
+    for low, high in blocks(len(within), values):
         yield np.diff(values[low : high + 2], 2)[within[low:high]]
-        let_go(values)
 
 
 def _within(stretches: Stretches, samples: int) -> np.ndarray:
@@ -234,11 +232,10 @@ def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
     breaks[0] = True
     time, segment = recording.time, recording.segment
     longest = limits.PAUSE * (recording.interval or np.inf)
-    for low, high in blocks(len(time)):
+    for low, high in blocks(len(time), time, segment, breaks):
         first = max(low, 1)
         breaks[first:high] |= np.diff(time[first - 1 : high]) > longest
         breaks[first:high] |= segment[first:high] != segment[first - 1 : high - 1]
-        let_go(time, segment, breaks)
 
 
 def _mark_jumps(values: Array, jumps: np.ndarray, order: int, limit: float) -> None:
@@ -328,20 +325,24 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
     first, last = packed("q"), packed("q")
     for start, stop in pairwise(_ends(breaks, jumps)):
         begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
-        pieces = max(1, -(-(stop - begin) // longest))
-        edges = np.linspace(begin, stop, pieces + 1).astype(int)
-        long = np.diff(edges) >= limits.SHORTEST_STRETCH
-        first.extend(edges[:-1][long].tolist())
-        last.extend(edges[1:][long].tolist())
+        firsts, lasts = cut(begin, stop, -(-(stop - begin) // longest))
+        first.extend(firsts)
+        last.extend(lasts)
     let_go(breaks, jumps)
     return stretches_of(np.array(first, dtype=np.intp), np.array(last, dtype=np.intp))
 
 
+def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:
+    """First samples of about equal pieces of a run, and those behind them; too short ones go."""
+    edges = np.linspace(begin, stop, max(1, pieces) + 1).astype(int)
+    long = np.diff(edges) >= limits.SHORTEST_STRETCH
+    return edges[:-1][long].tolist(), edges[1:][long].tolist()
+
+
 def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
     """First samples of runs, and the end of the last one."""
-    for low, high in blocks(len(breaks)):
+    for low, high in blocks(len(breaks), breaks, jumps):
         yield from (np.flatnonzero(breaks[low:high] | jumps[low:high]) + low).tolist()
-        let_go(breaks, jumps)
     yield len(breaks)
 
 

@@ -83,6 +83,12 @@ class Sheet:
     remarks: tuple[str, ...] = ()
 
 
+def lines_of(read: Read, count: int) -> Iterator[list[str]]:
+    """All rows of a table of so many columns as text."""
+    columns = (texts_of(cells) for cells in read(range(count), ()).kept)
+    return (list(row) for row in zip(*columns, strict=True))
+
+
 def texts_of(cells: Cells) -> list[str]:
     """Cells as they are written into a CSV file; numbers keep every digit."""
     if isinstance(cells, Dates):

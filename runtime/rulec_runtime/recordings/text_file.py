@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from rulec_runtime import limits
-from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.unpacking import refuse_bomb
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 
 _ANY = "latin-1"
 """An encoding that takes every byte."""

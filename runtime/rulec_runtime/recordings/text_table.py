@@ -117,8 +117,7 @@ class TextTable:
         )
         for part in self._parts(taken):
             taken.take(part)
-        self._refuse_none(taken.count, taken.whole, taken.left_out)
-        self._refuse_mixed(taken.columns)
+        self._check(taken)
         return Table(
             kept=tuple(text.joined() for text in taken.texts),
             columns=taken.columns,
@@ -153,17 +152,15 @@ class TextTable:
     def _below(self) -> Iterator[list[str]]:
         return islice(self.rows(), int(self.has_units), None)
 
-    def _refuse_none(self, count: int, whole: int, left_out: int) -> None:
-        if not count:
+    def _check(self, taken: _Taken) -> None:
+        if not taken.count:
             raise RecordingRefused(f"{self.path}: the file has a header but no rows below it")
-        if not whole:
-            hint = "; is the decimal sign also the separator?" if left_out else ""
+        if not taken.whole:
+            hint = "; is the decimal sign also the separator?" if taken.left_out else ""
             raise RecordingRefused(
                 f"{self.path}: no row below the header has as many cells as it{hint}"
             )
-
-    def _refuse_mixed(self, columns: Sequence[Column]) -> None:
-        for column in columns:
+        for column in taken.columns:
             if len(column.decimals) > 1:
                 raise RecordingRefused(
                     f"{self.path}: column '{column.title}' mixes decimal comma and decimal point; "

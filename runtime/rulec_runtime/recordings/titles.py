@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
+from rulec_runtime import limits
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.csv_table import BLANK, is_whole
+from rulec_runtime.recordings.csv_table import (
+    BLANK,
+    before_header,
+    cells_of,
+    is_whole,
+    separator_of,
+)
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.time_column import NAMES
 
@@ -113,3 +121,68 @@ def is_value(cell: str) -> bool:
         return text != "1" and float(_MARKS.sub("", text)) is not None
     except ValueError:
         return _DATE.match(text) is not None
+
+
+@dataclass(frozen=True)
+class TitleLine:
+    """The `number` of the line of titles, from 0, its `separator`, and how many lines `above` it
+    are no part of the table."""
+
+    number: int
+    separator: str
+    above: int
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line that may hold titles."""
+
+    number: int
+    separator: str
+    cells: list[str]
+    likely: bool
+
+
+class TitleSearch:
+    """The titles are the first line that looks so, with a row below it that is as wide. Where no
+    line looks like titles, the first one holds them."""
+
+    def __init__(self, times: Collection[str]) -> None:
+        self._times = times
+        self._found: list[_Line] = []
+        self._number, self._stated = 0, ""
+        self.in_sight = False
+        """Whether a line looks like titles, or like a row of numbers."""
+
+    def add(self, line: str) -> TitleLine | None:
+        """The titles, as soon as further lines would change nothing."""
+        number, self._number = self._number, self._number + 1
+        stated, is_header = before_header(line)
+        self._stated = stated or self._stated
+        if not is_header:
+            return None
+        separator = self._stated or separator_of(line)
+        cells = cells_of(line, separator)
+        likely, values = are_titles(cells, self._times), are_values(cells)
+        above = self._found[-1] if self._found else None
+        self.in_sight = self.in_sight or likely or values
+        self._found.append(_Line(number, separator, cells, likely))
+        if above and len(cells) >= len(above.cells) and self._holds_titles(above, values):
+            return self._as_titles(len(self._found) - 2)
+        return self.so_far() if len(self._found) > limits.LINES_ABOVE_TITLES else None
+
+    def so_far(self) -> TitleLine | None:
+        """The titles, where no further line comes; None without a line that may hold them."""
+        if not self._found:
+            return None
+        likely = [k for k, line in enumerate(self._found) if line.likely]
+        last = len(self._found) - 1
+        return self._as_titles(last if last in likely else next(iter(likely), 0))
+
+    def _holds_titles(self, line: _Line, before_values: bool) -> bool:
+        """Titles may be numbers, as channels of a logger are, if numbers alone are below them."""
+        timed = len(line.cells) > 1 and any(is_time(cell, self._times) for cell in line.cells)
+        return line.likely or (before_values and timed)
+
+    def _as_titles(self, k: int) -> TitleLine:
+        return TitleLine(self._found[k].number, self._found[k].separator, k)

@@ -20,11 +20,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.given import bytes_of, place_of
+from rulec_runtime.recordings.piecewise import means_between
 from rulec_runtime.recordings.point_table import is_point_table
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import Recording, read_recording, starts_behind
 from rulec_runtime.recordings.recording_file import files_of
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
-from rulec_runtime.recordings.sums import means_between
 from rulec_runtime.recordings.wall_clock import Calendar
 
 OWN_CLOCKS = (
@@ -68,7 +68,11 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
     parts = _alike(names, parts, ruleset)
     dated = [part.calendar for part in parts if part.calendar is not None]
     one_axis = len(dated) == len(parts)
-    starts = _dated_starts(names, parts, dated) if one_axis else _one_behind_the_other(parts)
+    starts = (
+        _dated_starts(names, parts, dated)
+        if one_axis
+        else starts_behind([part.time for part in parts])
+    )
     order = sorted(range(len(parts)), key=lambda i: starts[i])
     counts = [len(parts[i]) for i in order]
     behind = np.cumsum([0, *(int(p.segment.max(initial=0)) + 1 for p in parts)]).tolist()
@@ -218,18 +222,6 @@ def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calenda
         for since, seconds in calendar.offsets
     ]
     return Calendar(min(calendar.start for calendar in calendars), tuple(sorted(offsets)))
-
-
-def _one_behind_the_other(parts: Sequence[Recording]) -> list[float]:
-    """What is added to the times of each recording, s, so that one follows the other."""
-    starts: list[float] = []
-    end = 0.0
-    for number, part in enumerate(parts):
-        step = float(np.median(np.diff(part.time))) if len(part) > 1 else 1.0
-        begin = end + step if number else float(part.time[0])
-        starts.append(begin - float(part.time[0]))
-        end = starts[-1] + float(part.time[-1])
-    return starts
 
 
 def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.scratch import blocks, let_go
+from rulec_runtime.recordings.scratch import blocks
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 
@@ -76,13 +76,12 @@ def _offset(seconds: float) -> str:
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
     """Calendar of samples, `time` in order, s from `start` on; `offset` NaN without a zone."""
     found: list[tuple[float, float]] = []
-    for low, high in blocks(len(time)):
+    for low, high in blocks(len(time), time, offset):
         known = np.isfinite(offset[low:high])
         when, shown = time[low:high][known], offset[low:high][known]
         before = np.concatenate([[found[-1][1] if found else np.nan], shown[:-1]])
         first = np.flatnonzero(shown != before[: len(shown)])
         found += zip(when[first].tolist(), shown[first].tolist(), strict=True)
-        let_go(time, offset)
     return Calendar(start, tuple(found))
 
 

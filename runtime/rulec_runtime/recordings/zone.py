@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.scratch import arrays, blocks, let_go
+from rulec_runtime.recordings.scratch import arrays, blocks
 
 _STEP = 900.0
 """Zones change at whole quarters of an hour."""
@@ -31,9 +31,8 @@ def in_zone(
     """
     clock = ZoneClock(path, zone)
     utc, ahead = arrays([((len(dates),), float)] * 2)
-    for low, high in blocks(len(dates)):
+    for low, high in blocks(len(dates), dates, zones, utc, ahead):
         utc[low:high], ahead[low:high] = clock.read(dates[low:high], zones[low:high])
-        let_go(dates, zones, utc, ahead)
     if clock.twice and not clock.again:
         count = plural(clock.twice, "row is", "rows are")
         notes.append(

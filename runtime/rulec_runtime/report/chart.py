@@ -116,7 +116,7 @@ class Panel:
     def curve(self, x: Array, y: Array, style: str) -> str:
         """A curve that breaks at NaN; a value alone between breaks becomes a dot."""
         parts = []
-        for run in _runs(np.isfinite(x) & np.isfinite(y)):
+        for run in runs_of(np.isfinite(x) & np.isfinite(y)):
             points = [
                 f"{a:.1f} {b:.1f}" for a, b in zip(self._x(x[run]), self._y(y[run]), strict=True)
             ]
@@ -126,7 +126,7 @@ class Panel:
     def band(self, x: Array, low: Array, high: Array, style: str) -> str:
         """The area between two curves."""
         parts = []
-        for run in _runs(np.isfinite(x) & np.isfinite(low) & np.isfinite(high)):
+        for run in runs_of(np.isfinite(x) & np.isfinite(low) & np.isfinite(high)):
             across = self._x(x[run])
             if len(across) == 1:
                 across = across + np.array([-2.0, 2.0])
@@ -251,7 +251,7 @@ def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str
     )
 
 
-def _runs(sound: np.ndarray) -> Iterator[slice]:
+def runs_of(sound: np.ndarray) -> Iterator[slice]:
     """Runs of True, as slices."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], sound.astype(int), [0]])))
     for start, stop in zip(edges[::2], edges[1::2], strict=True):

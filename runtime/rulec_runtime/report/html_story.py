@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
@@ -25,9 +25,9 @@ from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
 from rulec_runtime.report.time_axis import told as period_told
 from rulec_runtime.report.wording import (
+    L_PER_H,
     LISTED,
     STATUS,
-    FlowUnit,
     Row,
     actions,
     advice,
@@ -49,9 +49,6 @@ from rulec_runtime.report.wording import (
     worst_first,
 )
 
-LITRES = FlowUnit("l/h", 3.6e6)
-"""Unit of flows in a report."""
-
 REMARKS = 8
 """Different remarks shown."""
 
@@ -68,72 +65,71 @@ def told(diagnosis: Diagnosis) -> str:
     """Each fault with what to do about it."""
     parts = [_sensor(diagnosis, found) for found in diagnosis.sensors]
     parts += [_regime(diagnosis, found) for found in diagnosis.regimes]
-    parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
+    parts += [_fault(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
     if diagnosis.blind:
         parts.append(_blind(diagnosis))
     left = told_else(diagnosis)
     if left and not diagnosis.findings:
-        parts.append(
-            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(left, diagnosis.calendar)}</div>'
-        )
+        parts.append(_remarked("C", UNSEEN, left, diagnosis.calendar))
     if diagnosis.unknown:
         sheet = all(p.from_sheet for p in diagnosis.unknown)
         title = "Deviations from the sheet" if sheet else "Deviations that nothing known explains"
-        parts.append(
-            f'<div class="finding is-S"><h3>{title}</h3>'
-            f"{remarks(diagnosis.unknown, diagnosis.calendar)}</div>"
-        )
+        parts.append(_remarked("S", title, diagnosis.unknown, diagnosis.calendar))
     return "".join(parts)
+
+
+def _remarked(letter: str, title: str, periods: Sequence[Period], calendar: Calendar | None) -> str:
+    shown = remarks(periods, calendar)
+    return f'<div class="finding is-{letter}"><h3>{title}</h3>{shown}</div>'
+
+
+def _card(letter: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """A finding of this letter of NE 107; `title` and texts of the rows are HTML, terms are not."""
+    body = "".join(f"<dt>{safe(term)}</dt><dd>{text}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} {title}</h3>'
+        f"<dl>{body}</dl></section>"
+    )
 
 
 def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
     """A reading that is none: what, since when, what to do."""
-    letter = found.condition.status
     rows = [
-        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
-        ("What to do", found.condition.action),
-        ("Note", kept_of(found)),
+        ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
+        ("What to do", safe(found.condition.action)),
+        ("Note", safe(kept_of(found))),
     ]
-    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
-    return (
-        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
-        f"{safe(found.text)}</h3><dl>{body}</dl></section>"
-    )
+    return _card(found.condition.status, safe(found.text), rows)
 
 
 def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
     """A way in which a module runs: what, since when, why that is believed, what to do."""
-    letter = found.regime.status
     rows = [
-        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
-        ("Because", conditions(found)),
-        ("What to do", found.regime.action),
+        ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
+        ("Because", safe(conditions(found))),
+        ("What to do", safe(found.regime.action)),
     ]
-    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
-    return (
-        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
-        f"{safe(found.regime.text)}</h3><dl>{body}</dl></section>"
-    )
+    regime = found.regime
+    return _card(regime.status, safe(regime.text), rows)
 
 
 def _blind(diagnosis: Diagnosis) -> str:
     """What could not be seen: which faults, since when, why, and what brings them back."""
     rows = [
-        (since_when(b, diagnosis.calendar), f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}")
+        (
+            since_when(b, diagnosis.calendar),
+            safe(f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}"),
+        )
         for b in diagnosis.blind[:LISTED]
     ]
     if (more := len(diagnosis.blind) - LISTED) > 0:
         rows.append(("", f"and {counted(more, 'other period')}"))
-    body = "".join(f"<dt>{safe(when)}</dt><dd>{safe(text)}</dd>" for when, text in rows)
-    return (
-        f'<section class="finding is-C"><h3>{badge("C", True)} {PARTLY}: '
-        f"{hidden(diagnosis)}</h3><dl>{body}</dl></section>"
-    )
+    return _card("C", f"{PARTLY}: {hidden(diagnosis)}", rows)
 
 
-def _card(diagnosis: Diagnosis, finding: Finding) -> str:
+def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
     """One fault: what, how large, when, how probable, what to do."""
     fault, ruleset = finding.fault, diagnosis.ruleset
     rows = [
@@ -161,11 +157,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
     if finding.remote:
         rows.append(("Less likely", safe(causes(finding.remote))))
     rows += [("Note", safe(text)) for text in context(ruleset, finding)]
-    body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
-    return (
-        f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
-        f"{safe(headline(ruleset, finding))}</h3><dl>{body}</dl></section>"
-    )
+    return _card(fault.status, safe(headline(ruleset, finding)), rows)
 
 
 def _when(diagnosis: Diagnosis, finding: Finding) -> str:
@@ -222,13 +214,10 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
 
 def ground_of(ruleset: Ruleset, finding: Finding) -> str:
     """Residuals of a finding, and the estimates or readings behind them."""
-    behind = _estimates(ruleset, finding) if finding.flows else _read(ruleset, finding)
-    return _residuals(ruleset, finding) + behind
-
-
-def _read(ruleset: Ruleset, finding: Finding) -> str:
-    """Readings where there are no estimates of flows."""
-    return f'<p class="soft">typical readings there: {safe(readings_of(ruleset, finding))}</p>'
+    if finding.flows:
+        return _residuals(ruleset, finding) + _estimates(ruleset, finding)
+    read = safe(readings_of(ruleset, finding))
+    return f'{_residuals(ruleset, finding)}<p class="soft">typical readings there: {read}</p>'
 
 
 def _residuals(ruleset: Ruleset, finding: Finding) -> str:
@@ -247,9 +236,8 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
 
 def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> list[Cell | str]:
     kind, words = agreement(ruleset, finding, e)
-    row = told_residual(ruleset, e, LITRES)
-    value, threshold = row.value.replace("-", "−"), row.threshold
-    fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
+    value, threshold = told_residual(ruleset, e, L_PER_H)
+    value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
     first = map(safe, (e.residual, value, threshold, fired, expected))
     return [*first, Cell(safe(words), kind)]
 

@@ -16,6 +16,9 @@ from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.wording import actions, why_first
 
+EVIDENCE = ("residual", "value", "u", "u_systematic", "threshold", "verdict", "expected")
+"""What is told of each residual of a finding."""
+
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as JSON data; flows in m3/s, times in s."""
@@ -127,18 +130,7 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
         "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
         "together": list(finding.together),
         **({"step": _step(finding.step)} if finding.step is not None else {}),
-        "evidence": [
-            {
-                "residual": e.residual,
-                "value": e.value,
-                "u": e.u,
-                "u_systematic": e.u_systematic,
-                "threshold": e.threshold,
-                "verdict": e.verdict,
-                "expected": e.expected,
-            }
-            for e in finding.evidence
-        ],
+        "evidence": [{key: getattr(e, key) for key in EVIDENCE} for e in finding.evidence],
         **({"from_sheet": True} if finding.from_sheet else {}),
         **({"events": _events(finding.events)} if finding.events is not None else {}),
         "text": finding.text,

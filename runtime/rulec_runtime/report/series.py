@@ -24,6 +24,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.report.chart import runs_of
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import l_per_h, worst_first
 
@@ -233,16 +234,6 @@ def _module(diagnosis: Diagnosis) -> str:
     return compared[0] if compared else ""
 
 
-def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of at least three judged samples that fire, as (first, last) sample.
-
-    `fired`, shape (n,), is False on samples that were not judged, which therefore end a run.
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], fired.astype(int), [0]])))
-    pairs = edges.reshape(-1, 2)
-    return [(int(a), int(b) - 1) for a, b in pairs if b - a >= limits.SHORTEST_STRETCH]
-
-
 def detail(curves: Curves) -> Curves:
     """Of a long recording the part around its focus, else its beginning; short ones whole."""
     if len(curves.time) <= 2 * COLUMNS:
@@ -253,8 +244,12 @@ def detail(curves: Curves) -> Curves:
 
 
 def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Residuals that fire for three samples in a row, with their runs."""
+    """Residuals that fire for three judged samples in a row, with such runs: first and last sample.
+
+    What was not judged does not fire, and so ends a run.
+    """
     for i, row in enumerate(curves.fired()):
-        runs = runs_of_firing(row)
+        lengths = ((run, run.stop - run.start) for run in runs_of(row))
+        runs = [(run.start, run.stop - 1) for run, n in lengths if n >= limits.SHORTEST_STRETCH]
         if runs:
             yield i, runs

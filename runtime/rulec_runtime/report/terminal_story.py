@@ -97,14 +97,9 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
 
 def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     """A reading that is none: what, since when, what to do."""
-    letter = found.condition.status
-    symbol, colour = STATUS[letter][0], COLOURS[letter]
-    when = course(diagnosis.calendar, found.since, found.until, found.behind)
-    title = styled(
-        "\n[bold {}]{} {}[/] [bold]{}[/]  {}", colour, symbol, letter, found.id, found.text
-    )
-    tree = Tree(title, guide_style="dim")
+    tree = _titled(found.condition.status, found.id, found.text)
     tree.add(f"do: {found.condition.action}")
+    when = course(diagnosis.calendar, found.since, found.until, found.behind)
     tree.add(f"{when}; {kept_of(found)}")
     out.print(tree)
 
@@ -112,16 +107,19 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
 def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
     """A way in which a module runs: what, why that is believed, what to do."""
     regime = found.regime
-    symbol, colour = STATUS[regime.status][0], COLOURS[regime.status]
-    head = "\n[bold {}]{} {}[/] [bold]{}[/]  {}"
-    tree = Tree(
-        styled(head, colour, symbol, regime.status, regime.id, regime.text), guide_style="dim"
-    )
+    tree = _titled(regime.status, regime.id, regime.text)
     tree.add(f"do: {regime.action}")
     tree.add(f"because {conditions(found)}")
     tree.add(course(diagnosis.calendar, found.since, found.until, found.behind))
     tree.add(styled("[dim]{}[/]", regime.origin))
     out.print(tree)
+
+
+def _titled(letter: str, name: str, text: str) -> Tree:
+    """The head of what is told of a letter of NE 107."""
+    head = "\n[bold {}]{} {}[/] [bold]{}[/]  {}"
+    words = COLOURS[letter], STATUS[letter][0], letter, name, text
+    return Tree(styled(head, *words), guide_style="dim")
 
 
 def _add(table: Table, row: Row) -> None:
@@ -191,11 +189,9 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     flow = flow_unit(ruleset)
     for e in evidence_first(finding)[:LISTED]:
         kind, words = agreement(ruleset, finding, e)
-        row = told_residual(ruleset, e, flow)
         table.add_row(
             e.residual,
-            row.value if e.verdict != "invalid" else "-",
-            row.threshold if e.verdict != "invalid" else "-",
+            *told_residual(ruleset, e, flow, "-"),
             e.verdict,
             e.expected,
             styled("[{}]{}[/]", _AGREEMENT.get(kind, "dim"), words),
@@ -223,9 +219,7 @@ def _blind(out: Console, diagnosis: Diagnosis) -> None:
     """What could not be seen: which faults, since when, why, and what brings them back."""
     if not diagnosis.blind:
         return
-    symbol, colour = STATUS["C"][0], COLOURS["C"]
-    title = styled("\n[bold {}]{} C[/] [bold]{}[/]  {}", colour, symbol, PARTLY, hidden(diagnosis))
-    tree = Tree(title, guide_style="dim")
+    tree = _titled("C", PARTLY, hidden(diagnosis))
     for blind in diagnosis.blind[:LISTED]:
         tree.add(blindness(diagnosis.ruleset, blind, diagnosis.calendar))
     if (more := len(diagnosis.blind) - LISTED) > 0:

@@ -14,6 +14,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.formats import opened_sheet
+from rulec_runtime.recordings.piecewise import nearest
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.time_column import NAMES, read_times
 from rulec_runtime.report.series import NOT_JUDGED
@@ -153,11 +154,8 @@ def _at(time: Array, degree: Array, wanted: Array) -> Array:
     time, degree = time[order], degree[:, order]
     steps = [float(np.median(np.diff(t))) for t in (time, wanted) if len(t) > 1]
     reach = 0.5 * max(steps, default=1.0) * (1 + 1e-9)
-    right = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
-    left = right - 1
-    right = np.minimum(right, len(time) - 1)
-    nearest = np.where(wanted - time[left] <= time[right] - wanted, left, right)
-    return np.where(np.abs(time[nearest] - wanted) <= reach, degree[:, nearest], np.nan)
+    near = nearest(time, wanted)
+    return np.where(np.abs(time[near] - wanted) <= reach, degree[:, near], np.nan)
 
 
 def names_at(trace: Trace) -> list[list[str]]:

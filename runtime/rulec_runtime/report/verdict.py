@@ -76,18 +76,8 @@ def meaning(diagnosis: Diagnosis) -> str:
 
 def marks(diagnosis: Diagnosis) -> Mapping[str, str]:
     """Modules with a finding, and its letter; the worst of several."""
-    found: dict[str, str] = {}
-    for f in diagnosis.findings:
-        _note(found, f.fault.module, f.fault.status)
-    for s in diagnosis.sensors:
-        _note(found, s.signal.partition(".")[0], s.condition.status)
-    for r in diagnosis.regimes:
-        _note(found, r.regime.module, r.regime.status)
-    return found
-
-
-def _note(found: dict[str, str], module: str, letter: str) -> None:
-    order = list(STATUS)
-    known = found.get(module)
-    if known is None or order.index(letter) < order.index(known):
-        found[module] = letter
+    told = [(f.fault.module, f.fault.status) for f in diagnosis.findings]
+    told += [(s.signal.partition(".")[0], s.condition.status) for s in diagnosis.sensors]
+    told += [(r.regime.module, r.regime.status) for r in diagnosis.regimes]
+    worst = list(STATUS).index
+    return {name: min((x for other, x in told if other == name), key=worst) for name, _ in told}

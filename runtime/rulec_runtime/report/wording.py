@@ -64,33 +64,29 @@ class FlowUnit:
     factor: float
 
 
+L_PER_H, M3_PER_H = FlowUnit("l/h", 3.6e6), FlowUnit("m3/h", 3600.0)
+
+
 def flow_unit(ruleset: Ruleset) -> FlowUnit:
     """l/h for a rig, m3/h for a station."""
     flows = sorted(abs(o.reference) for o in ruleset.observers)
     large = bool(flows) and flows[len(flows) // 2] > LARGE
-    return FlowUnit("m3/h", 3600.0) if large else FlowUnit("l/h", 3.6e6)
+    return M3_PER_H if large else L_PER_H
 
 
-@dataclass(frozen=True)
-class Told:
-    """A residual as it is told: value and threshold in `unit`; "–" where it is not available."""
-
-    unit: str
-    value: str
-    threshold: str
-
-
-def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
-    """A residual of flows in a unit of flows, that of a reading in the reading's own unit."""
-    signal = ruleset.signal_by_id.get(evidence.residual)
-    unit = signal.unit if signal else flow.name
+def told_residual(
+    ruleset: Ruleset, evidence: Evidence, flow: FlowUnit, none: str = "–"
+) -> tuple[str, str]:
+    """Value and threshold of a residual; `none` where it is not available. One of flows is told in
+    a unit of flows, that of a reading in the reading's own unit."""
     if evidence.verdict == "invalid":
-        return Told(unit, "–", "–")
+        return none, none
+    signal = ruleset.signal_by_id.get(evidence.residual)
     if signal is None:
         value, threshold = flow.factor * evidence.value, flow.factor * evidence.threshold
-        return Told(unit, f"{value:z.1f}", f"±{threshold:.1f}")
+        return f"{value:z.1f}", f"±{threshold:.1f}"
     value, threshold = evidence.value / signal.factor, evidence.threshold / signal.factor
-    return Told(unit, f"{value:.3g} {unit}", f"±{threshold:.2g} {unit}")
+    return f"{value:.3g} {signal.unit}", f"±{threshold:.2g} {signal.unit}"
 
 
 def ground(ruleset: Ruleset) -> str:

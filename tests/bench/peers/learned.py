@@ -11,7 +11,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -132,8 +132,6 @@ def episodes(models: Compilation, degrees: Sequence[float], seeds: range) -> lis
 
 def _seeded(group: Any, seed: int, drawn: Any) -> Any:
     """The same fault on another true plant."""
-    from dataclasses import replace
-
     random = generator(0, group.fault, seed, group.draw)
     return replace(group, seed=seed, truth=drawn(random))
 

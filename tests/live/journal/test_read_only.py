@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
+from rulec_runtime.commands.watch_kept import KeptJournal, kept_journal
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.store import open_journal
 

@@ -16,7 +16,7 @@ from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.standard_input import StandardInput
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.recordings.title_search import TitleSearch
+from rulec_runtime.recordings.titles import TitleSearch
 
 from tests.live.sources.taking import Taken, append, growing, lines
 

@@ -23,9 +23,8 @@ from rulec_runtime.diagnosis.steady.points import (
     points_of_stretches,
 )
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
-from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.point_table import each_row, is_point_table
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.stationary import (
     Stretches,
     noise_at_work,

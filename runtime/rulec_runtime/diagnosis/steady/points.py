@@ -11,12 +11,11 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.recordings.piecewise import any_of
+from rulec_runtime.recordings.piecewise import any_of, means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, let_go, mapped, picked
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
-from rulec_runtime.recordings.sums import means_between
 
 NO_READING = "no reading"
 """Why nothing is known of a reading that nobody took out."""

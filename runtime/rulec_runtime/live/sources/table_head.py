@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, cells_of
-from rulec_runtime.recordings.title_search import TitleLine, TitleSearch
-from rulec_runtime.recordings.titles import rejoined, units_below
+from rulec_runtime.recordings.titles import TitleLine, TitleSearch, rejoined, units_below
 
 
 @dataclass(frozen=True)

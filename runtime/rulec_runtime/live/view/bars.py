@@ -78,7 +78,8 @@ def bars_of(now: Now) -> Bars | None:
 
 
 def _bar(ruleset: Ruleset, evidence: Evidence) -> Bar:
-    told = told_residual(ruleset, evidence, flow_unit(ruleset))
-    flow = "" if evidence.residual in ruleset.signal_by_id else f" {told.unit}"
+    unit = flow_unit(ruleset)
+    value, threshold = told_residual(ruleset, evidence, unit)
+    flow = "" if evidence.residual in ruleset.signal_by_id else f" {unit.name}"
     share = abs(evidence.value) / evidence.threshold
-    return Bar(evidence.residual, told.value + flow, told.threshold + flow, share)
+    return Bar(evidence.residual, value + flow, threshold + flow, share)

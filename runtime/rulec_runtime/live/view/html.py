@@ -24,8 +24,8 @@ from rulec_runtime.live.view.words import (
     unjudged,
     unseen,
 )
+from rulec_runtime.report.document import STYLE
 from rulec_runtime.report.html_story import REMARKS, ground_of
-from rulec_runtime.report.style import STYLE
 from rulec_runtime.report.text import counted, safe
 from rulec_runtime.report.wording import STATUS
 

@@ -23,6 +23,9 @@ TIME, VALUE, FIELD, MEASUREMENT = "_time", "_value", "_field", "_measurement"
 _NO_READINGS = ("", "result", "table", "_start", "_stop", TIME)
 _NUMBERS = ("double", "long", "unsignedLong")
 
+Series = tuple[tuple[str, str], ...]
+"""What tells a series from others: titles with their cells."""
+
 
 @dataclass(frozen=True)
 class _Head:
@@ -48,18 +51,18 @@ class _Head:
 def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
     """The readings of all tables, one a row."""
     text = text_file(file, path)
-    series = {key for _, key, _, _ in _cells(text, path)}
+    series = {key for key, _, _ in _cells(text, path)}
     if not series:
         raise RecordingRefused(f"{path}: no table in it has a column '{TIME}' and readings")
     names = _names(series)
 
     def rows() -> Iterator[list[str]]:
-        return ([names[key], time, value] for _, key, time, value in _cells(text, path))
+        return ([names[key], time, value] for key, time, value in _cells(text, path))
 
     return [text_sheet(path, "", ["tag", "time", "value"], rows, ",", (), text.lines)]
 
 
-def _names(series: set[tuple[tuple[str, str], ...]]) -> dict[tuple[tuple[str, str], ...], str]:
+def _names(series: set[Series]) -> dict[Series, str]:
     """What series are called: measurement, tags and field, without what is the same in all; a
     measurement stays before fields that are not called by a module."""
     values: dict[str, set[str]] = {}
@@ -72,21 +75,19 @@ def _names(series: set[tuple[tuple[str, str], ...]]) -> dict[tuple[tuple[str, st
     return {key: ".".join(cell for title, cell in key if title in told) for key in series}
 
 
-def _cells(
-    text: TextFile, path: Path
-) -> Iterator[tuple[int, tuple[tuple[str, str], ...], str, str]]:
-    """Each reading: the number of its row, its series, its time, and itself."""
+def _cells(text: TextFile, path: Path) -> Iterator[tuple[Series, str, str]]:
+    """Each reading: its series, its time, and itself."""
     with text.opened() as lines:
-        for number, (head, row) in enumerate(_tables(path, lines)):
+        for head, row in _tables(path, lines):
             cells = {
                 title: cell or head.defaults.get(title, "")
                 for title, cell in zip(head.titles, row, strict=False)
             }
             for title in head.readings if TIME in cells else ():
-                yield number, _series(head, cells, title), cells[TIME], cells[title]
+                yield _series(head, cells, title), cells[TIME], cells[title]
 
 
-def _series(head: _Head, cells: Mapping[str, str], title: str) -> tuple[tuple[str, str], ...]:
+def _series(head: _Head, cells: Mapping[str, str], title: str) -> Series:
     """What tells a series from others: measurement, tags in the order of their columns, field."""
     field = cells.get(FIELD, "") if title == VALUE else title
     tags = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from datetime import date, datetime, time, timedelta
 from itertools import islice
 from pathlib import Path
@@ -14,11 +14,10 @@ import openpyxl
 
 from rulec_runtime import limits
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_table import text_sheet
 from rulec_runtime.recordings.titles import are_titles
-from rulec_runtime.recordings.unpacking import refuse_bomb
 
 PIECE = 1 << 20
 
@@ -72,25 +71,22 @@ def _sheet(path: Path, page: Any, times: Collection[str]) -> Sheet | None:
     while titles and not titles[-1].strip():
         titles = titles[:-1]
     above = (f"{plural(at, 'row', 'rows')} above the titles left out",) if at else ()
-    return text_sheet(path, page.title, titles, _below(page, at, len(titles)), ",", above)
+    width = len(titles)
 
+    def below() -> Iterator[list[str]]:
+        # Cells at the end of a row that are empty are not stored.
+        return ([*row, *[""] * (width - len(row))] for row in islice(_rows(page), at + 1, None))
 
-def _below(page: Any, at: int, width: int) -> Callable[[], Iterator[list[str]]]:
-    """What gives the rows below the titles; cells at their end that are empty are not stored."""
-    return lambda: ([*row, *[""] * (width - len(row))] for row in islice(_rows(page), at + 1, None))
+    return text_sheet(path, page.title, titles, below, ",", above)
 
 
 def _rows(page: Any) -> Iterator[list[str]]:
     """Rows that hold anything; what a sheet says of its own size is not relied on."""
     page.reset_dimensions()
     for row in page.iter_rows(values_only=True):
-        cells = _texts(row)
+        cells = [_text(value) for value in row]
         if any(cells):
             yield cells
-
-
-def _texts(row: Sequence[Any]) -> list[str]:
-    return [_text(value) for value in row]
 
 
 def _text(value: Any) -> str:
@@ -105,11 +101,5 @@ def _text(value: Any) -> str:
         case timedelta():
             return repr(value.total_seconds())
         case time():
-            seconds = timedelta(
-                hours=value.hour,
-                minutes=value.minute,
-                seconds=value.second,
-                microseconds=value.microsecond,
-            )
-            return repr(seconds.total_seconds())
+            return repr((datetime.combine(date.min, value) - datetime.min).total_seconds())
     return str(value)

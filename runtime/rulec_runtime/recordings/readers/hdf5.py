@@ -15,10 +15,9 @@ import h5py
 import numpy as np
 
 from rulec_runtime import limits
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.unpacking import refuse_bomb
 
 UNITS = ("units", "unit", "Units", "Unit", "unit_string")
 """Attributes of an array that hold its unit."""
@@ -65,17 +64,11 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     groups = list(walk.groups("", source, 0))
     found = tables(groups, times)
     if not found:
-        raise RecordingRefused(
-            f"{path}: it holds no columns of numbers{walk.hint()}"
-        )  # fmt: skip
+        raise RecordingRefused(f"{path}: it holds no columns of numbers{walk.hint()}")
     if walk.outside:
-        found = [_told(sheet, walk.outside) for sheet in found]
+        text = f"'{walk.outside[0]}' leads out of the file and is not followed"
+        found = [replace(sheet, remarks=(*sheet.remarks, text)) for sheet in found]
     return found
-
-
-def _told(sheet: Sheet, outside: list[str]) -> Sheet:
-    text = f"'{outside[0]}' leads out of the file and is not followed"
-    return replace(sheet, remarks=(*sheet.remarks, text))
 
 
 class _Walk:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
-from itertools import chain
+from itertools import chain, takewhile
 from pathlib import Path
 from typing import BinaryIO
 
@@ -79,14 +79,10 @@ def _begin(text: TextFile, path: Path) -> tuple[dict[str, list[str]], list[str],
 
 def _channels(titles: Sequence[str], channels: int, columns: str) -> list[int]:
     """Where the channels stand in a row: behind one column of x, behind one each, or at once."""
-    match columns.lower():
-        case "multi":
-            return [2 * k + 1 for k in range(channels)]
-        case "no":
-            # Its column is there, and empty.
-            first = 1 if titles[0].strip() in ("", "X_Value") else 0
-            return [first + k for k in range(channels)]
-    return [k + 1 for k in range(channels)]
+    kind = columns.lower()
+    # Without x its column is there, and empty.
+    first = 0 if kind == "no" and titles[0].strip() not in ("", "X_Value") else 1
+    return [first + k * (2 if kind == "multi" else 1) for k in range(channels)]
 
 
 def _rows(
@@ -111,18 +107,10 @@ def _rows(
                 f"{path}: its segments hold different channels; export them as files of their own"
             )
         when = _times(segment, kind)
-        for count, row in enumerate(_segment(lines)):
+        for count, row in enumerate(takewhile(str.strip, lines)):  # an empty line ends it
             cells = row.rstrip("\r\n").split(separator)
             first = cells[0] if kind.lower() != "no" else ""
             yield [when(count, first), *(cells[p] if p < len(cells) else "" for p in places)]
-
-
-def _segment(lines: Iterator[str]) -> Iterator[str]:
-    """Rows up to the empty line that ends a segment."""
-    for line in lines:
-        if not line.strip():
-            return
-        yield line
 
 
 def _times(segment: Mapping[str, Sequence[str]], kind: str) -> Callable[[int, str], str]:

@@ -15,10 +15,9 @@ import scipy.io
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rulec_runtime import limits
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.readers.tree import Group, tables
 from rulec_runtime.recordings.table import Sheet
-from rulec_runtime.recordings.unpacking import refuse_bomb
 
 PIECE = 1 << 20
 HEAD = 128

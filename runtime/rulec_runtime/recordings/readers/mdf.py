@@ -65,8 +65,8 @@ def _sheet(source: MDF, number: int) -> Sheet | None:
 
 def _name(source: MDF, number: int) -> str:
     """What a group is called: its acquisition name, or its number from 0."""
-    name = str(getattr(source.groups[number].channel_group, "acq_name", "") or "").strip()
     names = [str(getattr(g.channel_group, "acq_name", "") or "").strip() for g in source.groups]
+    name = names[number]
     return name if name and names.count(name) == 1 else f"group {number}"
 
 

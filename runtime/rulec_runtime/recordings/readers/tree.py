@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -36,7 +36,7 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
     A group without a time belongs to the nearest one around it that has one: its array `dp` is
     there `A.dp`, if the group is called `A`.
     """
-    timed = {g.name: g for g in groups if any(_is_time(name, times) for name in g.leaves)}
+    timed = {g.name: g for g in groups if _timed(g.leaves, times)}
     whole: dict[str, dict[str, Leaf]] = {g.name: {} for g in groups}
     for group in groups:
         owner = group.name if group.name in timed else _around(group.name, timed)
@@ -49,9 +49,9 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
     ]
 
 
-def _is_time(name: str, times: Collection[str]) -> bool:
-    """Whether an array holds times; `T` is mostly a temperature."""
-    return name != "T" and is_time(name, times)
+def _timed(names: Iterable[str], times: Collection[str]) -> bool:
+    """Whether one of some arrays holds times; `T` is mostly a temperature."""
+    return any(name != "T" and is_time(name, times) for name in names)
 
 
 def _around(name: str, timed: Collection[str]) -> str | None:
@@ -68,15 +68,12 @@ def _tables(group: Group, times: Collection[str]) -> Iterator[Sheet]:
     for name, leaf in group.leaves.items():
         if leaf.rows > 1:
             by_length.setdefault(leaf.rows, []).append(name)
-    several = sum(any(_is_time(n, times) for n in names) for names in by_length.values()) > 1
+    several = sum(_timed(names, times) for names in by_length.values()) > 1
     for rows, names in by_length.items():
         name = f"{group.name}/{rows} rows".strip("/") if several else group.name
         leaves = [group.leaves[n] for n in names]
-        yield _sheet(name, names, leaves, rows)
 
+        def pieces(indexes: Sequence[int], own: Sequence[Leaf] = leaves) -> Iterator[list[Any]]:
+            yield [own[i].load() for i in indexes]
 
-def _sheet(name: str, titles: Sequence[str], leaves: Sequence[Leaf], rows: int) -> Sheet:
-    def pieces(indexes: Sequence[int]) -> Iterator[list[Any]]:
-        yield [leaves[i].load() for i in indexes]
-
-    return array_sheet(name, titles, [leaf.unit for leaf in leaves], rows, pieces)
+        yield array_sheet(name, names, [leaf.unit for leaf in leaves], rows, pieces)

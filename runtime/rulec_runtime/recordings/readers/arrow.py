@@ -1,4 +1,4 @@
-"""Columns of Arrow tables: titles, units, and what their values are."""
+"""Parquet and Arrow files: titles, units, and what the values of their columns are."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.arrays import array_sheet, seconds_of
-from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.table import Dates, Sheet
 from rulec_runtime.recordings.titles import is_time
-from rulec_runtime.recordings.unpacking import refuse_bomb
 from rulec_runtime.recordings.zone import offset_of
 
-ArrowPiece = list[Any]
-"""Per column an array or `Dates`."""
+PARQUET = b"PAR1"
+"""So a Parquet file begins."""
+
+Batches = Callable[[Sequence[str]], Iterable[Any]]
+"""Record batches that hold columns of these names."""
 
 UNITS = (b"unit", b"units", b"Unit", b"Units")
 """Keys of a field's metadata below which its unit stands."""
@@ -31,15 +34,12 @@ _INDEX = "__index_level_0__"
 _QUARTER = 900.0
 
 
-def arrow_sheet(
-    path: Path,
-    file: BinaryIO,
-    schema: Any,
-    rows: int,
-    pieces: Callable[[Sequence[str]], Iterable[ArrowPiece]],
-    times: Collection[str],
-) -> Sheet:
-    """The table of a schema. Fields that hold lists or structures are no columns."""
+def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
+    """The one table of a Parquet or an Arrow file; units stand in the metadata of its fields.
+    Fields that hold lists or structures are no columns."""
+    is_parquet = file.read(len(PARQUET)) == PARQUET
+    file.seek(0)
+    schema, rows, batches = _parquet(file) if is_parquet else _arrow(file)
     fields = [field for field in schema if not pyarrow.types.is_nested(field.type)]
     names = [field.name for field in fields]
     if len(set(names)) < len(names):
@@ -47,11 +47,37 @@ def arrow_sheet(
         raise RecordingRefused(f"{path}: two columns are called '{twice}'; take one of them out")
     size = file.seek(0, os.SEEK_END)
 
-    def wanted(indexes: Sequence[int]) -> Iterable[ArrowPiece]:
+    def pieces(indexes: Sequence[int]) -> Iterator[list[Any]]:
         refuse_bomb(path, rows * len(indexes) * np.dtype(float).itemsize, size)
-        return pieces([names[i] for i in indexes])
+        wanted = [names[i] for i in indexes]
+        for batch in batches(wanted):
+            table = pyarrow.Table.from_batches([batch])
+            yield [_values(table.column(name)) for name in wanted]
 
-    return array_sheet("", _titles(fields, times), [_unit(f) for f in fields], rows, wanted)
+    units = [_unit(field) for field in fields]
+    return [array_sheet("", _titles(fields, times), units, rows, pieces)]
+
+
+def _arrow(file: BinaryIO) -> tuple[Any, int, Batches]:
+    """Schema and number of rows of an Arrow file (also called Feather), read batch by batch."""
+    source = pyarrow.ipc.open_file(file)
+    numbers = range(source.num_record_batches)
+    rows = sum(source.get_batch(k).num_rows for k in numbers)
+    return source.schema, rows, lambda _: (source.get_batch(k) for k in numbers)
+
+
+def _parquet(file: BinaryIO) -> tuple[Any, int, Batches]:
+    """The same of a Parquet file: some rows after the other, the wanted columns alone."""
+    import pyarrow.parquet
+
+    source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PARQUET_BUFFER, pre_buffer=False)
+
+    def batches(names: Sequence[str]) -> Iterator[Any]:
+        # Threads would each keep memory of their own, and reading is not what takes long.
+        yield from source.iter_batches(limits.PARQUET_ROWS, columns=names, use_threads=False)
+        pyarrow.default_memory_pool().release_unused()
+
+    return source.schema_arrow, source.metadata.num_rows, batches
 
 
 def _titles(fields: Sequence[Any], times: Collection[str]) -> list[str]:
@@ -71,11 +97,6 @@ def _unit(field: Any) -> str:
     metadata = field.metadata or {}
     found = next((metadata[key] for key in UNITS if key in metadata), b"")
     return str(found.decode("utf-8", "replace"))
-
-
-def pieces_of(table: Any, names: Sequence[str]) -> Iterator[ArrowPiece]:
-    """Columns of a part of the table, by name."""
-    yield [_values(table.column(name)) for name in names]
 
 
 def _values(column: Any) -> Any:
