@@ -39,10 +39,6 @@ class Spread(Protocol):
         """Covariance of the residuals, as measured or with scaled errors: shape
         (n, points * rank, points * rank), (m3/s)^2."""
 
-    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        """By how much scaling changes the covariance of some usable flows, shape (touched, n), or
-        -1, with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
-
     def seen_by(self, basis: Array) -> Spread:
         """The same of other residuals."""
 
@@ -101,9 +97,6 @@ class HypothesisTest:
     def rescaled(self, scales: Scales, places: np.ndarray) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move: `places` of
         them per problem, shape (touched, n), or -1."""
-        changed = places.shape[0] * len(self.members)
-        if self.metric.is_large and changed <= limits.CHANGED_ALONE * self.freedom:
-            return self.metric.rescaled(places, self.spread.change(self.members, scales, places))
         return self._metric_of(scales).moving(places)
 
     @cached_property
@@ -269,6 +262,13 @@ class HypothesisTest:
         (n, points * rank, columns)."""
         rank, columns, points, n = table.shape
         return np.ascontiguousarray(table.transpose(3, 2, 0, 1)).reshape(n, points * rank, columns)
+
+
+def gain_of(pull: Array, information: Array) -> Array:
+    """By how much degrees lower chi-square to first order, as `towards` gives them."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.maximum(pull, 0.0) ** 2 / information
+    return np.where(information > 0.0, gain, 0.0)
 
 
 def in_a_row(table: Array) -> Array:
