@@ -684,6 +684,18 @@ ESTIMATES_AT_ONCE = 1_000_000
 """Numbers in the covariances of estimates of points that are worked on together, in such a plant.
 Origin: numerical, what is found is the same."""
 
+CHANGED_ALONE = 0.25
+"""Share of the residuals of a problem up to which a change of so many flows is worked out alone.
+Origin: numerical; with more of them a new inverse costs less."""
+
+FEW_COLUMNS = 2048
+"""Points of all hypotheses together up to which one plan undoes all of them: a call costs as much
+as that. Origin: numerical."""
+
+OPERATIONS_OF_A_CALL = 200
+"""Operations of a plan on a few numbers that cost as much as another call of a plan. Origin:
+numerical."""
+
 PLANS_KEPT = 512
 """Parts of a plan, as those of hypotheses tried together, that are kept for the next time. Origin:
 numerical."""

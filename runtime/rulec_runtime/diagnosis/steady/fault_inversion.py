@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 
 Faults = tuple[FaultSpec, ...]
 """The faults of one hypothesis, at the same time."""
+
+Outputs = Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Part:
 class Undoing:
     """Hypotheses undone, side by side: each in columns of its own, at the points of each column.
 
+    `parts` are those of `every` one that have columns.
     `readings` per signal have the shape (points, columns), SI. `measured` are the flows of the
     observers that the hypothesis of a column touches, `kept` the share of each that the baseline
     leaves (what it takes scales with an estimate), both of shape (touched, points, columns), SI; 0
@@ -35,6 +39,7 @@ class Undoing:
     """
 
     ruleset: Ruleset
+    every: Sequence[Part]
     parts: Sequence[Part]
     readings: Mapping[str, Array]
     measured: Array
@@ -44,8 +49,8 @@ class Undoing:
         """How far the flows move, shape (touched, ..., points, columns), m3/s; degrees
         (faults, ..., points, columns)."""
         moved = np.zeros((len(self.measured), *degree.shape[1:]))
-        for part in self.parts:
-            self._enter(moved, part, self._undone(part, degree, slopes=False))
+        for part, out in self._undone(degree, slopes=False):
+            self._enter(moved, part, out)
         return moved
 
     def moved_and_slopes(self, degree: Array) -> tuple[Array, Array]:
@@ -53,8 +58,7 @@ class Undoing:
         degrees (faults, points, columns)."""
         moved = np.zeros_like(self.measured)
         slopes = np.zeros((len(moved), *degree.shape))
-        for part in self.parts:
-            out = self._undone(part, degree, slopes=True)
+        for part, out in self._undone(degree, slopes=True):
             self._enter(moved, part, out)
             for row, observer in enumerate(part.touched):
                 for place, fault in enumerate(part.faults):
@@ -62,7 +66,7 @@ class Undoing:
                         slopes[row, place, :, part.columns] = slope
         return moved, slopes * self.kept[:, None]
 
-    def _enter(self, moved: Array, part: Part, out: Mapping[str, Array]) -> None:
+    def _enter(self, moved: Array, part: Part, out: Outputs) -> None:
         """Enter what the plan of a hypothesis gave into its columns."""
         for row, observer in enumerate(part.touched):
             own = (row, slice(None), part.columns)
@@ -70,15 +74,45 @@ class Undoing:
                 own
             ]
 
-    def _undone(self, part: Part, degree: Array, *, slopes: bool) -> dict[str, Array]:
-        """Outputs of the plan of a hypothesis in its columns, shape (..., points, columns)."""
-        names = tuple(fault.id for fault in part.faults)
-        plan = self.ruleset.undone(tuple(part.touched), names if slopes else ())
-        own = degree[..., part.columns]
-        shape = own.shape[1:]
+    def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
+        """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
+        columns): by one plan for all where columns are so few that a call costs more than they
+        do."""
+        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) > 1:
+            # Always the same plan, whichever of the hypotheses are left: to lay one out takes time.
+            plan = self._plan(self.every, slopes=slopes)
+            if len(plan.operations) <= limits.OPERATIONS_OF_A_CALL * len(self.parts):
+                out = self._run(plan, self.every, self.parts, degree)
+                for part in self.parts:
+                    yield part, {name: values[..., part.columns] for name, values in out.items()}
+                return
+        for part in self.parts:
+            own = replace(part, columns=slice(None))
+            readings = {name: table[:, part.columns] for name, table in self.readings.items()}
+            alone = replace(self, readings=readings)
+            plan = self._plan([own], slopes=slopes)
+            yield part, alone._run(plan, [own], [own], degree[..., part.columns])
+
+    def _plan(self, known: Sequence[Part], *, slopes: bool) -> Plan:
+        """The plan of some hypotheses."""
+        observers = tuple(dict.fromkeys(o for part in known for o in part.touched))
+        faults = tuple(dict.fromkeys(f.id for part in known for f in part.faults))
+        return self.ruleset.undone(observers, faults if slopes else ())
+
+    def _run(
+        self, plan: Plan, known: Sequence[Part], tried: Sequence[Part], degree: Array
+    ) -> dict[str, Array]:
+        """Outputs of the plan of all known hypotheses, where some of them are tried."""
+        shape = degree.shape[1:]
+        degrees = {f.id: np.zeros(shape) for part in known for f in part.faults}
+        for part in tried:
+            for fault, own in zip(part.faults, degree[..., part.columns], strict=True):
+                degrees[fault.id][..., part.columns] = own
         inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
-        inputs |= {f"x:{name}": one.ravel() for name, one in zip(names, own, strict=True)}
+        inputs |= {f"x:{name}": table.ravel() for name, table in degrees.items()}
         for name in plan.used_inputs & self.readings.keys():
-            table = self.readings[name][:, part.columns]
-            inputs[name] = np.broadcast_to(table, shape).ravel()
+            table = self.readings[name]
+            inputs[name] = (
+                table if table.shape == shape else np.broadcast_to(table, shape)
+            ).ravel()
         return {name: values.reshape(shape) for name, values in plan.run(inputs).items()}

@@ -39,6 +39,10 @@ class Spread(Protocol):
         """Covariance of the residuals, as measured or with scaled errors: shape
         (n, points * rank, points * rank), (m3/s)^2."""
 
+    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
+        """By how much scaling changes the covariance of some usable flows, shape (touched, n), or
+        -1, with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
+
     def seen_by(self, basis: Array) -> Spread:
         """The same of other residuals."""
 
@@ -97,6 +101,9 @@ class HypothesisTest:
     def rescaled(self, scales: Scales, places: np.ndarray) -> ChiSquare:
         """Chi-square with the errors of some flows scaled, where the same flows move: `places` of
         them per problem, shape (touched, n), or -1."""
+        changed = places.shape[0] * len(self.members)
+        if self.metric.is_large and changed <= limits.CHANGED_ALONE * self.freedom:
+            return self.metric.rescaled(places, self.spread.change(self.members, scales, places))
         return self._metric_of(scales).moving(places)
 
     @cached_property

@@ -172,9 +172,28 @@ class _Alone:
         result: Array = self.basis @ own @ self.basis.T
         return result
 
+    def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
+        """By how much scaling changes the covariance of some flows with all of them."""
+        (points,) = members
+        usable = np.flatnonzero(self.valid)
+        rows = (points[:, None], usable[places.T])
+        noise = self.observed.noise[rows][:, :, usable]
+        lasting = self.observed.covariance[rows][:, :, usable] - noise
+        changed = noise * (_factors(scales.noise[:, 0], places) - 1.0)
+        changed += lasting * (_factors(scales.lasting[:, 0], places) - 1.0)
+        there: Array = changed * (places >= 0).T[:, :, None]
+        return there
+
     def seen_by(self, basis: Array) -> _Alone:
         """The same of other residuals."""
         return replace(self, basis=basis)
+
+
+def _factors(scale: Array, places: np.ndarray) -> Array:
+    """By how much the covariance of some flows with all grows, shape (n, touched, flows), where
+    flows are scaled, shape (flows, n)."""
+    own: Array = np.take_along_axis(scale, np.maximum(places, 0), axis=0)
+    return own.T[:, :, None] * scale.T[:, None, :]
 
 
 def _scaled(covariance: Array, factors: Array) -> Array:
