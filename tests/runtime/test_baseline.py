@@ -9,7 +9,7 @@ import pytest
 from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady.baseline import nothing_learned, remembered
-from rulec_runtime.diagnosis.steady.learn import learn
+from rulec_runtime.diagnosis.steady.learn import Learner
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
@@ -43,7 +43,7 @@ def with_fault(fault: str, degree: float, seed: int, lead: int = LEAD) -> Diagno
 def test_learning_in_turn_is_learning_at_once() -> None:
     """The recursion equals conditioning on all stretches together, drift included."""
     rules, observed = ruleset("abc"), stretches_observed(175)
-    states = learn(rules, observed).states
+    states = Learner(rules, keep=True).take(observed, 0).states
     learned = list(states[-1].points)
     assert len(learned) > 1
     basis = residual_basis(rules, observed.valid[:, 0])

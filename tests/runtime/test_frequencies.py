@@ -28,7 +28,7 @@ from rulec_runtime.live.horizon import Sight, episodes_of
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import ModuleResults, read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.report.html_story import told
+from rulec_runtime.report.html_story import told as story
 from rulec_runtime.report.json_form import diagnosis_form
 from rulec_runtime.report.wording import actions, headline, why_first
 
@@ -80,15 +80,22 @@ def said_of(ruleset: Ruleset, words: Mapping[str, str]) -> Ruleset:
     return dataclasses.replace(ruleset, faults=tuple(faults))
 
 
+TIME = np.arange(float(SAMPLES))
+COURSES = {"step": TIME >= 60.0, "ramp": np.clip((TIME - 60.0) / 150.0, 0.0, 1.0)}
+
+
+def recorded(rules: Ruleset, fault: str, course: str) -> Recording:
+    """A tenth of the flow is lost, or not shown, in the end."""
+    found = simulate(rules, {}, {fault: 0.1 * COURSES[course]})
+    values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
+    segment = np.zeros(SAMPLES, dtype=int)
+    return Recording(time=TIME, values=values, segment=segment, missing=(), notes=())
+
+
 @pytest.fixture(scope="module")
 def leaking() -> Recording:
     """A tenth of the flow is lost from a time on."""
-    rules = listed()
-    time = np.arange(float(SAMPLES))
-    found = simulate(rules, {}, {LEAK: 0.1 * (time >= 60.0)})
-    values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
-    segment = np.zeros(SAMPLES, dtype=int)
-    return Recording(time=time, values=values, segment=segment, missing=(), notes=())
+    return recorded(listed(), LEAK, "step")
 
 
 def only(recording: Recording, ruleset: Ruleset) -> Finding:
@@ -141,12 +148,26 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
     assert form["why_first"] == [why]
     assert form["action"] == actions(rules, finding)
     assert [leak.action] == [one["action"] for one in form["alternatives"]]
-    page = told(diagnosis)
+    page = story(diagnosis)
     assert why in page
     assert leak.action in page
     times = np.array([0.0, 300.0])
     sight = Sight(since=0.0, until=300.0, settled=300.0, usual=0.0, time=times, pause=1)
     assert actions(rules, finding) in {e.action for e in episodes_of(diagnosis, sight)}
+
+
+@pytest.mark.parametrize("course", COURSES)
+@pytest.mark.parametrize("true", [LEAK, LOW])
+def test_what_no_reading_tells_apart_is_told_together(true: str, course: str) -> None:
+    """All estimates move alike, at once or slowly: both have the same probability."""
+    rules = compiled("zema-hydraulic")
+    findings = diagnose(recorded(rules, true, course), rules).findings
+    assert findings
+    for finding in findings:
+        named = {finding.fault.id: finding.probability, **dict(finding.alternatives)}
+        assert named[LEAK] == named[LOW]
+        told = headline(rules, finding) + actions(rules, finding)
+        assert all(rules.fault_by_id[name].action in told for name in (LEAK, LOW))
 
 
 def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:

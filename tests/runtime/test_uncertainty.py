@@ -272,38 +272,6 @@ def test_degrees_against_uncertainties(kind: str, point: str, folder: Path) -> N
         assert whole == pytest.approx(found[f"ux:linear:{key}"], rel=1e-8), key
 
 
-@pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("kind", [*KINDS, CALIBRATED])
-def test_both_against_gtc(kind: str, point: str, folder: Path) -> None:
-    """Residuals and degrees by GTC, which carries correlations in another way."""
-    gtc = pytest.importorskip("GTC", reason="GTC is not installed")
-    at = case(kind, point, folder)
-    values = {name: gtc.ureal(v, at.u[name]) for name, v in at.readings.items()}
-    values |= {name: gtc.ureal(v, u) if u else v for name, (v, u) in at.parameters().items()}
-    if kind == CALIBRATED:
-        centres, covariance = at.block()
-        spread = np.sqrt(np.diag(covariance))
-        correlated = [
-            gtc.ureal(c, u, independent=False) for c, u in zip(centres, spread, strict=True)
-        ]
-        for i in range(3):
-            for j in range(i):
-                r = covariance[i, j] / spread[i] / spread[j]
-                gtc.set_correlation(float(r), correlated[i], correlated[j])
-        values |= {f"A.{name}": x for name, x in zip(BLOCK, correlated, strict=True)}
-        values["A.pump~"] = gtc.ureal(0.0, MISFIT * LITRE_PER_HOUR)
-    found, system = at.results(), Abc(at.kinds(), values)
-    residuals = {r.id: r for r in at.ruleset.residuals}
-    for residual in residuals.values():
-        expected = gtc.uncertainty(signed_sum(residual, system.observers()))
-        assert expected == pytest.approx(found[f"u:{residual.id}"], rel=1e-9), residual.id
-    for cell in at.ruleset.cells:
-        key, residual = f"{cell.fault}:{cell.residual}", residuals[cell.residual]
-        expected = gtc.uncertainty(rule(system, residual, cell.fault))
-        whole = math.hypot(expected, linearisation(at, cell, residual))
-        assert whole == pytest.approx(found[f"ux:linear:{key}"], rel=1e-8), key
-
-
 def drawn(at: Case, count: int = 40_000) -> dict[str, Any]:
     """Readings and parameters drawn from their distributions."""
     random = np.random.default_rng(12)

@@ -67,15 +67,10 @@ class Plan:
     def select(self, outputs: Iterable[str]) -> Plan:
         """Keep what the named outputs need; unknown names raise KeyError.
 
-        The same names give the same plan, so that how to run it is worked out once; of many, those
-        that were asked for last are kept.
+        The same names give the same plan, so that how to run it is worked out once.
         """
         names = tuple(outputs)
-        found = self._selections.pop(names, None) or self.selected(names)
-        while len(self._selections) >= limits.PLANS_KEPT:
-            del self._selections[next(iter(self._selections))]
-        self._selections[names] = found
-        return found
+        return kept_plan(self._selections, names, lambda: self.selected(names))
 
     def narrowed(self) -> Plan:
         """The same plan with those inputs and constants alone that it reads."""
@@ -210,8 +205,6 @@ class Plan:
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
         """Split operations into scalar ones and array steps; buffers are reused after last use."""
-        if not any(varying):
-            return self._of_numbers(varying)
         is_array = [*varying, *[False] * (len(self.constants) + len(self.operations))]
         order = [
             (i, *self.operations[i - self.first_operation])
@@ -247,21 +240,14 @@ class Plan:
             kernel=PlanKernel(steps[True], arrays, targets),
         )
 
-    def _of_numbers(self, varying: tuple[bool, ...]) -> _Schedule:
-        """Where all inputs are numbers there are no buffers to think about."""
-        steps = (
-            (OPERATIONS[name], a, -1 if name in UNARY else b, i)
-            for i, (name, a, b) in enumerate(self.operations, self.first_operation)
-        )
-        return _Schedule(
-            scalars=tuple(steps),
-            steps=(),
-            varying=varying,
-            rows={},
-            count=0,
-            targets={},
-            kernel=PlanKernel((), (), {}),
-        )
+
+def kept_plan(plans: dict[Any, Plan], key: Any, made: Callable[[], Plan]) -> Plan:
+    """The plan that is kept by a key, or a new one; of many, those asked for last are kept."""
+    found = plans.pop(key, None) or made()
+    while len(plans) >= limits.PLANS_KEPT:
+        del plans[next(iter(plans))]
+    plans[key] = found
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -186,11 +186,9 @@ def _key(steps: Sequence[Step], layout: Layout) -> str:
 
 @cache
 def _writer() -> str:
-    """Hash of the modules that write the code."""
     files = [Path(module.__file__ or "") for module in (plan_code, code_lines)]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _rows(table: Array) -> NDArray[np.int64]:
-    """Addresses of the rows of a table."""
     return table.ctypes.data + table.strides[0] * np.arange(len(table), dtype=np.int64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -14,7 +14,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
-from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.contract.plan import Array, Plan, kept_plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
 
 Size = TypeVar("Size", float, Array)
@@ -489,26 +489,27 @@ class Ruleset:
 
     def undone(self, observers: tuple[str, ...], faults: tuple[str, ...]) -> Plan:
         """Plan of flows with faults undone (``q:``), and their slopes by the degrees (``dq:``)."""
-        key = (observers, faults)
-        if key not in self._undone:
+
+        def made() -> Plan:
             names = [f"q:{o}" for o in observers]
-            names += [f"dq:{o}:{f}" for o in observers for f in faults]
-            there = (n for n in names if n in self.undo.outputs)
-            while len(self._undone) >= limits.PLANS_KEPT:
-                del self._undone[next(iter(self._undone))]
-            self._undone[key] = self.undo.selected(there).narrowed()
-        return self._undone[key]
+            return self._of_undo([*names, *(f"dq:{o}:{f}" for o in observers for f in faults)])
+
+        return kept_plan(self._undone, (observers, faults), made)
 
     def undone_slopes(self, observers: tuple[str, ...]) -> Plan:
         """Plan of the slopes (``dq:``) of the flows of observers by each degree that moves them."""
-        if observers not in self._slopes:
+
+        def made() -> Plan:
             own = frozenset(observers)
-            names = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own)
-            there = (n for n in names if n in self.undo.outputs)
-            while len(self._slopes) >= limits.PLANS_KEPT:
-                del self._slopes[next(iter(self._slopes))]
-            self._slopes[observers] = self.undo.selected(there).narrowed()
-        return self._slopes[observers]
+            return self._of_undo(
+                f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own
+            )
+
+        return kept_plan(self._undone, observers, made)
+
+    def _of_undo(self, names: Iterable[str]) -> Plan:
+        """Those of some outputs of `undo` that there are."""
+        return self.undo.selected(n for n in names if n in self.undo.outputs).narrowed()
 
     @cached_property
     def kept(self) -> dict[str, Any]:
@@ -516,11 +517,7 @@ class Ruleset:
         return {}
 
     @cached_property
-    def _slopes(self) -> dict[tuple[str, ...], Plan]:
-        return {}
-
-    @cached_property
-    def _undone(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], Plan]:
+    def _undone(self) -> dict[Any, Plan]:
         return {}
 
     def to_json(self) -> str:

@@ -55,7 +55,7 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
     """Build a ruleset from its JSON data."""
     _refuse_version(data, name)
     try:
-        ruleset: Ruleset = _build(Ruleset, data)
+        ruleset: Ruleset = _builder(Ruleset)(data)
     except Damaged as error:
         raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
     _verify(ruleset.plan, name)
@@ -150,7 +150,6 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
 
 
 def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Everything that the steps of the simulation name, as (kind, name)."""
     yield from (("signal", name) for name in simulation.given)
     for step in simulation.steps:
         yield from (("signal", name) for name in step.readings)
@@ -178,11 +177,6 @@ def _legal(operation: Operation, number: int) -> bool:
     return name in OPERATIONS and 0 <= a < number and (name in UNARY or 0 <= b < number)
 
 
-def _build(kind: Any, data: Any) -> Any:
-    """Turn JSON data into the dataclass (or container) `kind`."""
-    return _builder(kind)(data)
-
-
 @functools.cache
 def _builder(kind: Any) -> Callable[[Any], Any]:
     """What turns JSON data into `kind`: types are looked at once, not at every value."""
@@ -208,8 +202,10 @@ def _builder(kind: Any) -> Callable[[Any], Any]:
 
 
 def _group_builder(kind: Any) -> Callable[[Any], Any]:
-    builders = {name: _builder(hint) for name, hint in _hints(kind).items()}
-    optional = _optional(kind)
+    fields, hints = dataclasses.fields(kind), typing.get_type_hints(kind)
+    builders = {f.name: _builder(hints[f.name]) for f in fields}
+    # A file of the same version, but an older tool, may lack these.
+    optional = {f.name for f in fields if f.default is not dataclasses.MISSING}
 
     def build(data: Any) -> Any:
         _expect(data, dict, "a group")
@@ -289,13 +285,3 @@ _WORDS: dict[Any, str] = {str: "text", int: "a whole number", bool: "true or fal
 def _expect(data: Any, kind: Any, what: str) -> None:
     if not isinstance(data, kind) or (isinstance(data, bool) and kind is not bool):
         raise Damaged(f"{str(data)[:30]!r} where {what} belongs")
-
-
-def _optional(kind: Any) -> set[str]:
-    """Fields that a file of the same version, but an older tool, may lack."""
-    return {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
-
-
-def _hints(kind: Any) -> dict[str, Any]:
-    names = {f.name for f in dataclasses.fields(kind)}
-    return {n: h for n, h in typing.get_type_hints(kind).items() if n in names}

@@ -17,8 +17,8 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.steady.points import outside_range
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.points import is_bad
 from rulec_runtime.diagnosis.visible import visible_of
 from rulec_runtime.recordings.piecewise import runs_where
 from rulec_runtime.recordings.recording import Recording
@@ -156,7 +156,6 @@ def _segments(
 
 
 def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
-    """What is the matter with readings, those with the same reason together."""
     reasons: dict[str, list[str]] = {}
     for name in readings:
         reasons.setdefault(why.get(name, "not in the recording"), []).append(name)
@@ -173,14 +172,9 @@ def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
         if signal.id not in ruleset.read:
             continue
         if values is not None:
-            yield signal.id, _runs(values, partial(_is_gone, signal))
+            yield signal.id, _runs(values, partial(is_bad, signal))
         elif not (mapped and by_map) or signal.id in mapped:
             yield signal.id, ((0, len(recording)),)
-
-
-def _is_gone(signal: SignalSpec, values: Array) -> np.ndarray:
-    gone: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
-    return gone
 
 
 def _still(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:

@@ -16,12 +16,11 @@ from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import Seen, judgeable, see_stretches
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
-from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, Visited, visited_of
 from rulec_runtime.diagnosis.steady.liquid import is_ordinary
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding, regimes_of
 from rulec_runtime.diagnosis.steady.sheet import against_sheet
 from rulec_runtime.diagnosis.steady.verdict import shown_without
-from rulec_runtime.diagnosis.steady.visited import Visited, visited_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Timeline, timeline_of
 from rulec_runtime.recordings.wall_clock import Calendar

@@ -177,12 +177,10 @@ def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
 
 
 def _fault(slope: str) -> str:
-    """The fault by whose degree it is a slope."""
     return slope.split(":", 2)[2]
 
 
 def _unfit(results: ModuleResults, ruleset: Ruleset) -> Iterator[str]:
-    """Which readings modules did not use."""
     for name in sorted(ruleset.observed):
         count = int((~results.flags(f"fit:{name}")).sum())
         if count:

@@ -30,11 +30,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     """
     recording = examine(recording, ruleset).recording
     if ruleset.dynamics is not None:
-        # Loaded when it is needed: see `diagnose`.
-        from rulec_runtime.diagnosis.stores.diagnose import judge_stores
-        from rulec_runtime.diagnosis.stores.trace import trace_stores
-
-        return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
+        return _of_stores(recording, ruleset)
     stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
     known: list[Seen] = []
@@ -85,3 +81,41 @@ def _of_part(seen: Seen, point: int) -> str:
     if verdict.kind == "fault":
         return " + ".join(seen.part.ruleset.faults[i].id for i in verdict.faults)
     return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)
+
+
+def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
+    """Every sample as the window in whose middle it is."""
+    # The integrator takes a second to load, and plants that store nothing do without it.
+    from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+
+    said = judge_stores(recording, ruleset)
+    judged = said.judged
+    words = ["cannot judge"] * len(recording)
+    degree = np.zeros((len(ruleset.faults), len(recording)))
+    half = np.zeros_like(degree)
+    row = {f.id: i for i, f in enumerate(ruleset.faults)}
+    if judged:
+        middles = np.array([one.window.middle for one in judged])
+        order = np.argsort(middles, kind="stable")
+        edges = 0.5 * (middles[order][1:] + middles[order][:-1])
+        nearest = order[np.searchsorted(edges, recording.time)]
+        for sample in np.flatnonzero(said.covered).tolist():
+            one = judged[int(nearest[sample])]
+            if one.plain is not None:
+                words[sample] = "ok"
+            for name, test in one.tests.items():
+                if test.fits:
+                    degree[row[name], sample] = test.degree
+                    half[row[name], sample] = limits.COVERAGE * test.u
+    for period in said.found.unknown:
+        _say(words, recording, period.since, period.until, "unknown")
+    for finding in said.found.findings:
+        _say(words, recording, finding.since, finding.until, finding.fault.id)
+    lower = np.maximum(degree - half, 0.0)
+    return Trace(recording.time, tuple(words), degree, lower, degree + half, tuple(row))
+
+
+def _say(words: list[str], recording: Recording, since: float, until: float, word: str) -> None:
+    for i in np.flatnonzero((recording.time >= since) & (recording.time <= until)).tolist():
+        if words[i] != "cannot judge":
+            words[i] = word

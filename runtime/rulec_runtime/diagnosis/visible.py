@@ -41,13 +41,10 @@ class Sighted(Protocol):
     def highest(self) -> Mapping[str, float]:
         """Faults with their largest degrees."""
 
-    def detectable(self, lost: Set[str], still: Set[str]) -> Mapping[str, float]:
-        """Degree from which on each fault can be seen without some signals while some observers,
-        by their ids, estimate nothing; absent where it leaves no trace."""
-
     def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
         """Products of the effects of all faults with each other, shape (faults, faults), in the
-        metric of errors; 0 where a fault leaves no trace."""
+        metric of errors, without some signals while some observers, by their ids, estimate
+        nothing; 0 where a fault leaves no trace."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +70,6 @@ class PartSighted:
     @cached_property
     def highest(self) -> Mapping[str, float]:
         return {f.id: f.highest for f in self.faults}
-
-    def detectable(self, lost: Set[str], still: Set[str]) -> Mapping[str, float]:
-        known = np.diag(self.information(lost, still)).tolist()
-        return {f.id: threshold_of(x**-0.5) for f, x in zip(self.faults, known, strict=True) if x}
 
     def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
         there = [o.id not in still and lost.isdisjoint(o.signals) for o in self.observers]
@@ -152,9 +145,16 @@ class Visible:
 
 def _sees(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> bool:
     """Is a degree seen that is within the range of a fault, or any where its sheet hides all?"""
-    degree = one.detectable(lost & one.signals, still).get(fault, inf)
-    sheet = one.detectable(NONE, NONE).get(fault, inf)
+    degree = _detectable(one, fault, lost & one.signals, still)
+    sheet = _detectable(one, fault, NONE, NONE)
     return degree < (one.highest[fault] if sheet < one.highest[fault] else inf)
+
+
+def _detectable(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> float:
+    """Degree from which on a fault can be seen; infinite where it leaves no trace."""
+    place = [*one.highest].index(fault)
+    known = float(one.information(lost, still)[place, place])
+    return threshold_of(known**-0.5) if known > 0.0 else inf
 
 
 def visible_of(ruleset: Ruleset) -> Visible:

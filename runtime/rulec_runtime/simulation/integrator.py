@@ -183,9 +183,32 @@ def _interpret(tape: Tape, values: np.ndarray, slopes: np.ndarray) -> None:
     evaluate(first, codes, left, right, begin, values, slopes, slopes.shape[1])
 
 
+class Machine(NamedTuple):
+    """Balances that run: their operations, machine code of these, and where values stand.
+
+    `values`, shape (values,), and `slopes`, shape (values, columns), have a row per value of the
+    plan.
+    """
+
+    tape: Tape
+    kernel: Kernel
+    values: np.ndarray
+    slopes: np.ndarray
+
+
+class Given(NamedTuple):
+    """What is given at each sample: times, s, `inputs`, shape (n, inputs), and whether each input
+    is `held` up to the next sample."""
+
+    held: np.ndarray
+    time: np.ndarray
+    inputs: np.ndarray
+
+
 @compiled(inline="always")
-def _run(tape: Tape, kernel: Kernel, values: np.ndarray, slopes: np.ndarray) -> None:
+def _run(machine: Machine) -> None:
     """Run the moving operations, by machine code where there is some."""
+    tape, kernel, values, slopes = machine
     if kernel.evaluate != 0:
         kernel_call.evaluate(kernel.evaluate, values, slopes)
     else:
@@ -245,35 +268,21 @@ def _solve(
 
 
 @compiled(inline="always")
-def _give(
-    values: np.ndarray,
-    slots: np.ndarray,
-    held: np.ndarray,
-    inputs: np.ndarray,
-    sample: int,
-    share: float,
-) -> None:
-    """Inputs at a share of the way from one sample to the next."""
-    for j in range(slots.shape[0]):
-        u = inputs[sample, j]
-        if not held[j]:
-            u += share * (inputs[sample + 1, j] - u)
-        values[slots[j]] = u
+def _given(given: Given, j: int, sample: int, share: float) -> float:
+    """An input at a share of the way from one sample to the next."""
+    u: float = given.inputs[sample, j]
+    if not given.held[j]:
+        u += share * (given.inputs[sample + 1, j] - u)
+    return u
 
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def _follow(
-    values: np.ndarray,
-    slopes: np.ndarray,
-    tape: Tape,
-    history: Past,
-    when: float,
-    count: int,
-) -> None:
+def _follow(machine: Machine, history: Past, when: float, count: int) -> None:
     """States with a dead time are what they followed so much earlier, in a line between nodes.
 
     The first `count` nodes are known; before the first and behind the last the past stands still.
     """
+    tape, _, values, slopes = machine
     late, nodes, past, past_slopes = history[:4]
     slots, after_slots = tape.states, tape.afters
     for j in range(late.shape[0]):
@@ -301,9 +310,7 @@ def _follow(
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _aim(
-    values: np.ndarray,
-    slopes: np.ndarray,
-    tape: Tape,
+    machine: Machine,
     late: np.ndarray,
     weight: float,
     past: np.ndarray,
@@ -311,6 +318,7 @@ def _aim(
     node: int,
 ) -> None:
     """Add what states with a dead time follow now, as a lag would, to a node of the past."""
+    tape, _, values, slopes = machine
     slots, rate_slots, after_slots = tape.states, tape.rates, tape.afters
     for j in range(late.shape[0]):
         slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
@@ -322,10 +330,9 @@ def _aim(
 
 
 @compiled(inline="always")
-def _place(
-    values: np.ndarray, slopes: np.ndarray, slots: np.ndarray, x: np.ndarray, dx: np.ndarray
-) -> None:
+def _place(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
     """Put states where the plan reads them."""
+    slots, values, slopes = machine.tape.states, machine.values, machine.slopes
     for i in range(slots.shape[0]):
         values[slots[i]] = x[i]
         for c in range(slopes.shape[1]):
@@ -333,20 +340,13 @@ def _place(
 
 
 @compiled(inline="always")
-def _confine(
-    values: np.ndarray,
-    slopes: np.ndarray,
-    lows: np.ndarray,
-    highs: np.ndarray,
-    end: int,
-    x: np.ndarray,
-    dx: np.ndarray,
-) -> bool:
+def _confine(machine: Machine, end: int, x: np.ndarray, dx: np.ndarray) -> bool:
     """Keep states within their limits, as far as these have slots below `end`; was one moved?"""
+    tape, _, values, slopes = machine
     moved = False
     for i in range(x.shape[0]):
         for side in range(2):
-            slot = lows[i] if side == 0 else highs[i]
+            slot = tape.lows[i] if side == 0 else tape.highs[i]
             if slot < 0 or slot >= end:
                 continue
             limit = values[slot]
@@ -497,18 +497,12 @@ def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
 
 
 @compiled(inline="always")
-def _begin(
-    tape: Tape,
-    kernel: Kernel,
-    values: np.ndarray,
-    slopes: np.ndarray,
-    x: np.ndarray,
-    dx: np.ndarray,
-) -> None:
+def _begin(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
     """States where they start; one may start where another one's start puts it."""
+    tape, _, values, slopes = machine
     for _ in range(x.shape[0]):
-        _place(values, slopes, tape.states, x, dx)
-        _run(tape, kernel, values, slopes)
+        _place(machine, x, dx)
+        _run(machine)
         for i in range(x.shape[0]):
             x[i] = values[tape.starts[i]]
             for c in range(dx.shape[1]):
@@ -532,37 +526,29 @@ def _put(
 
 
 @compiled(inline="always")
-def _at_sample(
-    tape: Tape,
-    kernel: Kernel,
-    values: np.ndarray,
-    slopes: np.ndarray,
-    room: Room,
-    past: Past,
-    time: np.ndarray,
-    s: int,
-) -> bool:
+def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: int) -> bool:
     """All values at a sample, states within their limits; are these the rates to go on with?"""
+    tape, _, values, slopes = machine
     x, dx, slots, late = room.x, room.dx, tape.states, past.late
     n, lates, moved = time.shape[0], past.late.shape[0], False
     for _ in range(2):
-        _place(values, slopes, slots, x, dx)
-        _run(tape, kernel, values, slopes)
+        _place(machine, x, dx)
+        _run(machine)
         moved = False
         if lates and s < n - 1:
             # Before the step is done, what is followed now stands for its mean.
             past.nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
             _put(past.values, past.slopes, s + 1, False, past.mean, past.mean_slopes)
-            _aim(values, slopes, tape, late, 1.0, past.values, past.slopes, s + 1)
+            _aim(machine, late, 1.0, past.values, past.slopes, s + 1)
         if lates and s > 0:
-            _follow(values, slopes, tape, past, time[s], min(s + 2, n))
+            _follow(machine, past, time[s], min(s + 2, n))
             for j in range(lates):
                 slot = slots[late[j]]
                 moved = moved or abs(values[slot] - x[late[j]]) > 0.0
                 x[late[j]] = values[slot]
                 for c in range(dx.shape[1]):
                     dx[late[j], c] = slopes[slot, c]
-        moved = _confine(values, slopes, tape.lows, tape.highs, values.shape[0], x, dx) or moved
+        moved = _confine(machine, values.shape[0], x, dx) or moved
         if not moved:
             break
     return not moved and lates == 0
@@ -576,16 +562,11 @@ def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
 
 @compiled(inline="always")
 def _to_stage(
-    tape: Tape,
-    values: np.ndarray,
-    slopes: np.ndarray,
-    room: Room,
-    past: Past,
-    move: tuple[int, float],
-    when: tuple[float, int],
+    machine: Machine, room: Room, past: Past, move: tuple[int, float], when: tuple[float, int]
 ) -> None:
     """Values where a stage is; `move` is the stage whose rates lead there, and how far; `when` the
     time, and how many nodes of the past are known."""
+    tape, _, values, slopes = machine
     k, dk, slots = room.k, room.dk, tape.states
     for i in range(slots.shape[0]):
         values[slots[i]] = room.x[i] + move[1] * k[move[0], i]
@@ -594,25 +575,22 @@ def _to_stage(
     if tape.clock >= 0:
         values[tape.clock] = when[0]
     if past.late.shape[0]:
-        _follow(values, slopes, tape, past, when[0], when[1])
+        _follow(machine, past, when[0], when[1])
 
 
 @compiled(inline="always")
 def _explicit(
-    tape: Tape,
-    kernel: Kernel,
-    values: np.ndarray,
-    slopes: np.ndarray,
+    machine: Machine,
+    given: Given,
     room: Room,
     past: Past,
-    held: np.ndarray,
-    time: np.ndarray,
-    inputs: np.ndarray,
     s: int,
     piece: tuple[int, int],
     fresh: bool,
 ) -> None:
     """One piece by Runge and Kutta's method; where `fresh`, its first rates are there."""
+    tape, kernel, values, slopes = machine
+    time = given.time
     x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
     p, pieces = piece
     length = time[s + 1] - time[s]
@@ -621,13 +599,14 @@ def _explicit(
         at = (p + NODES[0, stage]) / pieces
         now = time[s] + at * length
         if stage > 0 or not fresh:
-            _give(values, tape.inputs, held, inputs, s, at)
+            for j in range(tape.inputs.shape[0]):
+                values[tape.inputs[j]] = _given(given, j, s, at)
             before = max(stage - 1, 0)
             scale = NODES[0, stage] * step
-            _to_stage(tape, values, slopes, room, past, (before, scale), (now, s + 2))
-            _run(tape, kernel, values, slopes)
+            _to_stage(machine, room, past, (before, scale), (now, s + 2))
+            _run(machine)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[0]):
-            _aim(values, slopes, tape, late, 0.5, past.mean, past.mean_slopes, 0)
+            _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
         if kernel.advance != 0:
             break
         for i in range(x.shape[0]):
@@ -643,10 +622,7 @@ def _explicit(
         for stage in range(1, STAGES[0]):
             at = (p + NODES[0, stage]) / pieces
             for j in range(last):
-                u = inputs[s, j]
-                if not held[j]:
-                    u += at * (inputs[s + 1, j] - u)
-                room.given[stage, j] = u
+                room.given[stage, j] = _given(given, j, s, at)
             room.given[stage, last] = time[s] + at * length
         kernel_call.advance(kernel.advance, values, slopes, x, dx, k, room.given, step)
     else:
@@ -659,19 +635,11 @@ def _explicit(
 
 @compiled(inline="always")
 def _implicit(
-    tape: Tape,
-    kernel: Kernel,
-    values: np.ndarray,
-    slopes: np.ndarray,
-    room: Room,
-    past: Past,
-    held: np.ndarray,
-    time: np.ndarray,
-    inputs: np.ndarray,
-    s: int,
-    piece: tuple[int, int],
+    machine: Machine, given: Given, room: Room, past: Past, s: int, piece: tuple[int, int]
 ) -> tuple[float, float]:
     """One piece by the implicit method; the rate of the fastest mode, and the error."""
+    tape, kernel, values, slopes = machine
+    time = given.time
     x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
     right_side, count = room.right_side, room.x.shape[0]
     p, pieces = piece
@@ -681,9 +649,10 @@ def _implicit(
     for stage in range(STAGES[1]):
         at = (p + NODES[1, stage]) / pieces
         now = time[s] + at * length
-        _give(values, tape.inputs, held, inputs, s, at)
+        for j in range(tape.inputs.shape[0]):
+            values[tape.inputs[j]] = _given(given, j, s, at)
         scale = NODES[1, stage] * step
-        _to_stage(tape, values, slopes, room, past, (0, scale), (now, s + 2))
+        _to_stage(machine, room, past, (0, scale), (now, s + 2))
         if stage == 0:
             if kernel.jacobian != 0:
                 kernel_call.evaluate(kernel.jacobian, values, room.jacobian)
@@ -693,9 +662,9 @@ def _implicit(
             _factor(room.matrix, room.shares, room.pivots)
         # With the Jacobian come the values.
         if stage > 0 or slopes.shape[1] > 0:
-            _run(tape, kernel, values, slopes)
+            _run(machine)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
-            _aim(values, slopes, tape, late, 0.5, past.mean, past.mean_slopes, 0)
+            _aim(machine, late, 0.5, past.mean, past.mean_slopes, 0)
         for i in range(count):
             right_side[i, 0] = values[rates[i]] - 2.0 * stage * k[0, i]
             for c in range(dx.shape[1]):
@@ -718,34 +687,19 @@ def _implicit(
 
 
 @compiled(inline="always")
-def _keep(room: Room) -> None:
-    """Remember states and slopes as they are."""
-    for i in range(room.x.shape[0]):
-        room.old[i] = room.x[i]
-        for c in range(room.dx.shape[1]):
-            room.d_old[i, c] = room.dx[i, c]
-
-
-@compiled(inline="always")
-def _back(room: Room) -> None:
-    """States and slopes as they were remembered."""
-    for i in range(room.x.shape[0]):
-        room.x[i] = room.old[i]
-        for c in range(room.dx.shape[1]):
-            room.dx[i, c] = room.d_old[i, c]
+def _copy(x: np.ndarray, dx: np.ndarray, to: np.ndarray, d_to: np.ndarray) -> None:
+    for i in range(x.shape[0]):
+        to[i] = x[i]
+        for c in range(dx.shape[1]):
+            d_to[i, c] = dx[i, c]
 
 
 @compiled(inline="always")
 def _step(
-    tape: Tape,
-    kernel: Kernel,
-    values: np.ndarray,
-    slopes: np.ndarray,
+    machine: Machine,
+    given: Given,
     room: Room,
     past: Past,
-    held: np.ndarray,
-    time: np.ndarray,
-    inputs: np.ndarray,
     s: int,
     fresh: bool,
     stiff: bool,
@@ -756,6 +710,7 @@ def _step(
 
     Returns how many steps were taken, and by which method and in how many pieces to go on.
     """
+    tape, time = machine.tape, given.time
     x, k, peak, lates = room.x, room.k, room.peak, past.late.shape[0]
     length, taken, first = time[s + 1] - time[s], 0, 0
     for i in range(x.shape[0]):
@@ -766,46 +721,21 @@ def _step(
     while at < FINEST:
         # What is late follows the mean of a whole step.
         if at == 0 or (stiff and lates == 0):
-            _keep(room)
+            _copy(x, room.dx, room.old, room.d_old)
         if lates and at == 0:
             _put(past.mean, past.mean_slopes, 0, False, past.mean, past.mean_slopes)
         pieces = FINEST // size
         step, again = length / pieces, False
         if stiff:
-            fastest, error = _implicit(
-                tape,
-                kernel,
-                values,
-                slopes,
-                room,
-                past,
-                held,
-                time,
-                inputs,
-                s,
-                (at // size, pieces),
-            )
+            fastest, error = _implicit(machine, given, room, past, s, (at // size, pieces))
         else:
-            _explicit(
-                tape,
-                kernel,
-                values,
-                slopes,
-                room,
-                past,
-                held,
-                time,
-                inputs,
-                s,
-                (at // size, pieces),
-                fresh,
-            )
+            _explicit(machine, given, room, past, s, (at // size, pieces), fresh)
             fastest, there, turn, bend = _seen_by_stages(k, peak, step)
         rate = max(rate, fastest)
         fresh = False
         taken += 1
         # Fixed limits hold within a step too; moving ones are seen at the next sample.
-        _confine(values, slopes, tape.lows, tape.highs, tape.first + tape.begin, x, room.dx)
+        _confine(machine, tape.first + tape.begin, x, room.dx)
         if stiff:
             again = error > ROUGH and size > 1
             longer = 2 * size if error < ROUGH / 8.0 and size < FINEST // PIECES else size
@@ -832,7 +762,7 @@ def _step(
                 at, size = 0, FINEST // pieces
                 rate, error, bent, growing = 0.0, 0.0, 0.0, False
         if again:
-            _back(room)
+            _copy(room.old, room.d_old, x, room.dx)
     if stiff:
         stiff = rate * length > 0.5 * LIVELY * PIECES
         pieces = FINEST // first if stiff else PIECES
@@ -845,7 +775,6 @@ def _step(
 
 @compiled(inline="always")
 def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
-    """Is a state, or a slope of it, beyond all bounds?"""
     for i in range(x.shape[0]):
         if not abs(x[i]) < HUGE:
             return True
@@ -859,13 +788,8 @@ def _ran_away(x: np.ndarray, dx: np.ndarray) -> bool:
     cache=KEPT, nogil=True, fastmath=False, error_model="numpy", **UNCOUNTED
 )
 def _over_samples(
-    tape: Tape,
-    kernel: Kernel,
-    held: np.ndarray,
-    time: np.ndarray,
-    inputs: np.ndarray,
-    values: np.ndarray,
-    slopes: np.ndarray,
+    machine: Machine,
+    given: Given,
     outputs: np.ndarray,
     output_slopes: np.ndarray,
     states: np.ndarray,
@@ -876,13 +800,14 @@ def _over_samples(
 
     To count who holds which array, at every line that hands one on, takes longer than a step does.
     """
-    n, taken, pieces, stiff = time.shape[0], 0, 1, False
+    tape, _, values, slopes = machine
+    n, taken, pieces, stiff = given.time.shape[0], 0, 1, False
     for s in range(n):
         for j in range(tape.inputs.shape[0]):
-            values[tape.inputs[j]] = inputs[s, j]
+            values[tape.inputs[j]] = given.inputs[s, j]
         if tape.clock >= 0:
-            values[tape.clock] = time[s]
-        fresh = _at_sample(tape, kernel, values, slopes, room, past, time, s)
+            values[tape.clock] = given.time[s]
+        fresh = _at_sample(machine, room, past, given.time, s)
         for i in range(room.x.shape[0]):
             states[s, i] = room.x[i]
         for j in range(tape.outputs.shape[0]):
@@ -891,21 +816,7 @@ def _over_samples(
                 output_slopes[s, j, c] = slopes[tape.outputs[j], c]
         if s == n - 1:
             break
-        steps, stiff, pieces = _step(
-            tape,
-            kernel,
-            values,
-            slopes,
-            room,
-            past,
-            held,
-            time,
-            inputs,
-            s,
-            fresh,
-            stiff,
-            pieces,
-        )
+        steps, stiff, pieces = _step(machine, given, room, past, s, fresh, stiff, pieces)
         taken += steps
         if _ran_away(room.x, room.dx):
             return -1
@@ -942,21 +853,7 @@ def integrate(
         values[tape.inputs[j]] = inputs[0, j]
     if tape.clock >= 0:
         values[tape.clock] = time[0]
-    _begin(tape, kernel, values, slopes, room.x, room.dx)
+    machine, given = Machine(tape, kernel, values, slopes), Given(held, time, inputs)
+    _begin(machine, room.x, room.dx)
     past = _past(tape, time, room)
-    return int(
-        _over_samples(
-            tape,
-            kernel,
-            held,
-            time,
-            inputs,
-            values,
-            slopes,
-            outputs,
-            output_slopes,
-            states,
-            room,
-            past,
-        )
-    )
+    return int(_over_samples(machine, given, outputs, output_slopes, states, room, past))

@@ -213,7 +213,6 @@ class _Factors:
 
 
 def _evaluate(name: str, lines: _Lines, stored: list[int]) -> str:
-    """The function `EVALUATE`, or `JACOBIAN`."""
     code = Code()
     value, factors = lines.values(code, {})
     for slot in stored:

@@ -26,18 +26,6 @@ class Numbers:
     functions: Mapping[str, int]
 
 
-def _add(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
-    return code.calc("fadd", x, y), ONE, ONE
-
-
-def _sub(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
-    return code.calc("fsub", x, y), ONE, MINUS
-
-
-def _mul(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
-    return code.calc("fmul", x, y), y, x
-
-
 def _div(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
     none = code.calc("fcmp oeq", y, number(0.0))
     y = code.choose(none, number(numbers.tiny), y)
@@ -74,10 +62,6 @@ def _either(comparison: str) -> Rule:
         return code.choose(left, x, y), by_left, by_right
 
     return rule
-
-
-def _neg(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
-    return code.put(f"fneg double {x}"), MINUS, None
 
 
 def _sqrt(code: Code, numbers: Numbers, x: str, y: str, by: Wanted) -> Ruled:
@@ -130,14 +114,14 @@ Ruled = tuple[str, str | None, str | None]
 Rule = Callable[[Code, Numbers, str, str, Wanted], Ruled]
 
 RULES: Mapping[str, Rule] = {
-    "add": _add,
-    "sub": _sub,
-    "mul": _mul,
+    "add": lambda code, _, x, y, by: (code.calc("fadd", x, y), ONE, ONE),
+    "sub": lambda code, _, x, y, by: (code.calc("fsub", x, y), ONE, MINUS),
+    "mul": lambda code, _, x, y, by: (code.calc("fmul", x, y), y, x),
     "div": _div,
     "pow": _pow,
     "min": _either("fcmp ole"),
     "max": _either("fcmp oge"),
-    "neg": _neg,
+    "neg": lambda code, _, x, y, by: (code.put(f"fneg double {x}"), MINUS, None),
     "sqrt": _sqrt,
     "abs": _abs,
     "sign": _sign,

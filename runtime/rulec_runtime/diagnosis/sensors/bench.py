@@ -14,7 +14,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
-from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
+from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, isolate, quantile
 from rulec_runtime.diagnosis.steady.many import at_once, has_many
 from rulec_runtime.diagnosis.steady.observe import Observed, estimate
 from rulec_runtime.diagnosis.steady.points import (
@@ -22,7 +22,7 @@ from rulec_runtime.diagnosis.steady.points import (
     one_after_the_other,
     points_of_stretches,
 )
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once
 from rulec_runtime.recordings.stationary import (
@@ -162,19 +162,9 @@ class Bench:
 
     def _agreement(self, observed: Observed) -> tuple[Array, Array, np.ndarray, np.ndarray]:
         """Chi-square over its limit, that limit, degrees of freedom, and usable estimates."""
-        n = len(observed)
-        excess, thresholds = np.full(n, np.inf), np.ones(n)
-        freedom = np.zeros(n, dtype=int)
-        for valid, members in patterns_of(observed.valid):
-            basis = residual_basis(self.ruleset, valid)
-            if len(basis):
-                test = test_of(self.ruleset, observed, valid, basis, members)
-                chi = test.metric.value
-                thresholds[members] = chi_square_limit(len(basis), self.quantile)
-                excess[members] = chi / thresholds[members]
-                freedom[members] = len(basis)
-        excess[~np.isfinite(excess)] = np.inf
-        return excess, thresholds, freedom, observed.valid
+        chi, freedom = agreement(self.ruleset, observed)
+        limit = [chi_square_limit(f, self.quantile) if f else 1.0 for f in freedom.tolist()]
+        return chi / limit, np.array(limit), freedom, observed.valid
 
     def agreements(
         self, tried: Iterable[Tried], read: Callable[[Tried], Points]

@@ -8,7 +8,7 @@ Source: matrix inversion lemma (Woodbury 1950); estimates that drop out, as in `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,9 +17,13 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.diagnosis.sensors.bench import Bench
-from rulec_runtime.diagnosis.steady.errors import gradients_of
-from rulec_runtime.diagnosis.steady.lasting_directions import Gradients
-from rulec_runtime.diagnosis.steady.observe import estimate, plan_inputs, usable_by_readings
+from rulec_runtime.diagnosis.steady.errors import Gradients, gradients_of
+from rulec_runtime.diagnosis.steady.observe import (
+    estimate,
+    plan_inputs,
+    slope_names,
+    usable_by_readings,
+)
 from rulec_runtime.diagnosis.steady.points import Points
 
 Errors = tuple[Gradients, Gradients, Gradients]
@@ -173,17 +177,11 @@ class Changed:
     @cached_property
     def _slopes(self) -> Mapping[int, list[str]]:
         """Names of the slopes of each observer, by its place."""
+        ruleset = self.bench.ruleset
         found: dict[int, list[str]] = {}
-        for observer, name in self._named_slopes():
-            found.setdefault(observer, []).append(name)
+        for name in slope_names(ruleset):
+            found.setdefault(ruleset.observer_index[name.split(":")[1]], []).append(name)
         return found
-
-    def _named_slopes(self) -> Iterator[tuple[int, str]]:
-        index = self.bench.ruleset.observer_index
-        for name in self.bench.ruleset.plan.outputs:
-            kind, _, rest = name.partition(":")
-            if kind == "s":
-                yield index[rest.partition(":")[0]], name
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,6 @@ def dead_finding(
 
 
 def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:
-    """First and behind last sample at zero around one."""
     before, behind = zero[:sample][::-1], zero[sample:]
     start = 0 if before.all() else sample - int(np.argmin(before))
     return start, len(zero) if behind.all() else sample + int(np.argmin(behind))

@@ -21,6 +21,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.stand_in import ends_tried
 from rulec_runtime.recordings.piecewise import first_reading
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
@@ -70,7 +71,6 @@ def _has_noise_elsewhere(
 
 
 def _only(recording: Recording, name: str) -> float:
-    """The one value of a reading that never moves."""
     value = first_reading(recording.values[name])
     assert value is not None
     return value
@@ -125,9 +125,7 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
 
 def free(bench: Bench, signal: SignalSpec) -> Freed:
     """Find the value of a reading that makes all estimates agree best, at each stretch."""
-    low, high = limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
-    if signal.lowest is not None and signal.highest is not None:
-        low, high = signal.lowest, signal.highest
+    low, high = ends_tried(signal)
     n = len(bench.stretches)
     grid = np.linspace(low, high, limits.FREED_VALUES)[1:-1]
     step = np.full(n, grid[1] - grid[0])

@@ -113,7 +113,6 @@ def _rank(bench: Bench) -> int:
 
 
 def _read(bench: Bench, misread: Misread) -> Points:
-    """The readings of a bench, some columns of which are read differently."""
     return bench.with_readings(misread.values, misread.noise)
 
 

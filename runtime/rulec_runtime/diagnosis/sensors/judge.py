@@ -72,18 +72,17 @@ def examine(
     clean = without(recording, found)
     stuck = [*stuck_readings(clean, ruleset)]
     found, clean = found + stuck, without(clean, stuck)
+    misread = None
     if by_model and headers:
         misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
-        dead = [] if misread else dead_of(clean, ruleset)
-        if dead:
-            found, clean = found + dead, without(clean, dead)
-            misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
-        if misread:
-            # Read as what it is, a column may be in its range, and others be seen to be wrong.
-            return _as_mended(recording, ruleset, misread, mended)
-    elif by_model:
+    if by_model and not misread:
         dead = dead_of(clean, ruleset)
         found, clean = found + dead, without(clean, dead)
+        if dead and headers:
+            misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
+    if misread:
+        # Read as what it is, a column may be in its range, and others be seen to be wrong.
+        return _as_mended(recording, ruleset, misread, mended)
     if by_model:
         frozen = frozen_of(clean, ruleset)
         found, clean = found + frozen, without(clean, frozen)
@@ -121,7 +120,6 @@ def _in_order(findings: Iterable[SensorFinding]) -> tuple[SensorFinding, ...]:
 
 
 def _still(stuck: Iterable[Found], recording: Recording) -> set[str]:
-    """Readings that stand still."""
     still = {finding.signal for finding, _ in stuck}
     return still | {name for name, values in recording.values.items() if never_moves(values)}
 

@@ -15,11 +15,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import (
-    covariance_of,
-    patterns_of,
-    residual_basis,
-)
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
 
 
 @dataclass(frozen=True)
@@ -51,10 +47,7 @@ def left_out(ruleset: Ruleset, observed: Observed) -> LeftOut:
     """What any of the estimates adds to their disagreement."""
     n, count = len(observed), len(ruleset.observers)
     chi, weight, pull = np.zeros(n), np.zeros((n, count, count)), np.zeros((n, count))
-    for valid, members in patterns_of(observed.valid):
-        basis = residual_basis(ruleset, valid)
-        if not len(basis):
-            continue
+    for valid, members, basis in groups_of(ruleset, observed.valid):
         spread = covariance_of(basis, observed.covariance, valid, members)
         own = basis.T @ np.linalg.solve(
             spread, np.broadcast_to(basis, (len(members), *basis.shape))

@@ -146,7 +146,6 @@ class Near:
 
     @cached_property
     def _readings(self) -> dict[str, frozenset[str]]:
-        """Readings in each residual."""
         by_id = self._ruleset.observer_by_id
         return {
             r.id: frozenset(s for t in r.terms for s in by_id[t.observer].signals)
@@ -168,17 +167,14 @@ class Near:
     def _still(self) -> np.ndarray:
         """Estimates none of whose readings lags, shape (observers, n): another value can make them
         usable, and nothing else speaks against it."""
-        lag = self.bench.points.lag
-        n = len(self.bench.points)
-        moving = {name: column != 0.0 for name, column in lag.items()}
-        return np.array(
-            [
-                ~np.any(
-                    [moving[s] for s in o.signals if s in moving] or [np.zeros(n, bool)], axis=0
-                )
-                for o in self._ruleset.observers
-            ]
-        ).reshape(-1, n)
+        points = self.bench.points
+        moving = {name: column != 0.0 for name, column in points.lag.items()}
+        none = np.zeros(len(points), dtype=bool)
+        lagging = [
+            np.any([none, *(moving[s] for s in o.signals if s in moving)], axis=0)
+            for o in self._ruleset.observers
+        ]
+        return ~np.array(lagging, dtype=bool).reshape(-1, len(points))
 
     @cached_property
     def _redundant(self) -> np.ndarray:

@@ -21,17 +21,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import let_go
 
 
-def failed_current(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Readings, SI, by which a transmitter tells that it has failed, shape (n,)."""
-    low, high = signal.lowest, signal.highest
-    if low is None or high is None:
-        return np.zeros(len(values), dtype=bool)
-    below, above = (share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE))
-    with np.errstate(invalid="ignore"):
-        failed: np.ndarray = (values <= low - below) | (values >= high + above)
-    return failed
-
-
 def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[SensorFinding, slice]]:
     """Runs of such readings, each as a finding with its samples."""
     for signal in ruleset.signals:
@@ -44,9 +33,16 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
 
 
 def _failed_between(signal: SignalSpec, values: Array, first: int, last: int) -> np.ndarray:
-    found = failed_current(signal, values[first:last])
+    """Readings, SI, by which a transmitter tells that it has failed, as flags."""
+    low, high = signal.lowest, signal.highest
+    if low is None or high is None:
+        return np.zeros(last - first, dtype=bool)
+    below, above = (share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE))
+    part = values[first:last]
+    with np.errstate(invalid="ignore"):
+        failed: np.ndarray = (part <= low - below) | (part >= high + above)
     let_go(values)
-    return found
+    return failed
 
 
 def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:

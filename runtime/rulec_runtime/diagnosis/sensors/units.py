@@ -104,7 +104,6 @@ def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> 
 
 
 def _name(signal: SignalSpec, scale: tuple[float, float], known: Mapping[str, UnitSpec]) -> str:
-    """The unit that a column was read in, for people."""
     if scale == (signal.factor, signal.offset):
         return signal.unit
     names = [n for n, u in known.items() if (u.factor, u.offset) == scale]

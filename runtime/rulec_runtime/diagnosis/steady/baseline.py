@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
+from rulec_runtime.diagnosis.steady.observe import Observed, signed, spreads
 
 
 @dataclass(frozen=True)

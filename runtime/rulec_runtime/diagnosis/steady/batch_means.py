@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
 from rulec_runtime.diagnosis.steady.points import means_of_stretches
-from rulec_runtime.diagnosis.steady.redundancy import covariance_of, patterns_of, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.stationary import Stretches
@@ -64,10 +64,7 @@ def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
     """Covariance of the flows by what their halves differ beyond noise, (m3/s)^2, shape
     (n, observers, observers)."""
     found = np.zeros_like(observed.noise)
-    for valid, members in patterns_of(observed.valid & np.isfinite(halves.apart)):
-        basis = residual_basis(ruleset, valid)
-        if not len(basis):
-            continue
+    for valid, members, basis in groups_of(ruleset, observed.valid & np.isfinite(halves.apart)):
         apart = (basis @ halves.apart[valid][:, members]).T
         white = covariance_of(basis, observed.scatter, valid, members)
         white = white * halves.excess[members, None, None]

@@ -14,6 +14,14 @@ from rulec_runtime.recordings.scratch import arrays, let_go
 Told = TypeVar("Told")
 """A frozen dataclass of tables."""
 
+FIRST, SECOND, THIRD = ({"along": axis} for axis in range(3))
+"""Marks of a field that is a table: the axis along which the points lie."""
+
+
+def points_along(kind: type) -> dict[str, int]:
+    """The axis of each table of a dataclass along which the points lie."""
+    return {f.name: f.metadata["along"] for f in fields(kind) if "along" in f.metadata}
+
 
 def batches(count: int) -> Iterator[slice]:
     """So many points in a row, a batch at a time; one batch of none."""

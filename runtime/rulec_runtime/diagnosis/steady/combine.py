@@ -20,14 +20,13 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
-from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
+from rulec_runtime.diagnosis.steady.fit import Outcomes, fit, pair_starts
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, gain_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares, test_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.diagnosis.steady.screen import beside_listed, leading, may_fit
 from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
-from rulec_runtime.diagnosis.steady.starts import pair_starts
 from rulec_runtime.recordings.scratch import give_back, let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
@@ -155,7 +154,6 @@ def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
 
 
 def _usable_baseline(observed: Observed, learned: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Stretches of the baseline that have the observers of the run."""
     return thinned(learned[observed.valid[:, learned][valid].all(axis=0)])
 
 
@@ -238,7 +236,6 @@ def _asked(
 def _entered(
     hypotheses: Sequence[tuple[int, ...]], fits: Outcomes, when: str, place: int
 ) -> Iterator[Fit]:
-    """What was tried on one problem."""
     for i in np.flatnonzero(np.isfinite(fits.evidence[:, place])).tolist():
         degrees = tuple(fits.degree[:, i, place].tolist())
         u = tuple(fits.u[:, i, place].tolist())
@@ -272,7 +269,5 @@ def _candidates(
 
 def _explaining(test: HypothesisTest, listed: np.ndarray) -> np.ndarray:
     """The faults that would explain most of each problem to first order, shape (faults, n)."""
-    pull, information = test.towards()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        explained = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+    explained = gain_of(*test.towards())
     return leading(explained, listed) & (explained > 0.0)

@@ -12,7 +12,7 @@ Source: own derivation, docs/method.md; linear Gaussian models compared by their
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -79,7 +79,7 @@ class Shapes:
     columns : parts that a course is made of, shape (courses, parts), by their places among the
         columns of `table`.
     spread : their standard deviations, shape (courses, parts); `prior` the logarithms of
-        probabilities, `onsets` the points where each begins, shape (courses,).
+        probabilities, shape (courses,).
     constant : whether it does not grow; of one jump alone, shape (courses,).
     """
 
@@ -88,7 +88,6 @@ class Shapes:
     columns: np.ndarray
     spread: Array
     prior: Array
-    onsets: np.ndarray
     constant: np.ndarray
 
     def table(self, time: Array) -> Array:
@@ -109,12 +108,12 @@ class Shapes:
 def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shapes:
     """Courses that begin at some points, of a degree of which sizes like `scale` are usual."""
     count, knots = len(time), limits.BENDS_OF_A_COURSE
-    rows: list[tuple[list[int], list[float], float, int, bool]] = []
+    rows: list[tuple[list[int], list[float], float, bool]] = []
     for onset in onsets.tolist():
         where = limits.FAULT_FROM_START if onset == 0 else -np.log(len(onsets))
         bent = np.linspace(onset, count - 1, knots + 1).round().astype(int)[:-1]
         parts = [onset, count + onset, *(2 * count + bent)]
-        rows.append((parts, [scale, *[0.0] * (knots + 1)], where - np.log(2.0), onset, True))
+        rows.append((parts, [scale, *[0.0] * (knots + 1)], where - np.log(2.0), True))
         behind = count - onset
         if behind < limits.POINTS_THAT_GROW:
             continue
@@ -125,17 +124,9 @@ def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shap
         for jump, bend in ways:
             curved = bend * scale * whole**2 * free
             chance = where - np.log(2.0 * len(ways))
-            rows.append((parts, [jump, scale * whole, *curved], chance, onset, False))
-    at, spreads, prior, begin, constant = map(np.array, zip(*rows, strict=True))
-    return Shapes(
-        time=time,
-        end=end,
-        columns=at,
-        spread=spreads,
-        prior=prior,
-        onsets=begin,
-        constant=constant,
-    )
+            rows.append((parts, [jump, scale * whole, *curved], chance, False))
+    at, spreads, prior, constant = map(np.array, zip(*rows, strict=True))
+    return Shapes(time=time, end=end, columns=at, spread=spreads, prior=prior, constant=constant)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,13 +215,7 @@ def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) 
         if best is not None and found.gain[most] <= best.gain[0]:
             break
         chosen.append(int(tried[most, -1]))
-        best = _Weighed(
-            columns=found.columns[[most]],
-            parts=found.parts[[most]],
-            covariance=found.covariance[[most]],
-            gain=found.gain[[most]],
-            left=found.left[[most]],
-        )
+        best = _Weighed(**{f.name: getattr(found, f.name)[[most]] for f in fields(found)})
     assert best is not None
     return best
 

@@ -12,11 +12,10 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.baseline import Baselines, nothing_learned
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
 from rulec_runtime.diagnosis.steady.course import Course, Stack, stack_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import Seen, nothing_known
 from rulec_runtime.diagnosis.steady.findings import (
     Finding,
     Found,
@@ -158,7 +157,7 @@ def _with_the_best(
         ONSET,
     )
     # What was learned as a baseline on the way is the fault.
-    plain = replace(seen, observed=seen.plain, baselines=_nothing(seen))
+    plain = replace(seen, observed=seen.plain, baselines=nothing_known(seen.plain))
     last = int(stack.points[-1])
     one = finding_of(ruleset, plain, cause, [last], (since, until))
     growth = growth_of(faults[best.fault], best, stack.end)
@@ -197,7 +196,3 @@ def _followed(
     if not growth.grows:
         growth = replace(growth, degree=one.degree, lower=one.lower, upper=one.upper)
     return replace(one, growth=growth)
-
-
-def _nothing(seen: Seen) -> Baselines:
-    return Baselines((nothing_learned(seen.plain),), np.zeros(len(seen.plain), dtype=int))

@@ -145,15 +145,31 @@ def _see_many(
     plain, compared = (
         replace(one, points=own, extrapolated=outside) for one in (found.plain, found.compared)
     )
-    lasting = throughout(ruleset, plain, found.isolation)
+    return _seen(part, points, plain, compared, found.baselines, found.isolation)
+
+
+def _seen(
+    part: Part,
+    points: Points,
+    plain: Observed,
+    compared: Observed,
+    baselines: Baselines,
+    isolation: Isolation,
+) -> Seen:
+    """What is known of points, unless one fault in all of them explains it better: then what was
+    learned from them is the fault."""
+    give_back()
+    lasting = throughout(part.ruleset, plain, isolation)
+    if lasting is not None:
+        compared, baselines, isolation = plain, nothing_known(plain), lasting
     give_back()
     return Seen(
         part=part,
         points=points,
         plain=plain,
-        observed=compared if lasting is None else plain,
-        baselines=found.baselines if lasting is None else _nothing(plain),
-        isolation=found.isolation if lasting is None else lasting,
+        observed=compared,
+        baselines=baselines,
+        isolation=isolation,
         combined=True,
     )
 
@@ -205,29 +221,19 @@ def _see(
     give_back()
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     if mode == PAPER:
-        # The paper knows no baseline.
-        compared, baselines = plain, _nothing(plain)
-        isolation = _isolated(ruleset, plain, mode)
-    else:
-        learner = Learner(ruleset, keep=keep)
-        compared = _compared(ruleset, plain, learner)
-        baselines = learner.baselines()
-        isolation = _isolated(ruleset, compared, mode)
-        give_back()
-        lasting = throughout(ruleset, plain, isolation)
-        if lasting is not None:
-            # What was learned from these stretches is the fault.
-            compared, baselines, isolation = plain, _nothing(plain), lasting
-    give_back()
-    return Seen(
-        part=part,
-        points=points,
-        plain=plain,
-        observed=compared,
-        baselines=baselines,
-        isolation=isolation,
-        combined=mode != PAPER,
-    )
+        return Seen(
+            part=part,
+            points=points,
+            plain=plain,
+            observed=plain,
+            baselines=nothing_known(plain),
+            isolation=_isolated(ruleset, plain, mode),
+            combined=False,
+        )
+    learner = Learner(ruleset, keep=keep)
+    compared = _compared(ruleset, plain, learner)
+    isolation = _isolated(ruleset, compared, mode)
+    return _seen(part, points, plain, compared, learner.baselines(), isolation)
 
 
 def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
@@ -245,7 +251,6 @@ def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
 
 
 def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
-    """What explains each point."""
     count = len(observed)
 
     def told(part: slice) -> Isolation:
@@ -257,8 +262,8 @@ def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
     return in_batches(count, EXPLAINED_ALONG, told)
 
 
-def _nothing(observed: Observed) -> Baselines:
-    """No baseline at all."""
+def nothing_known(observed: Observed) -> Baselines:
+    """No baseline at all: the paper knows none."""
     return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
 
 

@@ -91,7 +91,6 @@ def _without_reason(
 
 
 def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
-    """Does a setting stay what it is?"""
     level = float(np.median(values))
     floor = limits.NO_CHANGE * float(systematic_u(signal, level))
     limit = max(limits.JUMP * np.sqrt(2.0) * noise, floor)
@@ -163,7 +162,6 @@ def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
 
 
 def _told(recording: Recording, ruleset: Ruleset, events: _Gaps, points: Points) -> Events:
-    """How often, how long, at which settings."""
     samples = int((events.last - events.first).sum())
     interval = float(recording.interval)
     whole = float(recording.time[-1] - recording.time[0]) + interval

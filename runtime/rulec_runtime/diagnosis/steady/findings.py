@@ -9,6 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
@@ -21,6 +22,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
+from rulec_runtime.diagnosis.steady.stack import thinned
 from rulec_runtime.diagnosis.steady.verdict import (
     Off,
     Verdict,
@@ -29,7 +31,6 @@ from rulec_runtime.diagnosis.steady.verdict import (
     partly_blind,
     verdict_at,
 )
-from rulec_runtime.diagnosis.steady.visited import Visited
 from rulec_runtime.recordings.scratch import give_back, let_go
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.wall_clock import duration
@@ -134,6 +135,21 @@ class Period:
     from_sheet: bool = False
     partly: bool = False
     lost: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visited:
+    """Mean readings of some settled stretches, spread evenly over those that were judged.
+
+    `since`, `until` (s) and `samples` of each, shape (n,); `values` and standard uncertainties `u`
+    per signal, shape (n,), SI.
+    """
+
+    since: Array
+    until: Array
+    samples: np.ndarray
+    values: Mapping[str, Array]
+    u: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -246,12 +262,10 @@ def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
 
 
 def _worst(seen: Seen, members: list[int]) -> int:
-    """The stretch of a run that deviates most."""
     return members[int(np.argmax(seen.isolation.misfit[members]))]
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
-    """Why a short deviation is no finding."""
     fault = ruleset.faults[verdict.faults[0]]
     return f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
 
@@ -347,4 +361,17 @@ def _flows(
         (o.id, float(observed.flows[i, point] - observed.offsets[i, point]), float(spread[i]))
         for i, o in enumerate(ruleset.observers)
         if observed.valid[i, point]
+    )
+
+
+def visited_of(timeline: Timeline, points: Points, judged: np.ndarray) -> Visited:
+    """Points of a recording by flags of what was judged, shape (points,)."""
+    some = thinned(np.flatnonzero(judged), limits.VISITED)
+    own = points.at(some)
+    return Visited(
+        since=timeline.since[some],
+        until=timeline.until[some],
+        samples=timeline.samples[some],
+        values=own.values,
+        u=own.u,
     )

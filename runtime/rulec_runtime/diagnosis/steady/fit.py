@@ -17,7 +17,6 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
-from rulec_runtime.diagnosis.steady.starts import usual_starts
 
 
 @dataclass(frozen=True)
@@ -111,3 +110,30 @@ def _portions(
 
 def _steps(columns: np.ndarray, size: int) -> range:
     return range(0, len(columns), size)
+
+
+def usual_starts(hypotheses: Sequence[Faults]) -> Array:
+    """Degrees tried first, shape (faults, starts, hypotheses, 1)."""
+    if not hypotheses or len(hypotheses[0]) == 1:
+        singles = [_single(faults) for faults in hypotheses]
+        most = max(map(len, singles), default=1)
+        # Zero comes first: once more it changes nothing.
+        padded = [np.pad(s, (0, most - len(s))) for s in singles]
+        return np.array(padded).reshape(1, len(padded), most, 1).transpose(0, 2, 1, 3)
+    return pair_starts()
+
+
+def _single(faults: Faults) -> Array:
+    """Degrees of one fault tried first: zero and what is in its range."""
+    (fault,) = faults
+    low = fault.lowest / fault.scale
+    top = fault.highest * (1.0 - limits.BELOW_HIGHEST) / fault.scale
+    starts = np.array(limits.FIT_STARTS)
+    tried: Array = starts[(starts == 0.0) | ((low < starts) & (top > starts))] * fault.scale
+    return tried
+
+
+def pair_starts() -> Array:
+    """Degrees of two faults tried first, shape (2, starts, 1, 1)."""
+    both = [(a, b) for a in limits.PAIR_STARTS for b in limits.PAIR_STARTS]
+    return np.array(both).T[:, :, None, None]

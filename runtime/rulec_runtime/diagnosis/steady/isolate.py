@@ -10,7 +10,8 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -18,16 +19,12 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
 from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
-from rulec_runtime.diagnosis.steady.redundancy import (
-    chi_square_limit,
-    covariance_of,
-    patterns_of,
-    residual_basis,
-)
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
 from rulec_runtime.diagnosis.steady.screen import beside_listed, least_left, may_fit
 
 
@@ -51,32 +48,20 @@ class Isolation:
         often faults come counts here.
     """
 
-    judged: np.ndarray
-    deviating: np.ndarray
-    misfit: Array
-    freedom: np.ndarray
-    degree: Array
-    u: Array
-    floor: Array
-    distance: Array
-    probability: Array
-    pair: np.ndarray
+    judged: np.ndarray = field(metadata=FIRST)
+    deviating: np.ndarray = field(metadata=FIRST)
+    misfit: Array = field(metadata=FIRST)
+    freedom: np.ndarray = field(metadata=FIRST)
+    degree: Array = field(metadata=SECOND)
+    u: Array = field(metadata=SECOND)
+    floor: Array = field(metadata=SECOND)
+    distance: Array = field(metadata=SECOND)
+    probability: Array = field(metadata=SECOND)
+    pair: np.ndarray = field(metadata=FIRST)
     chance: float
 
 
-POINTS_ALONG = {
-    "judged": 0,
-    "deviating": 0,
-    "misfit": 0,
-    "freedom": 0,
-    "degree": 1,
-    "u": 1,
-    "floor": 1,
-    "distance": 1,
-    "probability": 1,
-    "pair": 0,
-}
-"""Along which axis of a table of `Isolation` the points lie."""
+POINTS_ALONG = points_along(Isolation)
 
 
 def alarm_chance(looks: int) -> float:
@@ -94,7 +79,6 @@ def quantile(chance: float) -> float:
 
 
 def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
-    """Blank result."""
     return Isolation(
         judged=np.zeros(n, dtype=bool),
         deviating=np.zeros(n, dtype=bool),
@@ -126,12 +110,32 @@ def isolate(
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
-    for valid, members in patterns_of(observed.valid):
-        basis = residual_basis(ruleset, valid)
-        if len(basis):
-            test = test_of(ruleset, observed, valid, basis, members)
-            _judge_group(test, result, all_tried=all_tried, pairs=pairs)
+    for test in tests_of(ruleset, observed):
+        _judge_group(test, result, all_tried=all_tried, pairs=pairs)
     return result
+
+
+def tests_of(ruleset: Ruleset, observed: Observed) -> Iterator[HypothesisTest]:
+    """Tests of all points on their own whose estimates check each other."""
+    for valid, members, basis in groups_of(ruleset, observed.valid):
+        yield test_of(ruleset, observed, valid, basis, members)
+
+
+def agreement(
+    ruleset: Ruleset, observed: Observed, *, beside_faults: bool = False
+) -> tuple[Array, np.ndarray]:
+    """Chi-square of a sound plant, or beside its best single fault, and the degrees of freedom,
+    shape (n,) each; infinite and 0 where nothing can be compared."""
+    n = len(observed)
+    chi, freedom = np.full(n, np.inf), np.zeros(n, dtype=int)
+    for test in tests_of(ruleset, observed):
+        found = test.metric.value
+        if beside_faults:
+            fits = fit(test, [(fault,) for fault in ruleset.faults])
+            found = np.fmin(found, fits.distance.min(axis=0, initial=np.inf))
+        chi[test.members[0]] = np.where(np.isfinite(found), found, np.inf)
+        freedom[test.members[0]] = len(test.basis)
+    return chi, freedom
 
 
 def test_of(
@@ -218,8 +222,7 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.where(information > 0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+        gain = gain_of(pull, information)
         own = test.at(deviating)
         _explain(own, gain[:, deviating], result, all_tried=all_tried, pairs=pairs)
 
@@ -289,7 +292,6 @@ def _within_range(test: HypothesisTest) -> np.ndarray:
 
 
 def _is_read(test: HypothesisTest, signal: str) -> bool:
-    """Does a usable observer rest on a signal?"""
     observers = zip(test.ruleset.observers, test.valid, strict=True)
     return any(usable and signal in observer.signals for observer, usable in observers)
 

@@ -22,22 +22,8 @@ from rulec_runtime.diagnosis.steady.baseline import (
     remembered,
     times_of,
 )
-from rulec_runtime.diagnosis.steady.batches import batches
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import (
-    chi_square_limit,
-    covariance_of,
-    patterns_of,
-    residual_basis,
-)
-
-
-def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
-    """Go through the points in order of time and learn from those that nothing contradicts."""
-    learner = Learner(ruleset, keep=True)
-    for batch in batches(len(observed)):
-        learner.take(observed.part(batch), batch.start)
-    return learner.baselines()
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covariance_of, groups_of
 
 
 class Learner:
@@ -159,13 +145,9 @@ class _Said:
 
 
 def _said_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Said]:
-    """What the judgeable points say."""
     time = times_of(observed)
     outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
-    for valid, members in patterns_of(observed.valid):
-        basis = residual_basis(ruleset, valid)
-        if not len(basis):
-            continue
+    for valid, members, basis in groups_of(ruleset, observed.valid):
         noise = np.ascontiguousarray(covariance_of(basis, observed.noise, valid, members))
         residuals = (basis @ observed.flows[valid][:, members]).T
         shared = np.tensordot(basis, observed.shared[valid][:, :, members], axes=1)

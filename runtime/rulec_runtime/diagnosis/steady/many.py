@@ -19,25 +19,14 @@ from rulec_runtime.diagnosis.steady.baseline import Baselines, against
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.learn import Learner
-from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.observe import POINTS_ALONG, Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.scratch import arrays, let_go
 
 Told = TypeVar("Told")
 """A frozen dataclass of tables."""
 
-KEPT_ALONG = {
-    "flows": 1,
-    "valid": 1,
-    "offsets": 1,
-    "residuals": 1,
-    "residual_u": 1,
-    "residual_systematic": 1,
-    "u": 1,
-    "scatter": 0,
-    "covariance": 0,
-    "wander": 0,
-}
+KEPT_ALONG = {n: a for n, a in POINTS_ALONG.items() if n not in ("noise", "shared")} | {"u": 1}
 """Along which axis of a table that is kept of an `Observed` the points lie."""
 
 
@@ -99,19 +88,13 @@ def see_many(ruleset: Ruleset, count: int, told: Callable[[slice], Observed]) ->
 def _without_tables(observed: Observed) -> Observed:
     """What is kept of some points beside the two tables that lie elsewhere."""
     nothing = np.zeros((len(observed), 0, 0))
-    return replace(
-        observed,
-        noise=nothing,
-        shared=nothing,
-        scatter=nothing,
-        covariance=nothing,
-        wander=nothing,
-        u=np.sqrt(np.diagonal(observed.covariance, axis1=1, axis2=2)).T,
-    )
+    names = ("noise", "shared", "scatter", "covariance", "wander")
+    tables: dict[str, Any] = dict.fromkeys(names, nothing)
+    u = np.sqrt(np.diagonal(observed.covariance, axis1=1, axis2=2)).T
+    return replace(observed, **tables, u=u)
 
 
 def _joined(parts: Sequence[Told], along: Mapping[str, int]) -> Told:
-    """What is told of points, one part behind the other."""
     tables: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
         for name, axis in along.items()

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
-from rulec_runtime.diagnosis.steady.batches import part_of
-from rulec_runtime.diagnosis.steady.errors import errors_of, gradients_of
-from rulec_runtime.diagnosis.steady.lasting_directions import Directions, directions_of
+from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, THIRD, part_of, points_along
+from rulec_runtime.diagnosis.steady.errors import Directions, directions_of, errors_of, gradients_of
 from rulec_runtime.diagnosis.steady.parts import Part
 from rulec_runtime.diagnosis.steady.points import Points
-from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 from rulec_runtime.recordings.scratch import let_go
 
 
@@ -45,17 +43,17 @@ class Observed:
     """
 
     points: Points
-    flows: Array
-    valid: np.ndarray
-    noise: Array
-    scatter: Array
-    shared: Array
-    offsets: Array
-    covariance: Array
-    wander: Array
-    residuals: Array
-    residual_u: Array
-    residual_systematic: Array
+    flows: Array = field(metadata=SECOND)
+    valid: np.ndarray = field(metadata=SECOND)
+    noise: Array = field(metadata=FIRST)
+    scatter: Array = field(metadata=FIRST)
+    shared: Array = field(metadata=THIRD)
+    offsets: Array = field(metadata=SECOND)
+    covariance: Array = field(metadata=FIRST)
+    wander: Array = field(metadata=FIRST)
+    residuals: Array = field(metadata=SECOND)
+    residual_u: Array = field(metadata=SECOND)
+    residual_systematic: Array = field(metadata=SECOND)
     extrapolated: Mapping[str, np.ndarray]
     u: Array | None = None
 
@@ -91,20 +89,7 @@ class Observed:
         return replace(some, points=points, extrapolated=outside)
 
 
-POINTS_ALONG = {
-    "flows": 1,
-    "valid": 1,
-    "noise": 0,
-    "scatter": 0,
-    "shared": 2,
-    "offsets": 1,
-    "covariance": 0,
-    "wander": 0,
-    "residuals": 1,
-    "residual_u": 1,
-    "residual_systematic": 1,
-}
-"""Along which axis of a table of `Observed` the points lie."""
+POINTS_ALONG = points_along(Observed)
 
 
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
@@ -252,6 +237,27 @@ def with_errors(
         residual_systematic=residuals[2],
         extrapolated={},
     )
+
+
+def signed(ruleset: Ruleset, flows: Array) -> Array:
+    """Residuals of flows, m3/s, shape (residuals, n)."""
+    row = ruleset.observer_index
+    sums = [sum(t.sign * flows[row[t.observer]] for t in r.terms) for r in ruleset.residuals]
+    return np.array(sums).reshape(-1, flows.shape[1])
+
+
+def spreads(ruleset: Ruleset, covariance: Array) -> Array:
+    """Standard uncertainties of the residuals, m3/s, shape (residuals, n)."""
+    row = ruleset.observer_index
+    points_last = np.moveaxis(covariance, 0, -1)
+    result = np.zeros((len(ruleset.residuals), len(covariance)))
+    for i, residual in enumerate(ruleset.residuals):
+        places = [row[t.observer] for t in residual.terms]
+        signs = np.array([float(t.sign) for t in residual.terms])
+        own = points_last[np.ix_(places, places)]
+        variance = np.einsum("i,ijn,j->n", signs, own, signs)
+        result[i] = np.sqrt(np.maximum(variance, 0.0))
+    return result
 
 
 def usable_by_readings(

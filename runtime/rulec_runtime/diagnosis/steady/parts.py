@@ -17,14 +17,12 @@ from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
 
 @dataclass(frozen=True)
 class Part:
-    """A block of estimates with what concerns it; observers, residuals and faults by their places
-    in the ruleset of the plant. The ruleset of the part has changes of the liquid behind these
-    faults."""
+    """A block of estimates with what concerns it; observers and residuals by their places in the
+    ruleset of the plant. The ruleset of the part has changes of the liquid behind its faults."""
 
     ruleset: Ruleset
     observers: np.ndarray
     residuals: np.ndarray
-    faults: np.ndarray
 
 
 def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
@@ -39,15 +37,13 @@ def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
 def _part(ruleset: Ruleset, block: Block) -> Part:
     observers = np.flatnonzero(block.observers)
     residuals = _held(ruleset, block, "residuals")
-    faults = _held(ruleset, block, "faults")
-    listed = faults[ruleset.is_listed[faults]]
     if len(observers) == len(ruleset.observers):
-        return Part(_with_liquid(ruleset, ruleset.liquid), observers, residuals, listed)
+        return Part(_with_liquid(ruleset, ruleset.liquid), observers, residuals)
     own = replace(
         ruleset,
         observers=tuple(ruleset.observers[i] for i in observers),
         residuals=tuple(ruleset.residuals[i] for i in residuals),
-        faults=tuple(ruleset.faults[i] for i in faults),
+        faults=tuple(ruleset.faults[i] for i in _held(ruleset, block, "faults")),
     )
     shown = {r.id for r in own.residuals}
     cells = tuple(c for c in ruleset.cells if c.residual in shown)
@@ -58,7 +54,7 @@ def _part(ruleset: Ruleset, block: Block) -> Part:
     )
     undo = ruleset.undo.select(name for name in ruleset.undo.outputs if _of(name) & names)
     own = replace(own, cells=cells, plan=plan.narrowed(), undo=undo.narrowed())
-    return Part(_with_liquid(own, ruleset.liquid), observers, residuals, listed)
+    return Part(_with_liquid(own, ruleset.liquid), observers, residuals)
 
 
 def _with_liquid(ruleset: Ruleset, changes: Iterable[LiquidSpec]) -> Ruleset:

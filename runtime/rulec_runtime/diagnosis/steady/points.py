@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -53,19 +53,21 @@ class Points:
 
     def at(self, chosen: np.ndarray | slice) -> Points:
         """Some of the points."""
-        values, u, systematic, bad, lag, stood_in = (
-            {name: part[chosen] for name, part in table.items()} for table in self._tables
-        )
         time = None if self.time is None else self.time[chosen]
-        return Points(values, u, systematic, bad, self.why, time, lag, stood_in)
+        tables = ({name: part[chosen] for name, part in table.items()} for table in self._tables)
+        return self._with(tables, time)
 
     def of(self, signals: Set[str]) -> Points:
         """The same with some of the signals alone."""
-        values, u, systematic, bad, lag, stood_in = (
+        tables = (
             {name: column for name, column in table.items() if name in signals}
             for table in self._tables
         )
-        return Points(values, u, systematic, bad, self.why, self.time, lag, stood_in)
+        return self._with(tables, self.time)
+
+    def _with(self, tables: Iterable[Mapping[str, Array]], time: Array | None) -> Points:
+        values, u, systematic, bad, lag, stood_in = tables
+        return Points(values, u, systematic, bad, self.why, time, lag, stood_in)
 
     @property
     def _tables(self) -> tuple[Mapping[str, Array], ...]:
@@ -122,7 +124,7 @@ def check_readings(
     Returns per signal flags, shape (n,), and the reason.
     """
     bad = {
-        signal.id: mapped(recording.values[signal.id], partial(_is_bad, signal), bool)
+        signal.id: mapped(recording.values[signal.id], partial(is_bad, signal), bool)
         for signal in ruleset.signals
         if signal.id in recording.values
     }
@@ -144,15 +146,14 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
     return why
 
 
-def _is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
+def is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
     """Readings that cannot be right, shape (n,)."""
     bad: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
     return bad
 
 
 def _sound(signal: SignalSpec, values: Array) -> Array:
-    """Readings, NaN where they cannot be right."""
-    return np.where(_is_bad(signal, values), np.nan, values)
+    return np.where(is_bad(signal, values), np.nan, values)
 
 
 def points_of_stretches(

@@ -115,6 +115,16 @@ def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         yield pattern, np.flatnonzero(np.ravel(group) == i)
 
 
+def groups_of(
+    ruleset: Ruleset, valid: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray, Array]]:
+    """The same, of estimates that check each other alone, with their residual basis."""
+    for pattern, members in patterns_of(valid):
+        basis = residual_basis(ruleset, pattern)
+        if len(basis):
+            yield pattern, members, basis
+
+
 def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: np.ndarray) -> Array:
     """Covariance of residuals, shape (members, rank, rank), from that of all observers.
 

@@ -66,7 +66,6 @@ def _continues(
     point: int,
     slow: Set[int],
 ) -> bool:
-    """Does a stretch go on with a run?"""
     first, here = verdicts[members[0]], verdicts[point]
     if first.kind != here.kind or len(first.faults) != len(here.faults):
         return False

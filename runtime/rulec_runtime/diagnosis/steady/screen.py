@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, in_a_row
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gain_of, in_a_row
 
 
 def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
@@ -33,9 +33,7 @@ def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarra
     direction of the residuals."""
     wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
     if wide:
-        pull, information = test.towards(wide)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+        gain = gain_of(*test.towards(wide))
         found[wide] &= gain >= limits.LIQUID_AT_FIRST * (test.metric.value - limit)
     return found
 

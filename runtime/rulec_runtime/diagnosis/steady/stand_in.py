@@ -19,12 +19,11 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.steady.fit import fit
-from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile, test_of
+from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 
 
 def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
@@ -63,7 +62,7 @@ def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
     fits best. The equations bend too much to be right far from there.
     """
     best, chi, freedom = _searched(ruleset, points, signal, beside_faults=False)
-    without = _agreement(ruleset, points)[1]
+    without = agreement(ruleset, observe(ruleset, points))[1]
     gained = freedom - 1 > without
     limit = [chi_square_limit(max(f - 1, 1), quantile(alarm_chance(1))) for f in freedom.tolist()]
     off = np.flatnonzero(gained & (chi > limit))
@@ -77,7 +76,7 @@ def _searched(
 ) -> tuple[Array, Array, np.ndarray]:
     """The value at which most can be compared, and agrees best, what chi-square it leaves, and its
     degrees of freedom, each of shape (n,)."""
-    low, high = _ends(signal)
+    low, high = ends_tried(signal)
     n, places = len(points), np.arange(len(points))
     values = np.repeat(np.linspace(low, high, limits.STAND_IN_VALUES + 2)[1:-1, None], n, axis=1)
     u = float(values[1, 0] - values[0, 0]) if n else 0.0
@@ -85,7 +84,7 @@ def _searched(
         tried = one_after_the_other([_tried(points, signal, one, u) for one in values])
         chi, freedom = (
             table.reshape(values.shape)
-            for table in _agreement(ruleset, tried, beside_faults=beside_faults)
+            for table in agreement(ruleset, observe(ruleset, tried), beside_faults=beside_faults)
         )
         most = freedom == freedom.max(axis=0)
         order = np.argsort(np.where(most, chi, np.inf), axis=0, kind="stable")
@@ -100,31 +99,11 @@ def _searched(
     return values[best, places], chi[best, places], freedom[best, places]
 
 
-def _ends(signal: SignalSpec) -> tuple[float, float]:
+def ends_tried(signal: SignalSpec) -> tuple[float, float]:
     """Between which values a reading may be, SI."""
     if signal.lowest is not None and signal.highest is not None:
         return signal.lowest, signal.highest
     return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
-
-
-def _agreement(
-    ruleset: Ruleset, points: Points, *, beside_faults: bool = False
-) -> tuple[Array, np.ndarray]:
-    """Chi-square of a sound plant, or beside its best single fault, and the degrees of freedom,
-    shape (n,) each."""
-    observed = observe(ruleset, points)
-    chi, freedom = np.full(len(points), np.inf), np.zeros(len(points), dtype=int)
-    for valid, members in patterns_of(observed.valid):
-        basis = residual_basis(ruleset, valid)
-        if len(basis):
-            test = test_of(ruleset, observed, valid, basis, members)
-            found = test.metric.value
-            if beside_faults:
-                hypotheses = [(fault,) for fault in ruleset.faults]
-                found = np.fmin(found, fit(test, hypotheses).distance.min(axis=0, initial=np.inf))
-            chi[members] = np.where(np.isfinite(found), found, np.inf)
-            freedom[members] = len(basis)
-    return chi, freedom
 
 
 def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
@@ -145,7 +124,7 @@ def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array
     found = np.isfinite(value)
     if not found.any():
         return points
-    name, low_high = signal.id, _ends(signal)
+    name, low_high = signal.id, ends_tried(signal)
     places = chosen[found]
     spread = limits.STAND_IN_SPREAD * (low_high[1] - low_high[0])
     none = np.zeros(len(points), dtype=bool)

@@ -15,11 +15,11 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
-from rulec_runtime.diagnosis.stores.edges import edge_of
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
+from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
@@ -29,9 +29,7 @@ from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUD
 class StoresJudged:
     """What a recording says of a plant that stores; `covered` flags its judged samples."""
 
-    windows: Windows
-    weighed: Weighed
-    spells: tuple[Spell, ...]
+    judged: tuple[Judged, ...]
     found: Found
     notes: tuple[str, ...]
     covered: np.ndarray
@@ -54,9 +52,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
         else:
             said.findings.append(_finding(ruleset, windows, found, spells, spell, spell.cause))
     return StoresJudged(
-        windows=windows,
-        weighed=found,
-        spells=tuple(spells),
+        judged=found.judged,
         found=said,
         notes=tuple(_notes(ruleset, windows, found)),
         covered=_covered(recording, found.judged),
@@ -109,9 +105,9 @@ def _finding(
     behind = _sound(judged, range(spell.last, len(judged)), spell.last - 1, fault.id)
     inside = spell.inside
     if before is not None:
-        since = edge_of(model, windows, before, judged[inside[0]], fault.id, cause.degree)
+        since = _edge(model, windows, before, judged[inside[0]], fault.id, cause.degree)
     if behind is not None:
-        until = edge_of(model, windows, behind, judged[inside[-1]], fault.id, cause.degree)
+        until = _edge(model, windows, behind, judged[inside[-1]], fault.id, cause.degree)
     strongest = max(inside, key=lambda i: judged[i].plain.chi if judged[i].plain else 0.0)  # type: ignore[union-attr]
     return Finding(
         fault,
@@ -131,6 +127,36 @@ def _finding(
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
         _behind(windows, judged, spells, spell, fault.id, until),
     )
+
+
+def _edge(
+    model: Model,
+    windows: Windows,
+    sound: Judged,
+    faulty: Judged,
+    fault: str,
+    degree: float,
+) -> float:
+    """The time between a sound window and a faulty one at which a fault of a degree sets in.
+
+    Where the faulty one comes first, it is the time at which the fault ends.
+    """
+    begins = sound.window.first < faulty.window.first
+    one, other = (sound, faulty) if begins else (faulty, sound)
+    window = windows.joined(one.window, other.window)
+    assert one.plain is not None
+    moved = model.with_course_of(fault)
+    guess = replace(one.plain.guess, degrees=np.zeros(0))
+    places = np.unique(np.linspace(0, len(window.time) - 1, limits.EDGE_PLACES).astype(int))
+    best, when = np.inf, float(window.time[0])
+    for place in places.tolist():
+        later = np.arange(len(window.time)) >= place
+        course = np.where(later == begins, degree, 0.0)
+        own = replace(window, inputs=np.column_stack([window.inputs, course]))
+        found = moved.fit(own, sound.known, guess)
+        if found is not None and found.chi < best:
+            best, when, guess = found.chi, float(window.time[place]), found.guess
+    return when
 
 
 def _behind(

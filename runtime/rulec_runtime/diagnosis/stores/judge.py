@@ -95,10 +95,10 @@ class Judge:
             return Judged(window, known, None, 0, False, {})
         last = before.plain if before is not None else None
         starts = [*_left_at(before, last, window), nominal]
-        plain = self._plain(window, known, starts, chance)
+        freedom, guesses = self.freedom(window), [Guess(s, known.mean, np.zeros(0)) for s in starts]
+        plain = self._fitted(window, known, guesses, chi_square_limit(freedom, quantile(chance)))
         if plain is None:
             return Judged(window, known, None, 0, False, {})
-        freedom = self.freedom(window)
         pull, information = self._directions(window, known, plain)
         seen = [i for i in range(len(self.faults)) if information[i] > 0.0]
         floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in seen}
@@ -128,17 +128,20 @@ class Judge:
                 tests[fault.id] = self._test(window, known, plain, fault, guesses, limit)
         return Judged(window, known, plain, freedom, True, floor, tests)
 
-    def _plain(
-        self, window: Window, known: Known, starts: list[Array], chance: float
+    def _fitted(
+        self,
+        window: Window,
+        known: Known,
+        guesses: Sequence[Guess],
+        limit: float,
+        faults: tuple[str, ...] = (),
     ) -> Fitted | None:
-        """The fit without a fault; further starts are tried where the first one does not do."""
+        """The best fit, with the degrees of some faults free; guesses are tried until one does."""
         best: Fitted | None = None
-        for start in starts:
-            guess = Guess(start, known.mean, np.zeros(0))
-            found = self.model.fit(window, known, guess)
+        for guess in guesses:
+            found = self.model.fit(window, known, guess, faults)
             if found is not None and (best is None or found.chi < best.chi):
                 best = found
-            limit = chi_square_limit(self.freedom(window), quantile(chance))
             if best is not None and best.chi < limit:
                 break
         return best
@@ -176,14 +179,8 @@ class Judge:
         guesses: Sequence[Guess],
         limit: float,
     ) -> Tested:
-        """The window with the degree of one fault free; guesses are tried until one does."""
-        found: Fitted | None = None
-        for guess in guesses:
-            trial = self.model.fit(window, known, guess, (fault.id,))
-            if trial is not None and (found is None or trial.chi < found.chi):
-                found = trial
-            if found is not None and found.chi < limit:
-                break
+        """The window with the degree of one fault free."""
+        found = self._fitted(window, known, guesses, limit, (fault.id,))
         if found is None or found.chi > plain.chi:
             return Tested(0.0, np.inf, plain.chi, False)
         u = float(np.sqrt(found.covariance[-1, -1]))
@@ -205,12 +202,9 @@ class Judge:
             return True
         shown, _, _ = self.model.simulate(window, replace(found.guess, degrees=np.zeros(0)))
         signals = self.model.ruleset.signal_by_id
-        for i in own:
-            signal, level = signals[outputs[i]], float(np.median(shown[:, i]))
-            low, high = signal.ends
-            if not low <= level <= high:
-                return False
-        return True
+        ends = [signals[outputs[i]].ends for i in own]
+        levels = np.median(shown[:, own], axis=0).tolist()
+        return all(low <= x <= high for x, (low, high) in zip(levels, ends, strict=True))
 
     def _is_calm(self, judged: Judged) -> bool:
         if judged.plain is None or judged.deviating:

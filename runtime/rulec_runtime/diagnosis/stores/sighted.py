@@ -15,7 +15,6 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
-from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model, inverse
@@ -33,7 +32,7 @@ class StoresSighted:
     ruleset: Ruleset
     slopes: Array | None
     errors: int
-    known: dict[frozenset[str], Mapping[str, float]] = field(default_factory=dict)
+    known: dict[frozenset[str], Array] = field(default_factory=dict)
 
     @cached_property
     def signals(self) -> frozenset[str]:
@@ -43,25 +42,19 @@ class StoresSighted:
     def highest(self) -> Mapping[str, float]:
         return {name: self.ruleset.fault_by_id[name].highest for name in self._dynamics.faults}
 
-    def detectable(self, lost: Set[str], still: Set[str]) -> Mapping[str, float]:
-        """As `Sighted` has it; balances hold at standstill as well."""
-        key = frozenset(lost)
-        if key not in self.known:
-            self.known[key] = self._detectable(key)
-        return self.known[key]
-
     @property
     def _dynamics(self) -> Dynamics:
         assert self.ruleset.dynamics is not None
         return self.ruleset.dynamics
 
-    def _detectable(self, lost: frozenset[str]) -> Mapping[str, float]:
-        known = np.diag(self.information(lost)).tolist()
-        each = zip(self._dynamics.faults, known, strict=True)
-        return {name: threshold_of(x**-0.5) for name, x in each if x > 0.0}
-
     def information(self, lost: Set[str], still: Set[str] = frozenset()) -> Array:
-        """As `Sighted` has it."""
+        """As `Sighted` has it; balances hold at standstill as well."""
+        key = frozenset(lost)
+        if key not in self.known:
+            self.known[key] = self._information(key)
+        return self.known[key]
+
+    def _information(self, lost: frozenset[str]) -> Array:
         there = [i for i, name in enumerate(self._dynamics.outputs) if name not in lost]
         faults = self._dynamics.faults
         if not lost.isdisjoint(self._dynamics.inputs) or not there:

@@ -62,11 +62,7 @@ class Windows:
         """All samples from the beginning of one window to the end of another of its piece."""
         piece = self.pieces[one.piece]
         part = slice(one.first, other.first + len(other.time))
-        inputs = (
-            np.column_stack([*map(filled, piece.inputs[part].T)])
-            if piece.inputs.size
-            else (piece.inputs[part])
-        )
+        inputs = _without_gaps(piece.inputs[part])
         return replace(one, time=piece.time[part], inputs=inputs, measured=piece.measured[part])
 
 
@@ -110,12 +106,10 @@ def rows_of_a_finding(count: int) -> int:
 
 
 def _averaged(count: int) -> int:
-    """Samples that are averaged, of so many."""
     return max(-(-count // limits.SAMPLES_FITTED), 1)
 
 
 def _length(count: int) -> int:
-    """Samples of a window."""
     length = count // limits.WINDOWS_SIDE_BY_SIDE
     return int(np.clip(length, limits.SHORT_WINDOW, limits.LONG_WINDOW))
 
@@ -166,6 +160,10 @@ def _table(columns: dict[str, Array], count: int) -> Array:
     return np.column_stack([*columns.values()]) if columns else np.zeros((count, 0))
 
 
+def _without_gaps(table: Array) -> Array:
+    return np.column_stack([*map(filled, table.T)]) if table.size else table
+
+
 def _cuts(count: int, length: int) -> Iterator[tuple[int, int]]:
     """First and last (excluded) sample of windows that overlap by half; they fill the piece."""
     if count <= length:
@@ -190,7 +188,7 @@ def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: in
         names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
         because.append(NO_READING.format(" and ".join(names)))
     if not because:
-        inputs = np.column_stack([filled(c) for c in inputs.T]) if inputs.size else inputs
+        inputs = _without_gaps(inputs)
     return Window(
         time=piece.time[first:last],
         inputs=inputs,
