@@ -16,7 +16,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.courses import found_of
-from rulec_runtime.diagnosis.steady.evaluated_points import see_points
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.fleet.plant_day import POINTS, Row
@@ -74,7 +74,7 @@ def _growing(ruleset: Ruleset, kept: Sequence[Row]) -> Iterator[Finding]:
     count = len(times)
     timeline = Timeline(since, until, samples, np.arange(count)[::-1], np.zeros(count, dtype=bool))
     halves = Halves(np.zeros((len(ruleset.observers), count)), np.ones(count))
-    for part in see_points(ruleset, points, halves, "default"):
+    for part in evaluate_points(ruleset, points, halves, "default"):
         for one in found_of(timeline, ruleset, part).findings:
             if one.growth is not None and one.growth.grows and grown(one):
                 yield one

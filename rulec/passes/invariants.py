@@ -19,7 +19,7 @@ def checks_are_on() -> bool:
     return bool(os.environ.get("RULEC_CHECKS"))
 
 
-def hold(field: str, known: Compilation) -> None:
+def check_invariants(field: str, known: Compilation) -> None:
     """Check what a pass left; raises `Broken` with all that is wrong."""
     wrong = list(INVARIANTS[field](known)) if field in INVARIANTS else []
     if wrong:

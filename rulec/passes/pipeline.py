@@ -28,7 +28,7 @@ from rulec.passes.derive_rules import derive_rules
 from rulec.passes.derive_signatures import derive_signatures
 from rulec.passes.differentiate import differentiate
 from rulec.passes.emit import emit
-from rulec.passes.invariants import checks_are_on, hold
+from rulec.passes.invariants import check_invariants, checks_are_on
 from rulec.passes.link import link
 from rulec.passes.order_equations import order_equations
 from rulec.passes.put_balances import put_balances
@@ -62,7 +62,7 @@ def run_passes(known: Compilation, until: str = "ruleset") -> Compilation:
                 parts = {name: getattr(known, name) for name in _read_by(step)}
                 known = replace(known, **{field: step(**parts)})
                 if checks_are_on():
-                    hold(field, known)
+                    check_invariants(field, known)
             if field == until:
                 break
     return known

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.stores.free_balances import freed, nominal_starts
+from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, with_free_states
 from rulec_runtime.diagnosis.stores.sighted import swinging
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.simulation.balances import RanAway
@@ -30,7 +30,7 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     assert dynamics is not None
     window = swinging(ruleset, dynamics)
     n = len(window.time)
-    model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), freed(dynamics))
+    model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), with_free_states(dynamics))
     starts = nominal_starts(dynamics)
     guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
     try:

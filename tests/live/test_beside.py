@@ -14,13 +14,13 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
-from rulec_runtime.live.beside import Looks
+from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, Told, follow, nothing_yet
-from rulec_runtime.live.last_evaluation import Asked, Looked, UnderWay
+from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
+from rulec_runtime.live.last_evaluation import Evaluation, PendingUpdate, UpdateUnderWay
 from rulec_runtime.live.levels import far_after
-from rulec_runtime.live.look_process import LookProcess, read, written
-from rulec_runtime.live.whole import looked
+from rulec_runtime.live.update_process import UpdateProcess, read, written
+from rulec_runtime.live.whole import evaluated
 from rulec_runtime.recordings.recording import Recording
 
 from tests.live.test_agreement import LEAK, three_lines, with_faults
@@ -32,9 +32,9 @@ class Slow:
     """A look that has ended when it was asked for so many times."""
 
     rows: int
-    result: Looked
+    result: Evaluation
 
-    def found(self, wait: bool) -> Looked | None:
+    def found(self, wait: bool) -> Evaluation | None:
         self.rows -= 1
         return self.result if wait or self.rows < 0 else None
 
@@ -49,9 +49,9 @@ class SlowLooks:
     rows: int
     began: list[int] = field(default_factory=list)
 
-    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> Asked:
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> PendingUpdate:
         self.began.append(memory.count)
-        return Slow(self.rows, looked(ruleset, memory, headers))
+        return Slow(self.rows, evaluated(ruleset, memory, headers))
 
 
 @pytest.fixture(autouse=True)
@@ -61,8 +61,8 @@ def large(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def row_by_row(
-    recording: Recording, first: int, looks: Looks | None, last: int | None = None
-) -> Iterator[Told]:
+    recording: Recording, first: int, looks: BackgroundUpdates | None, last: int | None = None
+) -> Iterator[Update]:
     """A block of rows, and then one by one."""
     rules, memory = three_lines(), nothing_yet(three_lines(), False)
     rows = range(first, last or len(recording))
@@ -141,8 +141,8 @@ def test_a_few_rows_hardly_tell_the_noise() -> None:
 
 
 @pytest.fixture(scope="module")
-def process() -> Iterator[LookProcess]:
-    with closing(LookProcess(three_lines())) as running:
+def process() -> Iterator[UpdateProcess]:
+    with closing(UpdateProcess(three_lines())) as running:
         yield running
 
 
@@ -151,10 +151,10 @@ def remembered() -> Memory:
     return told.memory
 
 
-def test_the_process_finds_the_same(process: LookProcess) -> None:
+def test_the_process_finds_the_same(process: UpdateProcess) -> None:
     rules, memory = three_lines(), remembered()
     there = process.begin(rules, memory).found(wait=True)
-    here = looked(rules, memory)
+    here = evaluated(rules, memory)
     assert there is not None
     assert there.diagnosis.ruleset is rules
     assert there.diagnosis.findings == here.diagnosis.findings != ()
@@ -163,17 +163,17 @@ def test_the_process_finds_the_same(process: LookProcess) -> None:
 
 def test_what_both_processes_have_is_never_sent() -> None:
     rules, memory = three_lines(), remembered()
-    found = looked(rules, memory)
+    found = evaluated(rules, memory)
     data = written(rules, found)
     again = read(rules, data)
-    assert isinstance(again, Looked)
+    assert isinstance(again, Evaluation)
     assert again.known is not None
     assert again.known.parts[1].part is parts_of(rules)[1]
     assert again.known.diagnosis.findings[0].fault is found.diagnosis.findings[0].fault
     assert len(data) < 0.2 * len(rules.to_json())
 
 
-def test_what_a_look_raises_is_raised_where_rows_are(process: LookProcess) -> None:
+def test_what_a_look_raises_is_raised_where_rows_are(process: UpdateProcess) -> None:
     rules, memory = three_lines(), remembered()
     broken = replace(memory, before="no history")  # type: ignore[arg-type]
     asked = process.begin(rules, broken)
@@ -183,7 +183,7 @@ def test_what_a_look_raises_is_raised_where_rows_are(process: LookProcess) -> No
     assert process.begin(rules, memory).found(wait=True) is not None
 
 
-def test_a_look_whose_process_is_killed_is_done_here(process: LookProcess) -> None:
+def test_a_look_whose_process_is_killed_is_done_here(process: UpdateProcess) -> None:
     rules, memory = three_lines(), remembered()
     assert process.begin(rules, memory).found(wait=True) is not None
     assert process.pid is not None
@@ -193,11 +193,11 @@ def test_a_look_whose_process_is_killed_is_done_here(process: LookProcess) -> No
     os.kill(process.pid, signal.SIGKILL)
     found = asked.found(wait=True)
     assert found is not None
-    assert found.diagnosis.findings == looked(rules, memory).diagnosis.findings
+    assert found.diagnosis.findings == evaluated(rules, memory).diagnosis.findings
 
 
 def test_closing_waits_for_no_look() -> None:
-    with closing(LookProcess(three_lines())) as process:
+    with closing(UpdateProcess(three_lines())) as process:
         asked = process.begin(three_lines(), remembered())
         assert process.pid is not None
         os.kill(process.pid, signal.SIGSTOP)
@@ -212,7 +212,7 @@ def test_a_look_that_ends_while_no_row_comes_is_told() -> None:
     (told,) = row_by_row(recording, 100, None)
     memory = replace(told.memory, episodes=())
     asked = looks.begin(three_lines(), memory, headers=True)
-    memory = replace(memory, under_way=UnderWay(asked=asked, count=100, kept=100))
+    memory = replace(memory, under_way=UpdateUnderWay(asked=asked, count=100, kept=100))
     ((after, events, diagnosis),) = judged(three_lines(), memory, [], looks)
     assert [e.episode.subject for e in events] == [LEAK.fault]
     assert after.under_way is None

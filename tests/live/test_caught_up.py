@@ -9,7 +9,7 @@ from rulec_runtime.live import state
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.journal.lines import LinesFile
-from rulec_runtime.live.journal_replay import CaughtUp, caught_up
+from rulec_runtime.live.journal_replay import ReplayedSource, replayed
 from rulec_runtime.live.rows import Notice, Rows
 
 from tests.live.test_follower import followed, recording_of
@@ -51,10 +51,10 @@ def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     bare = [replace(e, episode=replace(e.episode, growth={}, told=None)) for e in told]
     assert ahead == bare
     file.close()
-    again = caught_up(early, ahead)
+    again = replayed(early, ahead)
     assert again.number == len(told)
     blocks = [part_of(recording, k, k + 5) for k in range(0, len(recording), 5)]
-    source, events = CaughtUp(Recorded(list(blocks)), ahead), list[Event]()
+    source, events = ReplayedSource(Recorded(list(blocks)), ahead), list[Event]()
     while came := source.take(0.0):
         for block in came:
             assert isinstance(block, Rows)

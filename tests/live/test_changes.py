@@ -10,14 +10,14 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Episode
-from rulec_runtime.live.horizon import Sight
+from rulec_runtime.live.horizon import Horizon
 from rulec_runtime.recordings.recording import read_recording
 
 from tests.conftest import ROOT, compiled
 
 Over = tuple[Ruleset, Diagnosis, Episode]
 
-SIGHT = Sight(since=0.0, until=400.0, settled=400.0, usual=60.0, time=np.arange(401.0), pause=5)
+SIGHT = Horizon(since=0.0, until=400.0, settled=400.0, usual=60.0, time=np.arange(401.0), pause=5)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.evaluated_points import see_part
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_part
 from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
@@ -205,7 +205,7 @@ def test_reasons_do_not_repeat_the_reading(
     values = {name: np.repeat(v, n) for name, v in noise_free("abc").items()}
     values[signal] = np.array(readings)
     (part,) = parts_of(rules)
-    seen = see_part(rules, part, points(rules, values), "default")
+    seen = evaluate_part(rules, part, points(rules, values), "default")
     assert [expected] * n == [why_blind(seen, i) for i in range(n)]
 
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.stores.free_balances import freed, start_of
+from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.passes.pipeline import compile_plant
@@ -42,7 +42,7 @@ def made(
     inputs = given(name, random, time)
     values = _true(dynamics.values, dynamics.uncertainties, random, spread)
     moving = (f"x.{fault[0]}",) if fault else ()
-    balances = freed(dynamics, moving)
+    balances = with_free_states(dynamics, moving)
     table = [inputs[n] for n in dynamics.inputs]
     if fault:
         there = (time >= fault[2] * time[-1]) & (time <= until * time[-1])

@@ -24,7 +24,7 @@ from rulec_runtime.diagnosis.stores import judge
 from rulec_runtime.diagnosis.stores.joined_windows import _cause
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.live.follower import follow, nothing_yet
-from rulec_runtime.live.horizon import Sight, episodes_of
+from rulec_runtime.live.horizon import Horizon, episodes_of
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.module_results import ModuleResults, read_results
 from rulec_runtime.recordings.recording import Recording, read_recording
@@ -152,7 +152,7 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
     assert why in page
     assert leak.action in page
     times = np.array([0.0, 300.0])
-    sight = Sight(since=0.0, until=300.0, settled=300.0, usual=0.0, time=times, pause=1)
+    sight = Horizon(since=0.0, until=300.0, settled=300.0, usual=0.0, time=times, pause=1)
     assert actions(rules, finding) in {e.action for e in episodes_of(diagnosis, sight)}
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose, told_of
-from rulec_runtime.diagnosis.steady.evaluated_points import judgeable, see_stretches
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_stretches, judgeable
 from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.piecewise import (
     differences,
@@ -112,7 +112,7 @@ def test_runs_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
     rules = compiled("abc")
     recording = again(read_recording(example("abc", "leakage_A.csv"), rules), 24)
     stretches, noise = judgeable(recording, rules, "default")
-    seen = see_stretches(recording, rules, stretches, noise, "default")
+    seen = evaluate_stretches(recording, rules, stretches, noise, "default")
     timeline = timeline_of(recording.time, stretches)
     blocks = {}
     for at_once in (64, 7, len(stretches)):

@@ -13,9 +13,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.evaluated_points import (
-    residuals_seen,
-    see_samples,
-    see_stretches,
+    evaluate_samples,
+    evaluate_stretches,
+    residuals_at,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import points_of_samples
@@ -182,10 +182,10 @@ def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     """All samples as read, and residuals with their thresholds against the baseline, l/h."""
     recording, ruleset = judged.recording, judged.diagnosis.ruleset
     stretches, noise = settle(recording, ruleset)
-    known = see_stretches(recording, ruleset, stretches, noise, "default", keep=True)
+    known = evaluate_stretches(recording, ruleset, stretches, noise, "default", keep=True)
     every = np.arange(len(recording))
-    [(_, seen)] = see_samples(recording, ruleset, noise, stretches, known, every)
-    values, u = residuals_seen(ruleset, seen)
+    [(_, seen)] = evaluate_samples(recording, ruleset, noise, stretches, known, every)
+    values, u = residuals_at(ruleset, seen)
     return seen[0].plain, values * 3.6e6, limits.THRESHOLD * u * 3.6e6
 
 

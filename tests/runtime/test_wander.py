@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.evaluated_points import see_stretches
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, settle
@@ -37,7 +37,7 @@ def added(made: Recording) -> float:
     the mean over all directions, of the stretch with more."""
     rules, half = ruleset("abc"), SAMPLES // 2
     stretches = Stretches(np.array([0, half]), np.array([half, SAMPLES]))
-    (seen,) = see_stretches(made, rules, stretches, settle(made, rules)[1], "default")
+    (seen,) = evaluate_stretches(made, rules, stretches, settle(made, rules)[1], "default")
     every = np.arange(2)
     basis = residual_basis(rules, seen.plain.valid[:, 0])
     wander = covariance_of(basis, seen.plain.wander, seen.plain.valid[:, 0], every)

@@ -15,10 +15,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
-from rulec_runtime.live.beside import Looks
+from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, concluded, nothing_yet, warm_up
-from rulec_runtime.live.look_process import LookProcess
+from rulec_runtime.live.update_process import UpdateProcess
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
     with _ends_when_asked(), ExitStack() as stack:
         # What is told of a file that is read to its end depends on nothing but its rows.
         alone = options.until_end or ruleset.dynamics is not None
-        looks = None if alone else stack.enter_context(closing(LookProcess(ruleset)))
+        looks = None if alone else stack.enter_context(closing(UpdateProcess(ruleset)))
         if looks is not None and len(ruleset.observed) > limits.SMALL_PLANT:
             warm_up(ruleset)
         what = opened(options, ruleset, stack, unwritten)
@@ -42,7 +42,9 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
     return limits.FAILED if failed else int(bool(unwritten))
 
 
-def _watch(what: Opened, ruleset: Ruleset, until_end: bool, looks: Looks | None) -> Memory:
+def _watch(
+    what: Opened, ruleset: Ruleset, until_end: bool, looks: BackgroundUpdates | None
+) -> Memory:
     """Rows in, events out; what is remembered in the end."""
     memory, source, present = what.memory, what.source, what.present
     with suppress(KeyboardInterrupt):

@@ -17,7 +17,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
 from rulec_runtime.live.follower import Memory, nothing_yet
 from rulec_runtime.live.journal.sinks import WatchSink
-from rulec_runtime.live.journal_replay import CaughtUp, caught_up
+from rulec_runtime.live.journal_replay import ReplayedSource, replayed
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra
@@ -63,7 +63,7 @@ def opened(
     if files is not None:
         sinks.insert(0, files.sink)
         if ahead := files.ahead(memory.number):
-            memory, source = caught_up(memory, ahead), CaughtUp(source, ahead)
+            memory, source = replayed(memory, ahead), ReplayedSource(source, ahead)
     out = console(options)
     first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
     out.print(first, soft_wrap=True)

@@ -13,7 +13,11 @@ from rulec_runtime.diagnosis.blind import Blind, blind_of
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.courses import found_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen, judgeable, see_stretches
+from rulec_runtime.diagnosis.steady.evaluated_points import (
+    EvaluatedPoints,
+    evaluate_stretches,
+    judgeable,
+)
 from rulec_runtime.diagnosis.steady.events import events_of
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, Visited, visited_of
@@ -129,20 +133,22 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])
         return 0, Found([], [], [Period(since, until, restless(len(recording)))])
-    seen = see_stretches(recording, ruleset, stretches, noise, mode)
+    seen = evaluate_stretches(recording, ruleset, stretches, noise, mode)
     judged, found = told_of(ruleset, timeline_of(recording.time, stretches), seen)
     found.findings.extend(events_of(recording, ruleset, stretches, noise, seen, mode))
     return judged, found
 
 
-def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
+def told_of(
+    ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints]
+) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant say of settled stretches."""
     each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in seen]
     return together(ruleset, timeline, seen, each)
 
 
 def together(
-    ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen], each: Sequence[Found]
+    ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints], each: Sequence[Found]
 ) -> tuple[int, Found]:
     """The same, where it is known what each part says."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)

@@ -18,7 +18,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind, blind_between
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.evaluated_points import see_observed
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_observed
 from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
 from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.steady.points import Points
@@ -52,7 +52,9 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
     seen = [
-        see_observed(part, observed_of(results, part.ruleset, points), points, "default", halves)
+        evaluate_observed(
+            part, observed_of(results, part.ruleset, points), points, "default", halves
+        )
         for part in parts_of(ruleset)
     ]
     judged, found = told_of(ruleset, timeline_of_results(results), seen)

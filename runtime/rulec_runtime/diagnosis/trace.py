@@ -10,10 +10,10 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.evaluated_points import (
-    Seen,
+    EvaluatedPoints,
+    evaluate_samples,
+    evaluate_stretches,
     judgeable,
-    see_samples,
-    see_stretches,
 )
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
@@ -33,9 +33,9 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         return _of_stores(recording, ruleset)
     stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
-    known: list[Seen] = []
+    known: list[EvaluatedPoints] = []
     if len(stretches):
-        known = see_stretches(recording, ruleset, stretches, noise, mode, keep=True)
+        known = evaluate_stretches(recording, ruleset, stretches, noise, mode, keep=True)
     names = tuple(dict.fromkeys([*(f.id for f in ruleset.faults), *_unlisted(known)]))
     rows = {name: row for row, name in enumerate(names)}
     degree = np.zeros((len(rows), len(recording)))
@@ -45,7 +45,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     chosen = np.concatenate(
         [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     )
-    for here, seen in see_samples(recording, ruleset, noise, stretches, known, chosen):
+    for here, seen in evaluate_samples(recording, ruleset, noise, stretches, known, chosen):
         sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in seen], axis=0)
         for i, sample in enumerate(here.tolist()):
             words[sample] = "ok" if sound[i] else _word(seen, i)
@@ -61,7 +61,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     )
 
 
-def _unlisted(known: Sequence[Seen]) -> Iterator[str]:
+def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
     """Faults that no module lists and some stretch names."""
     for seen in known:
         faults = seen.part.ruleset.faults
@@ -69,14 +69,14 @@ def _unlisted(known: Sequence[Seen]) -> Iterator[str]:
             yield from (faults[i].id for i in verdict_at(seen, point).faults if faults[i].unlisted)
 
 
-def _word(seen: Sequence[Seen], point: int) -> str:
+def _word(seen: Sequence[EvaluatedPoints], point: int) -> str:
     """Verdicts of all parts as they stand in the trace: ids of faults, or what else there is."""
     words = dict.fromkeys(_of_part(part, point) for part in seen)
     loud = [word for word in words if word not in QUIET]
     return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
 
 
-def _of_part(seen: Seen, point: int) -> str:
+def _of_part(seen: EvaluatedPoints, point: int) -> str:
     verdict = verdict_at(seen, point)
     if verdict.kind == "fault":
         return " + ".join(seen.part.ruleset.faults[i].id for i in verdict.faults)

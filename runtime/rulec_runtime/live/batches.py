@@ -8,7 +8,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.live.beside import Looks
+from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.connection import noticed, read_again
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, looked_beside
@@ -16,7 +16,10 @@ from rulec_runtime.live.rows import Notice, Rows
 
 
 def judged(
-    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice], looks: Looks | None = None
+    ruleset: Ruleset,
+    memory: Memory,
+    came: Sequence[Rows | Notice],
+    looks: BackgroundUpdates | None = None,
 ) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
     """What is remembered after each block of rows and each notice, what is new, and the diagnosis
     of rows. `looks`: where looks go on beside the rows; one that has ended while nothing came is

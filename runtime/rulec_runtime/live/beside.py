@@ -15,15 +15,15 @@ from typing import Protocol
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
-from rulec_runtime.live.last_evaluation import Asked, Known
+from rulec_runtime.live.last_evaluation import LastEvaluation, PendingUpdate
 from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.memory import Memory
 
 
-class Looks(Protocol):
+class BackgroundUpdates(Protocol):
     """Where looks at everything go on beside the rows."""
 
-    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> Asked:
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> PendingUpdate:
         """Begin to look at all that is remembered; `headers` as in `looked`."""
 
 
@@ -37,7 +37,7 @@ class Due:
     doubt: bool
 
 
-def asked_by(known: Known, memory: Memory, new: int) -> tuple[Known, Due]:
+def parts_due(known: LastEvaluation, memory: Memory, new: int) -> tuple[LastEvaluation, Due]:
     """What is known, with readings as of the last row, and what the last rows ask for."""
     levels, flags, odd = known.levels.after_rows(memory.recent, new, far_after(known.count))
     moved, due, large = known.moved(flags), known.due(memory.count), known.large

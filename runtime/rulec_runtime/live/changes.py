@@ -17,14 +17,14 @@ from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.horizon import Sight, episodes_of
+from rulec_runtime.live.horizon import Horizon, episodes_of
 
 
 def changes(
     ruleset: Ruleset,
     known: Sequence[Episode],
     diagnosis: Diagnosis,
-    sight: Sight,
+    sight: Horizon,
     number: int,
 ) -> tuple[tuple[Episode, ...], tuple[Event, ...]]:
     """Episodes as they are now, and what is new of them.
@@ -77,7 +77,7 @@ def changes(
     return tuple(kept), tuple(events)
 
 
-def _merged(episodes: Iterable[Episode], sight: Sight) -> list[Episode]:
+def _merged(episodes: Iterable[Episode], sight: Horizon) -> list[Episode]:
     """Of one subject at one time, or before and behind a gap, a single episode: the latest word on
     it."""
     found: list[Episode] = []
@@ -103,7 +103,7 @@ def _at_one_time(one: Episode, other: Episode) -> bool:
     return one.since <= other.until and other.since <= one.until
 
 
-def _same(old: Episode, new: Episode, sight: Sight) -> bool:
+def _same(old: Episode, new: Episode, sight: Horizon) -> bool:
     """Is it what was told before? A fault may have another name by now: one of those that fitted
     about as well."""
     if old.kind != new.kind:
@@ -115,14 +115,14 @@ def _same(old: Episode, new: Episode, sight: Sight) -> bool:
     return _of_one_subject(old, new) and old.active and _goes_on(old, new, sight)
 
 
-def _goes_on(first: Episode, second: Episode, sight: Sight) -> bool:
+def _goes_on(first: Episode, second: Episode, sight: Horizon) -> bool:
     """Does one follow the other with next to no rows between them?"""
     between = sight.rows_between(first.until, second.since)
     return first.until < second.since and between <= sight.pause
 
 
 def _may_return(
-    old: Episode, known: Sequence[Episode], seen: Sequence[Episode], sight: Sight, wait: int
+    old: Episode, known: Sequence[Episode], seen: Sequence[Episode], sight: Horizon, wait: int
 ) -> bool:
     """Is it too early to say that something is there no more? That takes as many rows as it takes
     to say that it is there, unless a fault begins that explains the same rows."""
@@ -135,20 +135,20 @@ def _may_return(
     return sight.rows_between(old.until, sight.until) < wait
 
 
-def _was_none(old: Episode, seen: Sequence[Episode], sight: Sight) -> bool:
+def _was_none(old: Episode, seen: Sequence[Episode], sight: Horizon) -> bool:
     """Is it a fault that has ended, of which nothing is seen any more, though its rows still are?
     More is known now, by the readings behind it."""
     ended = old.kind == "fault" and not old.active and old.since >= sight.since
     return ended and not any(_same(old, one, sight) for one in seen)
 
 
-def _was_earlier(old: Episode, now: Episode, sight: Sight) -> bool:
+def _was_earlier(old: Episode, now: Episode, sight: Horizon) -> bool:
     """Has a fault that has ended been there long before it was told to be?"""
     ended = old.kind == "fault" and not old.active and not now.active
     return ended and sight.rows_between(now.since, old.since) > sight.pause
 
 
-def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:
+def _what(old: Episode, now: Episode, found: bool, sight: Horizon) -> What | None:
     """What is new of an episode; None if nothing is that an operator needs to know."""
     if old.active and not now.active:
         # What can be seen no more has ended; what could be and is not was none.

@@ -22,11 +22,11 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live import limits
-from rulec_runtime.live.beside import Due, Looks, asked_by
+from rulec_runtime.live.beside import BackgroundUpdates, Due, parts_due
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.full_update import sight_of
-from rulec_runtime.live.last_evaluation import Known, Looked, UnderWay
+from rulec_runtime.live.full_update import horizon_of
+from rulec_runtime.live.last_evaluation import Evaluation, LastEvaluation, UpdateUnderWay
 from rulec_runtime.live.memory import (
     Memory,
     appended,
@@ -36,15 +36,23 @@ from rulec_runtime.live.memory import (
 )
 from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Rows
-from rulec_runtime.live.whole import looked
+from rulec_runtime.live.whole import evaluated
 from rulec_runtime.recordings.mending import mended
 
-__all__ = ["Memory", "Told", "concluded", "diagnosis_of", "follow", "looked_beside", "nothing_yet"]
+__all__ = [
+    "Memory",
+    "Update",
+    "concluded",
+    "diagnosis_of",
+    "follow",
+    "looked_beside",
+    "nothing_yet",
+]
 __all__ += ["warm_up"]
 
 
 @dataclass(frozen=True)
-class Told:
+class Update:
     """What is known after some rows, and what is new since those before."""
 
     memory: Memory
@@ -53,8 +61,8 @@ class Told:
 
 
 def follow(
-    ruleset: Ruleset, memory: Memory, rows: Rows, looks: Looks | None = None
-) -> Iterator[Told]:
+    ruleset: Ruleset, memory: Memory, rows: Rows, looks: BackgroundUpdates | None = None
+) -> Iterator[Update]:
     """Take rows in; a diagnosis after each block of them that memory has room for.
 
     `looks`: where looks at everything go on beside the rows once something is known; else rows wait
@@ -80,7 +88,9 @@ def warm_up(ruleset: Ruleset) -> None:
         pass
 
 
-def looked_beside(ruleset: Ruleset, memory: Memory, looks: Looks | None) -> Told | None:
+def looked_beside(
+    ruleset: Ruleset, memory: Memory, looks: BackgroundUpdates | None
+) -> Update | None:
     """What a look said that has ended while no row came; None where none has."""
     way = memory.under_way
     if way is None or looks is None or (found := way.asked.found(wait=False)) is None:
@@ -88,7 +98,7 @@ def looked_beside(ruleset: Ruleset, memory: Memory, looks: Looks | None) -> Told
     return _taken_in(ruleset, memory, found, looks)
 
 
-def concluded(ruleset: Ruleset, memory: Memory) -> Told | None:
+def concluded(ruleset: Ruleset, memory: Memory) -> Update | None:
     """A look at everything when nothing will come any more; None if the last rows had one."""
     if memory.known is None or memory.known.count == memory.count:
         return None
@@ -100,7 +110,7 @@ def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
     return _looked(ruleset, memory).diagnosis if len(memory.recent) else None
 
 
-def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> Told:
+def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: BackgroundUpdates | None) -> Update:
     """Judge rows by a partial update; all that is remembered where nothing is known yet, or much
     is new."""
     known, way = memory.known, memory.under_way
@@ -113,10 +123,10 @@ def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> 
     if way is not None:
         found = way.asked.found(wait=len(memory.recent) >= limits.MOST_ROWS)
         if found is not None:
-            _, due = asked_by(known, memory, new)
+            _, due = parts_due(known, memory, new)
             memory = replace(memory, under_way=way.doubted(due.doubt))
             return _taken_in(ruleset, memory, found, looks)
-    known, due = asked_by(known, memory, new)
+    known, due = parts_due(known, memory, new)
     if way is not None:
         memory = replace(memory, under_way=way.doubted(due.doubt))
     else:
@@ -124,7 +134,7 @@ def _judged(ruleset: Ruleset, memory: Memory, new: int, looks: Looks | None) -> 
     return _partly(ruleset, memory, known, due.places)
 
 
-def _looked(ruleset: Ruleset, memory: Memory) -> Told:
+def _looked(ruleset: Ruleset, memory: Memory) -> Update:
     """Judge all that is remembered, tell what is new, and give up what there is no room for."""
     if memory.under_way is not None:
         memory.under_way.asked.drop()
@@ -136,18 +146,18 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
             recent = reference_and_latest(memory.recent, memory.episodes)
             memory = replace(memory, recent=recent)
         return replace(told, memory=memory)
-    found = looked(ruleset, memory)
+    found = evaluated(ruleset, memory)
     told = _told(ruleset, memory, found.diagnosis, found.settled)
     return replace(told, memory=_remembered(told.memory, found, found.known))
 
 
-def _remembered(memory: Memory, found: Looked, known: Known | None) -> Memory:
+def _remembered(memory: Memory, found: Evaluation, known: LastEvaluation | None) -> Memory:
     """What is kept when what a look found has been told."""
     recent = without_first(memory.recent, found.cut)
     return replace(memory, recent=recent, before=found.before, known=known)
 
 
-def _partly_or_fully(ruleset: Ruleset, memory: Memory, known: Known, new: int) -> Told:
+def _partly_or_fully(ruleset: Ruleset, memory: Memory, known: LastEvaluation, new: int) -> Update:
     """Judge what moved; everything, where that is due."""
     read = mended(memory.recent, known.health.mendings)
     levels, moved, odd = known.levels.after_rows(read, new)
@@ -157,11 +167,11 @@ def _partly_or_fully(ruleset: Ruleset, memory: Memory, known: Known, new: int) -
     return _partly(ruleset, memory, replace(known, levels=levels), places)
 
 
-def _partly(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -> Told:
+def _partly(ruleset: Ruleset, memory: Memory, known: LastEvaluation, places: list[int]) -> Update:
     """Judge some parts, by their places."""
     if not places:
         diagnosis = replace(known.diagnosis, samples=memory.count)
-        return Told(replace(memory, known=known), (), diagnosis)
+        return Update(replace(memory, known=known), (), diagnosis)
     known = partial_update(ruleset, memory.recent, known, places, memory.count)
     if (way := memory.under_way) is not None:
         way = replace(way, seen=way.seen.union(places))
@@ -169,7 +179,9 @@ def _partly(ruleset: Ruleset, memory: Memory, known: Known, places: list[int]) -
     return _told(ruleset, memory, known.diagnosis, settled_until(known.parts))
 
 
-def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> Told:
+def _taken_in(
+    ruleset: Ruleset, memory: Memory, found: Evaluation, looks: BackgroundUpdates
+) -> Update:
     """What a look found that went on beside the rows, and what they say that came meanwhile.
 
     It is told as of the last row that was judged: what was told since stands or falls by all rows.
@@ -179,7 +191,7 @@ def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> 
     memory = replace(memory, under_way=None)
     if found.known is None:
         return _looked(ruleset, memory)
-    known, due = asked_by(found.known, memory, memory.count - way.count)
+    known, due = parts_due(found.known, memory, memory.count - way.count)
     due = replace(due, doubt=due.doubt or way.doubt)
     if places := sorted(way.seen.union(due.places)):
         known = partial_update(ruleset, memory.recent, known, places, memory.count)
@@ -191,19 +203,21 @@ def _taken_in(ruleset: Ruleset, memory: Memory, found: Looked, looks: Looks) -> 
     return replace(told, memory=_begun_if_due(ruleset, memory, known, looks, due))
 
 
-def _is_due(memory: Memory, known: Known) -> bool:
+def _is_due(memory: Memory, known: LastEvaluation) -> bool:
     """Are there three times as many rows, or no room for more?"""
     full = len(memory.recent) >= 2 * limits.KEPT_ROWS
     return full or memory.count >= limits.LOOKED_AGAIN * known.count
 
 
-def _begun_if_due(ruleset: Ruleset, memory: Memory, known: Known, looks: Looks, due: Due) -> Memory:
+def _begun_if_due(
+    ruleset: Ruleset, memory: Memory, known: LastEvaluation, looks: BackgroundUpdates, due: Due
+) -> Memory:
     """Memory with a look at everything under way, where one is due."""
     whole = due.doubt or _is_due(memory, known)
     if not whole and not due.look:
         return memory
     asked, kept = looks.begin(ruleset, memory, headers=whole), len(memory.recent)
-    return replace(memory, under_way=UnderWay(asked=asked, count=memory.count, kept=kept))
+    return replace(memory, under_way=UpdateUnderWay(asked=asked, count=memory.count, kept=kept))
 
 
 def _told(
@@ -212,9 +226,9 @@ def _told(
     diagnosis: Diagnosis,
     settled: float | None,
     rows: int | None = None,
-) -> Told:
+) -> Update:
     """What is new with a diagnosis, of so many of the rows where it is not of all."""
-    sight = sight_of(memory.recent.time[:rows], settled)
+    sight = horizon_of(memory.recent.time[:rows], settled)
     episodes, events = changes(ruleset, memory.episodes, diagnosis, sight, memory.number)
     memory = replace(memory, episodes=episodes, number=memory.number + len(events))
-    return Told(memory, events, replace(diagnosis, samples=memory.count))
+    return Update(memory, events, replace(diagnosis, samples=memory.count))

@@ -13,17 +13,21 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.courses import found_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen, judgeable, see_points
+from rulec_runtime.diagnosis.steady.evaluated_points import (
+    EvaluatedPoints,
+    evaluate_points,
+    judgeable,
+)
 from rulec_runtime.diagnosis.steady.findings import Found, Period
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined
-from rulec_runtime.live.horizon import Sight
+from rulec_runtime.live.horizon import Horizon
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class FullUpdate:
     """What a look at everything found.
 
     Attributes
@@ -38,13 +42,13 @@ class Judged:
     stretches: Stretches
     noise: Mapping[str, float]
     health: Health
-    seen: tuple[Seen, ...]
+    seen: tuple[EvaluatedPoints, ...]
     found: tuple[Found, ...]
 
 
-def look(
+def full_update(
     ruleset: Ruleset, recent: Recording, before: History | None, *, headers: bool
-) -> tuple[Diagnosis, Judged | None]:
+) -> tuple[Diagnosis, FullUpdate | None]:
     """Judge a plant that settles by all that is remembered; None where nothing settled.
 
     `headers`: whether columns may be others than their headers say.
@@ -58,12 +62,12 @@ def look(
         since, until = float(recording.time[0]), float(recording.time[-1])
         found = Found([], [], [Period(since, until, restless(len(recording)))])
         return assembled(health, ruleset, "default", judged=0, found=found), None
-    seen = see_points(ruleset, whole.points, whole.halves, "default")
+    seen = evaluate_points(ruleset, whole.points, whole.halves, "default")
     each = tuple(found_of(whole.timeline, ruleset, part) for part in seen)
     samples, found = together(ruleset, whole.timeline, seen, each)
     found.not_judged.extend(unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
-    return diagnosis, Judged(
+    return diagnosis, FullUpdate(
         whole=whole,
         stretches=stretches,
         noise=noise,
@@ -82,11 +86,11 @@ def unsettled(recording: Recording, whole: History) -> Iterator[Period]:
         yield Period(float(recording.time[first]), float(recording.time[-1]), text)
 
 
-def sight_of(time: Array, settled: float | None) -> Sight:
+def horizon_of(time: Array, settled: float | None) -> Horizon:
     """How far a diagnosis looks that judged rows of these times, s, shape (n,); `settled` is the
     time of the last settled row, if there is any."""
     interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    return Sight(
+    return Horizon(
         since=float(time[0]),
         until=float(time[-1]),
         settled=float(time[-1]) if settled is None else settled,

@@ -20,7 +20,7 @@ from rulec_runtime.report.wording import actions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class Horizon:
     """How far a diagnosis looks, s: since when, until which row, and until which settled one;
     `usual` is how long something that is no fault lasts before it is told. `time` are those of the
     rows, shape (n,); `pause` is in how many rows nothing may be seen of an episode that goes on."""
@@ -38,7 +38,7 @@ class Sight:
         return int(np.searchsorted(self.time, last, "left") - after)
 
 
-def episodes_of(diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
+def episodes_of(diagnosis: Diagnosis, sight: Horizon) -> Iterator[Episode]:
     """All that a diagnosis tells and that lasts."""
     for finding in diagnosis.findings:
         yield _of_fault(diagnosis.ruleset, finding)

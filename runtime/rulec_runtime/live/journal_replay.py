@@ -15,7 +15,7 @@ from rulec_runtime.live.follower import Memory
 from rulec_runtime.live.rows import Notice, Rows, Source
 
 
-def caught_up(memory: Memory, told: Sequence[Event]) -> Memory:
+def replayed(memory: Memory, told: Sequence[Event]) -> Memory:
     """What is remembered, as it was after the last of these events; rows aside."""
     episodes = {one.id: one for one in memory.episodes}
     number = memory.number
@@ -28,7 +28,7 @@ def caught_up(memory: Memory, told: Sequence[Event]) -> Memory:
     return replace(memory, episodes=tuple(kept), number=number)
 
 
-class CaughtUp:
+class ReplayedSource:
     """A source whose first rows are handed out together, as far as those go that were judged."""
 
     def __init__(self, source: Source, told: Sequence[Event]) -> None:

@@ -15,13 +15,13 @@ from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.live import limits
-from rulec_runtime.live.full_update import Judged
+from rulec_runtime.live.full_update import FullUpdate
 from rulec_runtime.live.history import History, only
 from rulec_runtime.live.levels import Levels, levels_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartKnown:
+class PartEvaluation:
     """What is known of a part of a plant.
 
     Attributes
@@ -41,7 +41,7 @@ class PartKnown:
     due: float
     followed: int
 
-    def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
+    def seen_again(self, whole: History, found: Found, count: int) -> PartEvaluation:
         """After a partial update, with so many rows: the next one is due when what was judged has
         twice as many rows, or with the next row while the part does not stand still."""
         timeline = whole.timeline
@@ -54,7 +54,7 @@ class PartKnown:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class LastEvaluation:
     """What is known of a plant.
 
     Attributes
@@ -71,7 +71,7 @@ class Known:
     noise: Mapping[str, float]
     count: int
     cut: int
-    parts: tuple[PartKnown, ...]
+    parts: tuple[PartEvaluation, ...]
     levels: Levels
 
     def moved(self, flags: np.ndarray) -> set[int]:
@@ -91,7 +91,7 @@ class Known:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Looked:
+class Evaluation:
     """What a look at everything found.
 
     Attributes
@@ -105,15 +105,15 @@ class Looked:
 
     diagnosis: Diagnosis
     settled: float | None
-    known: Known | None
+    known: LastEvaluation | None
     cut: int
     before: History | None
 
 
-class Asked(Protocol):
+class PendingUpdate(Protocol):
     """A look at everything that goes on elsewhere."""
 
-    def found(self, wait: bool) -> Looked | None:
+    def found(self, wait: bool) -> Evaluation | None:
         """What it found; None while it goes on, unless it is to be waited for. What the look
         raised is raised here."""
 
@@ -122,7 +122,7 @@ class Asked(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnderWay:
+class UpdateUnderWay:
     """A look at the rows that had come when it began, while others come.
 
     Attributes
@@ -133,18 +133,20 @@ class UnderWay:
     doubt : whether a sensor came into doubt since, so that another look is due.
     """
 
-    asked: Asked
+    asked: PendingUpdate
     count: int
     kept: int
     seen: frozenset[int] = frozenset()
     doubt: bool = False
 
-    def doubted(self, doubt: bool) -> UnderWay:
+    def doubted(self, doubt: bool) -> UpdateUnderWay:
         """The same after rows that may have put a sensor in doubt."""
         return replace(self, doubt=self.doubt or doubt)
 
 
-def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: int) -> Known:
+def evaluation_after(
+    ruleset: Ruleset, diagnosis: Diagnosis, judged: FullUpdate, count: int
+) -> LastEvaluation:
     """What is known after a look at everything that had come, so many rows."""
     recording, whole = judged.health.recording, judged.whole
     firsts, rows = judged.stretches.first, len(recording)
@@ -153,7 +155,7 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
     chosen = np.arange(len(whole)) < len(whole) - open_points
     settled = float(whole.timeline.until[-1])
     parts = tuple(
-        PartKnown(
+        PartEvaluation(
             part=part,
             closed=only(whole, part, chosen, behind),
             found=found,
@@ -169,7 +171,7 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
     rested = np.full(len(level), float(whole.timeline.samples[-1]))
     # A recording keeps what was worked out of it once, which nobody asks for again.
     health = replace(judged.health, recording=replace(recording))
-    return Known(
+    return LastEvaluation(
         diagnosis=diagnosis,
         health=health,
         noise=judged.noise,

@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.history import History
-from rulec_runtime.live.last_evaluation import Known, UnderWay
+from rulec_runtime.live.last_evaluation import LastEvaluation, UpdateUnderWay
 from rulec_runtime.live.rows import Rows
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -38,8 +38,8 @@ class Memory:
     count: int = 0
     episodes: tuple[Episode, ...] = ()
     number: int = 0
-    known: Known | None = None
-    under_way: UnderWay | None = None
+    known: LastEvaluation | None = None
+    under_way: UpdateUnderWay | None = None
 
 
 def nothing_yet(ruleset: Ruleset, dated: bool) -> Memory:

@@ -16,22 +16,22 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, joined
 from rulec_runtime.diagnosis.steady.courses import found_again, found_of
-from rulec_runtime.diagnosis.steady.evaluated_points import see_points
+from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.live import limits
 from rulec_runtime.live.full_update import unsettled
 from rulec_runtime.live.history import History, history_of
 from rulec_runtime.live.history import joined as joined_history
-from rulec_runtime.live.last_evaluation import Known, PartKnown
+from rulec_runtime.live.last_evaluation import LastEvaluation, PartEvaluation
 from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 
 
 def partial_update(
-    ruleset: Ruleset, recent: Recording, known: Known, moved: Collection[int], count: int
-) -> Known:
+    ruleset: Ruleset, recent: Recording, known: LastEvaluation, moved: Collection[int], count: int
+) -> LastEvaluation:
     """What is known when some parts, by their places, have been judged anew after so many rows."""
     parts, levels = list(known.parts), known.levels
     latest = known.diagnosis.latest
@@ -61,14 +61,14 @@ def partial_update(
     return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
 
 
-def settled_until(parts: Sequence[PartKnown]) -> float:
+def settled_until(parts: Sequence[PartEvaluation]) -> float:
     """Time of the last settled row of any part, s."""
     return max(one.settled for one in parts)
 
 
 def _judged(
-    ruleset: Ruleset, recent: Recording, known: Known, one: PartKnown, count: int
-) -> tuple[PartKnown, History, Latest | None]:
+    ruleset: Ruleset, recent: Recording, known: LastEvaluation, one: PartEvaluation, count: int
+) -> tuple[PartEvaluation, History, Latest | None]:
     """A part by its latest rows, its operating points, and its residuals at the last of them."""
     own = one.part.ruleset
     tail = _latest_rows(recent, known, own, count)
@@ -78,7 +78,7 @@ def _judged(
     whole = joined_history(one.closed, tail, points)
     if not len(whole):
         return one.seen_again(whole, Found([], [], []), count), whole, None
-    seen = see_points(own, whole.points, whole.halves, "default")
+    seen = evaluate_points(own, whole.points, whole.halves, "default")
     enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
     each = (
         found_of(whole.timeline, own, part)
@@ -93,7 +93,7 @@ def _judged(
     return again, whole, latest_of(own, whole.timeline, seen)
 
 
-def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> Recording:
+def _latest_rows(recent: Recording, known: LastEvaluation, own: Ruleset, count: int) -> Recording:
     """Rows from the last stretch on of the signals of a part, without what was found unfit."""
     first = max(len(recent) - (count - known.cut), 0)
     clean = known.health.recording

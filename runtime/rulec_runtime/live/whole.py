@@ -13,27 +13,27 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.live import limits
-from rulec_runtime.live.full_update import Judged, look
+from rulec_runtime.live.full_update import FullUpdate, full_update
 from rulec_runtime.live.history import History, some
-from rulec_runtime.live.last_evaluation import Looked, known_after
+from rulec_runtime.live.last_evaluation import Evaluation, evaluation_after
 from rulec_runtime.live.memory import Memory
 
 
-def looked(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Looked:
+def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluation:
     """Judge all that is remembered of a plant that settles, and what there is no room for.
 
     Without `headers` a column is what its header says, unless something else has been told.
     """
     recent = memory.recent
     headers = _is_misread(memory) or (headers and memory.before is None)
-    diagnosis, judged = look(ruleset, recent, memory.before, headers=headers)
+    diagnosis, judged = full_update(ruleset, recent, memory.before, headers=headers)
     known = None
     if judged is not None and _is_large(memory):
-        known = known_after(ruleset, diagnosis, judged, memory.count)
+        known = evaluation_after(ruleset, diagnosis, judged, memory.count)
     cut, before = 0, memory.before
     if len(recent) >= 2 * limits.KEPT_ROWS:
         cut, before = _oldest(memory, judged, diagnosis)
-    return Looked(
+    return Evaluation(
         diagnosis=diagnosis,
         settled=None if judged is None else float(judged.whole.timeline.until[-1]),
         known=known,
@@ -60,7 +60,7 @@ def _is_large(memory: Memory) -> bool:
 
 
 def _oldest(
-    memory: Memory, judged: Judged | None, diagnosis: Diagnosis
+    memory: Memory, judged: FullUpdate | None, diagnosis: Diagnosis
 ) -> tuple[int, History | None]:
     """How many rows of a plant that settles there is no room for, and the operating points of all
     that are before the others then."""
@@ -79,7 +79,7 @@ def _oldest(
     return cut, replace(before, timeline=timeline)
 
 
-def _over(judged: Judged, diagnosis: Diagnosis) -> np.ndarray:
+def _over(judged: FullUpdate, diagnosis: Diagnosis) -> np.ndarray:
     """Points of what has ended, shape (n,): told, and no part of what is compared with."""
     timeline = judged.whole.timeline
     odd = np.any([part.isolation.deviating for part in judged.seen], axis=0)

@@ -13,12 +13,12 @@ from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.evaluated_points import (
-    Seen,
+    EvaluatedPoints,
+    evaluate_samples,
+    evaluate_stretches,
     judgeable,
-    residuals_seen,
-    see_samples,
-    see_stretches,
-    usable_seen,
+    residuals_at,
+    usable_at,
 )
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.traced import Trace
@@ -155,11 +155,11 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     learned = False
     for here, seen in _batches(recording, diagnosis):
         learned |= any(len(part.baselines.counts) > 1 for part in seen)
-        whole, valid = observe(ruleset, seen[0].points), usable_seen(ruleset, seen)
+        whole, valid = observe(ruleset, seen[0].points), usable_at(ruleset, seen)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
             flows[i, here], flows_u[i, here] = _sum(whole, valid, members)
-        found, u = residuals_seen(ruleset, seen)
+        found, u = residuals_at(ruleset, seen)
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
             values[i, here] = np.where(sound, found[rows[i]], np.nan)
@@ -187,14 +187,16 @@ def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
     return spans[0] if spans else None
 
 
-def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.ndarray, list[Seen]]]:
+def _batches(
+    recording: Recording, diagnosis: Diagnosis
+) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
     """All samples, seen as the diagnosis saw their stretches."""
     ruleset = diagnosis.ruleset
     stretches, noise = judgeable(recording, ruleset, diagnosis.mode)
     if len(stretches):
-        known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
+        known = evaluate_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
         every = np.arange(len(recording))
-        yield from see_samples(recording, ruleset, noise, stretches, known, every)
+        yield from evaluate_samples(recording, ruleset, noise, stretches, known, every)
 
 
 def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.horizon import Sight, episodes_of
+from rulec_runtime.live.horizon import Horizon, episodes_of
 from rulec_runtime.live.now import Now
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -42,7 +42,7 @@ def episodes(diagnosis: Diagnosis, until: float) -> Iterator[Episode]:
     """What a diagnosis tells that lasts, however short, at the time of its last row."""
     since = -np.inf
     times = np.array([since, until])
-    sight = Sight(since=since, until=until, settled=since, usual=since, time=times, pause=1)
+    sight = Horizon(since=since, until=until, settled=since, usual=since, time=times, pause=1)
     yield from episodes_of(diagnosis, sight)
 
 

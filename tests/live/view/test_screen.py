@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.view.screen import Look, Screen, View, after
+from rulec_runtime.live.view.screen import Screen, View, ViewState, after
 from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.report.wording import STATUS
@@ -22,11 +22,11 @@ from tests.live.view.nows import before, failing, healthy, leaking
 VIEWS: tuple[View, ...] = ("plant", "explanation", "past", "help")
 
 
-def drawn(now: Now, look: Look | None = None, size: tuple[int, int] = (80, 24)) -> list[str]:
+def drawn(now: Now, look: ViewState | None = None, size: tuple[int, int] = (80, 24)) -> list[str]:
     """Lines without colour."""
     out = io.StringIO()
     console = Terminal(file=out, width=size[0], height=size[1])
-    console.print(Screen(now, look or Look(), *size, age=3.2), end="")
+    console.print(Screen(now, look or ViewState(), *size, age=3.2), end="")
     return out.getvalue().split("\n")
 
 
@@ -74,11 +74,11 @@ def test_acknowledged_is_no_longer_new() -> None:
     now = leaking()
     known = replace(now, acknowledged=frozenset({now.active[0].id}))
     assert "NEW" not in "\n".join(drawn(known))
-    assert "(acknowledged)" in "\n".join(drawn(known, Look(view="past")))
+    assert "(acknowledged)" in "\n".join(drawn(known, ViewState(view="past")))
 
 
 def test_explanation_is_that_of_the_report() -> None:
-    text = "\n".join(drawn(leaking(), Look(view="explanation"), (80, 60)))
+    text = "\n".join(drawn(leaking(), ViewState(view="explanation"), (80, 60)))
     assert "because these estimates of the same flow disagree (l/h)" in text
     assert "kb/faults/leakage.yaml" in text
     assert "the end of the recording" not in text
@@ -86,7 +86,9 @@ def test_explanation_is_that_of_the_report() -> None:
 
 def test_what_the_diagnosis_has_forgotten_is_still_told() -> None:
     now = replace(leaking(), diagnosis=None)
-    assert "Its rows are no longer remembered" in "\n".join(drawn(now, Look(view="explanation")))
+    assert "Its rows are no longer remembered" in "\n".join(
+        drawn(now, ViewState(view="explanation"))
+    )
     assert "◆ M NEW A: the pump delivers" in "\n".join(drawn(now))
 
 
@@ -105,14 +107,14 @@ def test_symbol_and_letter_say_what_colour_says() -> None:
 @pytest.mark.parametrize("view", VIEWS)
 def test_picture_fills_its_size(size: tuple[int, int], view: View) -> None:
     for now in (leaking(), failing(), healthy(), before()):
-        lines = drawn(now, Look(view=view), size)
+        lines = drawn(now, ViewState(view=view), size)
         assert len(lines) == size[1]
         assert {cell_len(line) for line in lines} <= {size[0]}
 
 
 def test_every_line_of_the_body_can_be_reached() -> None:
     now, console = failing(), Terminal(file=io.StringIO(), width=80, height=24)
-    look, seen, marked = Look(), set(), []
+    look, seen, marked = ViewState(), set(), []
     for _ in range(32):
         lines = drawn(now, look)
         seen.update(lines)
@@ -123,21 +125,21 @@ def test_every_line_of_the_body_can_be_reached() -> None:
     assert any("began  B.dp is stuck" in line for line in seen)
     for _ in range(32):
         look = after(look, "up", now, Screen(now, look, 80, 24).room(console))
-    assert look == Look(selected=listed(now)[0].id)
+    assert look == ViewState(selected=listed(now)[0].id)
 
 
 def test_views_open_and_close() -> None:
     now = leaking()
     for key, view in (("enter", "explanation"), ("past", "past"), ("help", "help")):
-        opened = after(Look(), key, now, 0)
+        opened = after(ViewState(), key, now, 0)
         assert view == opened.view
         assert after(opened, key, now, 0).view == after(opened, "back", now, 0).view == "plant"
-    assert after(Look(), "enter", healthy(), 0).view == "plant"
+    assert after(ViewState(), "enter", healthy(), 0).view == "plant"
 
 
 def test_selection_survives_what_ends_before_it() -> None:
     now = failing()
-    look = after(Look(), "down", now, 0)
+    look = after(ViewState(), "down", now, 0)
     later = replace(now, active=now.active[1:])
     assert drawn(later, look)[4].startswith("> ◆ M")
 
@@ -151,7 +153,7 @@ def test_no_text_steers_the_terminal(text: str) -> None:
             file=out, width=80, height=24, force_terminal=True, color_system="truecolor"
         )
         for at in range(3):
-            look = Look(selected=listed(now)[at].id, view=view)
+            look = ViewState(selected=listed(now)[at].id, view=view)
             console.print(Screen(now, look, 80, 24), end="")
         plain = re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
         odd = {c for c in plain if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}

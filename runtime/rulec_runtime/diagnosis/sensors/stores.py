@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
-from rulec_runtime.diagnosis.stores.free_balances import freed, nominal_starts, start_of
+from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, start_of, with_free_states
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u
@@ -73,7 +73,9 @@ def _predicted(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> di
     begins = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)
     values = {**dynamics.values, **{start_of(s.id): start for s, start in begins}}
     held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs])
-    found = freed(dynamics).run(recording.time, np.column_stack(table), held, values).shown
+    found = (
+        with_free_states(dynamics).run(recording.time, np.column_stack(table), held, values).shown
+    )
     return {
         name: course
         for name, course in zip(dynamics.outputs, found.T, strict=True)

@@ -11,7 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 
@@ -36,14 +36,16 @@ class Cause:
     when: str
 
 
-def fits_of_runs(seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
+def fits_of_runs(seen: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[Fits]:
     """What fits each run; nothing is tried where points are not combined."""
     if not seen.combined:
         return [Fits([], 0) for _ in runs]
     return fits_of(seen.part.ruleset, seen.plain, seen.baselines, seen.isolation, runs)
 
 
-def causes_of(seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]) -> list[Cause]:
+def causes_of(
+    seen: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
+) -> list[Cause]:
     """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
     before."""
     ruleset = seen.part.ruleset

@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
 from rulec_runtime.diagnosis.steady.course import Course, Stack, stack_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen, nothing_known
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints, nothing_known
 from rulec_runtime.diagnosis.steady.findings import (
     Finding,
     Found,
@@ -30,7 +30,9 @@ from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.recordings.stationary import Timeline
 
 
-def with_courses(timeline: Timeline, ruleset: Ruleset, seen: Seen, found: Found) -> Found:
+def with_courses(
+    timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints, found: Found
+) -> Found:
     """What a part says, where one fault that grows may explain it all, and where each fault that is
     still there is going."""
     judged = np.flatnonzero(seen.isolation.judged)
@@ -78,12 +80,14 @@ def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
     return replace(found, findings=findings)
 
 
-def found_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
+def found_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
     """What a part says over a recording: by runs of stretches, and by courses over all of them."""
     return with_courses(timeline, ruleset, seen, findings_of(timeline, ruleset, seen))
 
 
-def found_again(timeline: Timeline, ruleset: Ruleset, seen: Seen, before: Found) -> Found:
+def found_again(
+    timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints, before: Found
+) -> Found:
     """The same after a few rows more, with courses as they were worked out `before`."""
     found = findings_of(timeline, ruleset, seen)
     for old in before.findings:
@@ -129,7 +133,7 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
 def _with_the_best(
     timeline: Timeline,
     ruleset: Ruleset,
-    seen: Seen,
+    seen: EvaluatedPoints,
     found: Found,
     stack: Stack,
     courses: Sequence[Course],
@@ -166,7 +170,7 @@ def _with_the_best(
 
 
 def _followed(
-    timeline: Timeline, seen: Seen, found: Found, one: Finding, place: dict[str, int]
+    timeline: Timeline, seen: EvaluatedPoints, found: Found, one: Finding, place: dict[str, int]
 ) -> Finding:
     """A finding with where it is now, as far as it is still there and its stretches tell."""
     if one.growth is not None or not one.active:

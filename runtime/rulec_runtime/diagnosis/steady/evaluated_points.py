@@ -47,7 +47,7 @@ PAPER = "paper"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class EvaluatedPoints:
     """Everything known of `points`, as far as one part of the plant goes.
 
     Observers, residuals and faults are those of the ruleset of the part. `observed` is seen against
@@ -71,7 +71,7 @@ def judgeable(
     return settle(recording, ruleset) if mode == PAPER else settle_or_slow(recording, ruleset)
 
 
-def see_stretches(
+def evaluate_stretches(
     recording: Recording,
     ruleset: Ruleset,
     stretches: Stretches,
@@ -79,7 +79,7 @@ def see_stretches(
     mode: str,
     *,
     keep: bool = False,
-) -> list[Seen]:
+) -> list[EvaluatedPoints]:
     """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines, where
     samples are to be seen against them."""
     give_back()
@@ -87,20 +87,20 @@ def see_stretches(
     give_back()
     halves = halves_of(recording, ruleset, stretches)
     let_go(stretches.first)
-    return see_points(ruleset, points, halves, mode, keep=keep)
+    return evaluate_points(ruleset, points, halves, mode, keep=keep)
 
 
-def see_points(
+def evaluate_points(
     ruleset: Ruleset, points: Points, halves: Halves, mode: str, *, keep: bool = False
-) -> list[Seen]:
+) -> list[EvaluatedPoints]:
     """The same of stretches whose samples are gone."""
     parts = parts_of(ruleset)
     for part in parts:
         points = with_stand_ins(part.ruleset, points)
-    return [see_part(ruleset, part, points, mode, halves, keep=keep) for part in parts]
+    return [evaluate_part(ruleset, part, points, mode, halves, keep=keep) for part in parts]
 
 
-def see_part(
+def evaluate_part(
     whole: Ruleset,
     part: Part,
     points: Points,
@@ -108,28 +108,28 @@ def see_part(
     halves: Halves | None = None,
     *,
     keep: bool = False,
-) -> Seen:
+) -> EvaluatedPoints:
     """Learn the baseline of one part of a plant, and isolate."""
 
     own = points if part.ruleset is whole else points.of(part.ruleset.observed)
     alike = own, extrapolated(whole, points)
     if mode != PAPER and not keep and has_many(part.ruleset):
-        return _see_many(part, points, alike, halves)
+        return _evaluate_many(part, points, alike, halves)
 
     def told(chosen: slice) -> Observed:
         found = observe_part(whole, part, points.at(chosen))
         let_go(*points.values.values(), *points.lag.values())
         return found
 
-    return _see(part, told, points, alike, mode, halves, keep=keep)
+    return _evaluate(part, told, points, alike, mode, halves, keep=keep)
 
 
-def _see_many(
+def _evaluate_many(
     part: Part,
     points: Points,
     alike: tuple[Points, Mapping[str, np.ndarray]],
     halves: Halves | None,
-) -> Seen:
+) -> EvaluatedPoints:
     """The same of a part with so many estimates that tables of all of them cost too much."""
     ruleset, (own, outside) = part.ruleset, alike
     every = estimate(ruleset, own)
@@ -155,7 +155,7 @@ def _seen(
     compared: Observed,
     baselines: Baselines,
     isolation: Isolation,
-) -> Seen:
+) -> EvaluatedPoints:
     """What is known of points, unless one fault in all of them explains it better: then what was
     learned from them is the fault."""
     give_back()
@@ -163,7 +163,7 @@ def _seen(
     if lasting is not None:
         compared, baselines, isolation = plain, nothing_known(plain), lasting
     give_back()
-    return Seen(
+    return EvaluatedPoints(
         part=part,
         points=points,
         plain=plain,
@@ -189,15 +189,15 @@ def _wandering(
     return found
 
 
-def see_observed(
+def evaluate_observed(
     part: Part, plain: Observed, points: Points, mode: str, halves: Halves | None
-) -> Seen:
+) -> EvaluatedPoints:
     """The same of estimates that are there already, those of the part alone."""
     alike = plain.points, plain.extrapolated
-    return _see(part, plain.part, points, alike, mode, halves)
+    return _evaluate(part, plain.part, points, alike, mode, halves)
 
 
-def _see(
+def _evaluate(
     part: Part,
     told: Callable[[slice], Observed],
     points: Points,
@@ -206,7 +206,7 @@ def _see(
     halves: Halves | None,
     *,
     keep: bool = False,
-) -> Seen:
+) -> EvaluatedPoints:
     """The same where `told` gives the estimates of a batch of points; `alike` are the points as the
     part reads them, and flags of readings that leave the range in which they were calibrated."""
     ruleset, count = part.ruleset, len(points)
@@ -221,7 +221,7 @@ def _see(
     give_back()
     plain = replace(plain, points=alike[0], extrapolated=alike[1])
     if mode == PAPER:
-        return Seen(
+        return EvaluatedPoints(
             part=part,
             points=points,
             plain=plain,
@@ -267,14 +267,14 @@ def nothing_known(observed: Observed) -> Baselines:
     return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
 
 
-def see_samples(
+def evaluate_samples(
     recording: Recording,
     ruleset: Ruleset,
     noise: Mapping[str, float],
     stretches: Stretches,
-    stretches_seen: list[Seen],
+    stretches_seen: list[EvaluatedPoints],
     chosen: np.ndarray,
-) -> Iterator[tuple[np.ndarray, list[Seen]]]:
+) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
     """Every chosen sample on its own, in batches, against the baselines of its stretch."""
     points = points_of_samples(recording, ruleset, noise)
     place = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
@@ -285,10 +285,12 @@ def see_samples(
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
         some, at, looks = points.at(here), place[here], len(chosen)
-        yield here, [_see_samples(ruleset, some, s, at, looks) for s in stretches_seen]
+        yield here, [_evaluate_samples(ruleset, some, s, at, looks) for s in stretches_seen]
 
 
-def _see_samples(whole: Ruleset, points: Points, seen: Seen, place: np.ndarray, looks: int) -> Seen:
+def _evaluate_samples(
+    whole: Ruleset, points: Points, seen: EvaluatedPoints, place: np.ndarray, looks: int
+) -> EvaluatedPoints:
     ruleset, plain = seen.part.ruleset, observe_part(whole, seen.part, points)
     if not seen.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
@@ -299,7 +301,7 @@ def _see_samples(whole: Ruleset, points: Points, seen: Seen, place: np.ndarray, 
     return replace(seen, points=points, plain=plain, observed=compared, isolation=isolation)
 
 
-def residuals_seen(ruleset: Ruleset, seen: list[Seen]) -> tuple[Array, Array]:
+def residuals_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> tuple[Array, Array]:
     """Residuals and their uncertainties, shape (residuals, n), each as its part sees it."""
     values, u = np.full((2, len(ruleset.residuals), len(seen[0].plain)), np.nan)
     for one in seen:
@@ -308,7 +310,7 @@ def residuals_seen(ruleset: Ruleset, seen: list[Seen]) -> tuple[Array, Array]:
     return values, u
 
 
-def usable_seen(ruleset: Ruleset, seen: list[Seen]) -> np.ndarray:
+def usable_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> np.ndarray:
     """Which estimates may be used, shape (observers, n)."""
     valid = np.zeros((len(ruleset.observers), len(seen[0].plain)), dtype=bool)
     for one in seen:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen, see_part
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints, evaluate_part
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, findings_of
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.points import (
@@ -51,7 +51,7 @@ def events_of(
     ruleset: Ruleset,
     stretches: Stretches,
     noise: Mapping[str, float],
-    seen: list[Seen],
+    seen: list[EvaluatedPoints],
     mode: str,
 ) -> Iterator[Finding]:
     """One finding per fault that comes and goes."""
@@ -64,7 +64,7 @@ def events_of(
         if has_many(part.part.ruleset):
             continue
         sound = _sound(part)
-        both = see_part(ruleset, part.part, _behind(part.points.at(sound), alone), mode)
+        both = evaluate_part(ruleset, part.part, _behind(part.points.at(sound), alone), mode)
         off = np.zeros(len(recording), dtype=bool)
         off[samples] = both.isolation.deviating[len(sound) :]
         events = _events(gaps, part, off)
@@ -97,7 +97,7 @@ def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
     return bool(np.ptp(values) <= limit)
 
 
-def _events(gaps: _Gaps, seen: Seen, off: np.ndarray) -> _Gaps:
+def _events(gaps: _Gaps, seen: EvaluatedPoints, off: np.ndarray) -> _Gaps:
     """The samples that deviate, in gaps between stretches in which a part of the plant is sound."""
     sound = seen.isolation.judged & ~seen.isolation.deviating
     found = []
@@ -114,14 +114,14 @@ def _pooled(
     ruleset: Ruleset,
     events: _Gaps,
     noise: Mapping[str, float],
-    seen: Seen,
+    seen: EvaluatedPoints,
     mode: str,
 ) -> Iterator[Finding]:
     """What all events of a part of a plant say together, beside its sound stretches."""
     spans = Stretches(events.first, events.last)
     sound = _sound(seen)
     own = points_of_stretches(recording, ruleset, spans, noise)
-    both = see_part(ruleset, seen.part, _behind(seen.points.at(sound), own), mode)
+    both = evaluate_part(ruleset, seen.part, _behind(seen.points.at(sound), own), mode)
     timeline = _one_after_the_other(timeline_of(recording.time, spans), len(sound))
     for finding in findings_of(timeline, ruleset, both).findings:
         there = np.flatnonzero(
@@ -134,7 +134,7 @@ def _pooled(
             yield replace(finding, events=told, text=f"{finding.text}; {told.text}", behind=ENDED)
 
 
-def _sound(seen: Seen) -> np.ndarray:
+def _sound(seen: EvaluatedPoints) -> np.ndarray:
     """Some stretches in which a part of the plant is sound, spread evenly."""
     sound = np.flatnonzero(seen.isolation.judged & ~seen.isolation.deviating)
     count = min(limits.STRETCHES_LOOKED_AT, len(sound))

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.contract.threshold import sign_of, threshold_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.recordings.stationary import Timeline
 
 
@@ -39,7 +39,7 @@ class Latest:
     residuals: tuple[Evidence, ...]
 
 
-def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> Latest:
+def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints]) -> Latest:
     """Residuals of the last settled stretch, in the ruleset's order."""
     last = len(timeline) - 1
     found = {e.residual: e for part in seen for e in evidence_at(part, last)}
@@ -47,7 +47,9 @@ def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> Lat
     return Latest(float(timeline.since[last]), float(timeline.until[last]), ordered)
 
 
-def evidence_at(seen: Seen, point: int, fault: FaultSpec | None = None) -> tuple[Evidence, ...]:
+def evidence_at(
+    seen: EvaluatedPoints, point: int, fault: FaultSpec | None = None
+) -> tuple[Evidence, ...]:
     """All residuals of a part at a point, beside what a fault predicts; without one that is 0."""
     ruleset, observed = seen.part.ruleset, seen.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]

@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
@@ -167,7 +167,7 @@ class Found:
     without: frozenset[str] = frozenset()
 
 
-def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
+def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
     give_back()
     verdicts = _verdicts(timeline, seen)
@@ -216,14 +216,14 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     return found
 
 
-def _fits(seen: Seen, runs: list[list[int]]) -> Iterator[Fits]:
+def _fits(seen: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
     """What fits each run, of some runs at a time: all that was tried on many takes much memory."""
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
         yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
         give_back()
 
 
-def _evident(seen: Seen, members: list[int], fits: Fits) -> Fits:
+def _evident(seen: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
     """What fits a run and is not contradicted where this deviates most: no residual moved against
     what one fault alone predicts."""
     ruleset, signs = seen.part.ruleset, {"+": 1, "-": -1}
@@ -238,7 +238,7 @@ def _evident(seen: Seen, members: list[int], fits: Fits) -> Fits:
     return replace(fits, tried=[fit for fit in fits.tried if stands(fit)])
 
 
-def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
+def _verdicts(timeline: Timeline, seen: EvaluatedPoints) -> list[Verdict]:
     """What each stretch says; many say the same."""
     known: dict[Verdict, Verdict] = {}
     found = []
@@ -250,7 +250,7 @@ def _verdicts(timeline: Timeline, seen: Seen) -> list[Verdict]:
     return found
 
 
-def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
+def _too_brief(seen: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
     """Is a deviation short, and not so large that no end of a transient explains it?"""
     isolation = seen.isolation
     strongest = _worst(seen, members)
@@ -261,7 +261,7 @@ def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     return bool(brief and not far)
 
 
-def _worst(seen: Seen, members: list[int]) -> int:
+def _worst(seen: EvaluatedPoints, members: list[int]) -> int:
     return members[int(np.argmax(seen.isolation.misfit[members]))]
 
 
@@ -270,7 +270,9 @@ def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
     return f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
 
 
-def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> tuple[float, float]:
+def _when(
+    timeline: Timeline, seen: EvaluatedPoints, cause: Cause, members: list[int]
+) -> tuple[float, float]:
     """First and last time of a cause: that of the run, of its baseline, or of both."""
     first, last = members[0], members[-1]
     if cause.when != ONSET:
@@ -279,7 +281,7 @@ def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> t
     return float(timeline.since[first]), float(timeline.until[last])
 
 
-def behind_of(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
+def behind_of(timeline: Timeline, seen: EvaluatedPoints, members: list[int]) -> str | None:
     """What follows a run: stretches that were judged, the end, or what could not be."""
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
@@ -289,7 +291,7 @@ def behind_of(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
     return UNSETTLED if last + 1 == len(timeline) else UNJUDGED
 
 
-def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
+def _in_part(timeline: Timeline, seen: EvaluatedPoints) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
@@ -308,7 +310,7 @@ def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
     return found
 
 
-def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
+def _slow(ruleset: Ruleset, seen: EvaluatedPoints) -> set[int]:
     """Stretches in which a reading moves that an estimate reads."""
     lag = seen.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
@@ -316,7 +318,7 @@ def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
 
 def finding_of(
     ruleset: Ruleset,
-    seen: Seen,
+    seen: EvaluatedPoints,
     cause: Cause,
     members: list[int],
     times: tuple[float, float],

@@ -16,7 +16,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import LiquidSpec
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 
 
 def is_ordinary(changes: Sequence[LiquidSpec], fault: str, degree: float) -> bool:
@@ -46,7 +46,7 @@ class Warming:
         return f"{name} {way} by {abs(self.rise):.2g} K"
 
 
-def by_temperature(seen: Seen, members: Sequence[int], fits: Fits) -> Fits:
+def by_temperature(seen: EvaluatedPoints, members: Sequence[int], fits: Fits) -> Fits:
     """What was tried on a run, with what temperatures say of changes of the liquid in it."""
     changes = _changes(seen)
 
@@ -61,7 +61,9 @@ def by_temperature(seen: Seen, members: Sequence[int], fits: Fits) -> Fits:
     return replace(fits, tried=[weighed(fit) for fit in fits.tried]) if changes else fits
 
 
-def with_temperature(seen: Seen, members: Sequence[int], cause: Cause) -> tuple[Cause, str]:
+def with_temperature(
+    seen: EvaluatedPoints, members: Sequence[int], cause: Cause
+) -> tuple[Cause, str]:
     """A cause, and what to add to its text: of a change of the liquid its bounds hold what its laws
     leave open, and what temperatures say is told."""
     change = _changes(seen).get(cause.fault)
@@ -79,14 +81,14 @@ def with_temperature(seen: Seen, members: Sequence[int], cause: Cause) -> tuple[
     return wide, f"; meanwhile {warming.words()}{', ' + meaning if said else ''}"
 
 
-def _changes(seen: Seen) -> dict[int, LiquidSpec]:
+def _changes(seen: EvaluatedPoints) -> dict[int, LiquidSpec]:
     """Changes of the liquid by their places among the faults of a part."""
     ruleset = seen.part.ruleset
     known = {change.fault.id: change for change in ruleset.liquid}
     return {i: known[f.id] for i, f in enumerate(ruleset.faults) if f.id in known}
 
 
-def _warming(seen: Seen, change: LiquidSpec, members: Sequence[int]) -> Warming | None:
+def _warming(seen: EvaluatedPoints, change: LiquidSpec, members: Sequence[int]) -> Warming | None:
     """How temperatures moved; None where the property follows none, or none is known."""
     learned = seen.baselines.learned_at(members[0])
     if not (change.per_kelvin and len(learned)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import slope_names
@@ -23,7 +23,7 @@ from rulec_runtime.recordings.stationary import Timeline
 ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
 
 
-def against_sheet(timeline: Timeline, seen: Seen, found: Found) -> Found:
+def against_sheet(timeline: Timeline, seen: EvaluatedPoints, found: Found) -> Found:
     """What a part says over a recording. Where it was never calibrated and deviates in every
     stretch, from the first on, that is told once, and not as faults of meters alone."""
     ruleset, judged = seen.part.ruleset, np.flatnonzero(seen.isolation.judged)
@@ -56,7 +56,7 @@ def _in_the_plant(ruleset: Ruleset, finding: Finding) -> bool:
     return not all(ruleset.fault_by_id[name].in_sensor for name in names)
 
 
-def _explains(seen: Seen, judged: np.ndarray) -> bool:
+def _explains(seen: EvaluatedPoints, judged: np.ndarray) -> bool:
     """Whether parameters as far off as a sheet may be leave nothing that contradicts."""
     ruleset, plain = seen.part.ruleset, seen.plain
     lags = [f"lag:{name}" for name in plain.points.lag]

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.threshold import threshold_of
-from rulec_runtime.diagnosis.steady.evaluated_points import Seen
+from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.observe import reason
 
 Off = tuple[str, float, float]
@@ -30,7 +30,7 @@ class Verdict:
     lost: bool = False
 
 
-def verdict_at(seen: Seen, point: int) -> Verdict:
+def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
     """What one stretch says."""
     ruleset = seen.part.ruleset
     observed, isolation = seen.observed, seen.isolation
@@ -49,7 +49,7 @@ def verdict_at(seen: Seen, point: int) -> Verdict:
     return Verdict("fault", (int(np.argmax(chances * ruleset.odds)),) if pair[0] < 0 else pair, "")
 
 
-def why_blind(seen: Seen, point: int) -> str:
+def why_blind(seen: EvaluatedPoints, point: int) -> str:
     """Why estimates of a part cannot be used at a point; empty if all can."""
     reasons = [
         reason(seen.part.ruleset, seen.observed, int(i), point)
@@ -61,7 +61,7 @@ def why_blind(seen: Seen, point: int) -> str:
     return "; ".join(dict.fromkeys(reasons))
 
 
-def only_lost(seen: Seen, point: int) -> bool:
+def only_lost(seen: EvaluatedPoints, point: int) -> bool:
     """Whether all estimates that cannot be used at a point lack a reading."""
     values = seen.observed.points.values
     missing = {name for name, column in values.items() if not np.isfinite(column[point])}
@@ -70,7 +70,7 @@ def only_lost(seen: Seen, point: int) -> bool:
     return all(usable or not missing.isdisjoint(o.signals) for o, usable in observers)
 
 
-def partly_blind(seen: Seen, point: int) -> str:
+def partly_blind(seen: EvaluatedPoints, point: int) -> str:
     """What a judged point could not see, and why; empty if it saw everything."""
     if not seen.isolation.judged[point]:
         return ""
@@ -88,7 +88,7 @@ def partly_blind(seen: Seen, point: int) -> str:
     return f"in part: {because}; cannot see {names}"
 
 
-def shown_without(seen: Iterable[Seen]) -> Iterator[str]:
+def shown_without(seen: Iterable[EvaluatedPoints]) -> Iterator[str]:
     """Faults that show although readings were taken out, because values stand in for these."""
     for one in seen:
         flags = one.observed.points.stood_in.values()
@@ -110,13 +110,13 @@ def _outside(ruleset: Ruleset, name: str) -> str:
     )
 
 
-def _unexplained(seen: Seen, point: int) -> str:
+def _unexplained(seen: EvaluatedPoints, point: int) -> str:
     names = ", ".join(name for name, _, _ in disagreeing(seen, point))
     names = names or "the residuals together"
     return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"
 
 
-def disagreeing(seen: Seen, point: int) -> tuple[Off, ...]:
+def disagreeing(seen: EvaluatedPoints, point: int) -> tuple[Off, ...]:
     """Residuals beyond their thresholds at a point, at most three, the farthest first; each with
     its size and its threshold, as shares of the flow that it is a part of."""
     observed, ruleset = seen.observed, seen.part.ruleset

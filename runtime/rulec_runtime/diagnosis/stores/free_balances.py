@@ -28,7 +28,7 @@ def nominal_starts(dynamics: Dynamics) -> Array:
     return np.array([found[name].item() for name in names])
 
 
-def freed(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balances:
+def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balances:
     """The balances with every start, and the error of every given reading, as plan inputs.
 
     Degrees named in `moving` are given sample by sample, behind the readings.

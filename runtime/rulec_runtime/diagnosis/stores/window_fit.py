@@ -14,7 +14,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.stores.errors import Known, LastingError
-from rulec_runtime.diagnosis.stores.free_balances import freed, start_of
+from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import Balances, RanAway
 
@@ -72,7 +72,9 @@ class Model:
     def of(ruleset: Ruleset, errors: Sequence[LastingError], spread: Array) -> Model:
         """The model of a plant."""
         assert ruleset.dynamics is not None
-        return Model(ruleset, ruleset.dynamics, tuple(errors), spread, freed(ruleset.dynamics))
+        return Model(
+            ruleset, ruleset.dynamics, tuple(errors), spread, with_free_states(ruleset.dynamics)
+        )
 
     def weighted_by(self, spread: Array) -> Model:
         """The same with other weights."""
@@ -80,7 +82,7 @@ class Model:
 
     def with_course_of(self, fault: str) -> Model:
         """The same where the degree of a fault is given sample by sample, behind the readings."""
-        return replace(self, balances=freed(self.dynamics, (f"x.{fault}",)))
+        return replace(self, balances=with_free_states(self.dynamics, (f"x.{fault}",)))
 
     def simulate(
         self, window: Window, guess: Guess, faults: Sequence[str] = ()

@@ -17,7 +17,7 @@ from rulec_runtime.live.now import Arrival, Now
 from rulec_runtime.live.steady import steady
 from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
-from rulec_runtime.live.view.screen import Look, Screen, after, place_of
+from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
 from rulec_runtime.output.terminal import styled, terminal
 
@@ -48,7 +48,7 @@ class LiveScreen:
         self._console = console or terminal()
         self._keys = keys or Keys()
         self._told = told
-        self._look = Look()
+        self._look = ViewState()
         self._now: Now | None = None
         self._arrival = Arrival()
         self._changed = threading.Event()

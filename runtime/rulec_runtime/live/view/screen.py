@@ -23,7 +23,7 @@ PAGES: dict[str, View] = {"enter": "explanation", "past": "past", "help": "help"
 
 
 @dataclass(frozen=True)
-class Look:
+class ViewState:
     """`selected` is the id of an episode, the first one if there is no such; `scroll` counts lines
     beyond what must be seen."""
 
@@ -47,7 +47,7 @@ class Screen:
     s; without `keys` the foot names none."""
 
     now: Now
-    look: Look
+    look: ViewState
     width: int
     height: int
     age: float | None = None
@@ -134,13 +134,13 @@ class Screen:
         return min(max(seen[1] - space, 0), seen[0])
 
 
-def place_of(look: Look, now: Now) -> int:
+def place_of(look: ViewState, now: Now) -> int:
     """Which of the listed episodes is selected."""
     ids = [episode.id for episode in listed(now)]
     return ids.index(look.selected) if look.selected in ids else 0
 
 
-def after(look: Look, key: str, now: Now, room: int) -> Look:
+def after(look: ViewState, key: str, now: Now, room: int) -> ViewState:
     """The look after a key; `room` is how many lines there are to scroll."""
     if key == "back":
         return replace(look, view="plant", scroll=0)
@@ -156,7 +156,7 @@ def after(look: Look, key: str, now: Now, room: int) -> Look:
     return look
 
 
-def _down(look: Look, now: Now, room: int) -> Look:
+def _down(look: ViewState, now: Now, room: int) -> ViewState:
     """The next episode; behind the last one, further down."""
     ids = [episode.id for episode in listed(now)]
     at = place_of(look, now)
@@ -165,7 +165,7 @@ def _down(look: Look, now: Now, room: int) -> Look:
     return replace(look, scroll=min(look.scroll + 1, max(room, 0)))
 
 
-def _up(look: Look, now: Now) -> Look:
+def _up(look: ViewState, now: Now) -> ViewState:
     ids = [episode.id for episode in listed(now)]
     at = place_of(look, now)
     if look.scroll > 0 or look.view != "plant" or at == 0:

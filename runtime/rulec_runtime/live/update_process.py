@@ -22,9 +22,9 @@ from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.parts import parts_of
-from rulec_runtime.live.last_evaluation import Looked
+from rulec_runtime.live.last_evaluation import Evaluation
 from rulec_runtime.live.memory import Memory
-from rulec_runtime.live.whole import looked
+from rulec_runtime.live.whole import evaluated
 from rulec_runtime.output.interrupts import interrupts_held
 
 ENDED = (EOFError, OSError)
@@ -47,7 +47,7 @@ class _Running:
         self.ours.close()
 
 
-class LookProcess:
+class UpdateProcess:
     """Looks go on in one process, one at a time; to be closed."""
 
     def __init__(self, ruleset: Ruleset) -> None:
@@ -60,7 +60,7 @@ class LookProcess:
         """Of the process; None where there is none."""
         return None if self._running is None else self._running.process.pid
 
-    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool = True) -> AskedThere:
+    def begin(self, ruleset: Ruleset, memory: Memory, headers: bool = True) -> RemoteUpdate:
         """Begin to look at all that is remembered; `headers` as in `looked`."""
         what = replace(memory, known=None, under_way=None)
         parts = [written(ruleset, (what, headers))]
@@ -69,7 +69,7 @@ class LookProcess:
             self._running = _started()
             parts.insert(0, self._ruleset)
         answer = self._running.thread.submit(_answer, self._running.ours, parts)
-        return AskedThere(self, ruleset, what, headers, answer)
+        return RemoteUpdate(self, ruleset, what, headers, answer)
 
     def close(self) -> None:
         """End the process, whatever it does."""
@@ -95,16 +95,16 @@ def _started() -> _Running:
 
 
 @dataclass(frozen=True)
-class AskedThere:
+class RemoteUpdate:
     """A look in the process."""
 
-    looks: LookProcess
+    looks: UpdateProcess
     ruleset: Ruleset
     memory: Memory
     headers: bool
     answer: Future[bytes]
 
-    def found(self, wait: bool) -> Looked | None:
+    def found(self, wait: bool) -> Evaluation | None:
         """What it found; None while it goes on. A look that was lost with its process is done
         here."""
         if not wait and not self.answer.done():
@@ -112,11 +112,11 @@ class AskedThere:
         try:
             data = self.answer.result()
         except ENDED:
-            return looked(self.ruleset, self.memory, self.headers)
+            return evaluated(self.ruleset, self.memory, self.headers)
         found = read(self.ruleset, data)
         if isinstance(found, Exception):
             raise found
-        assert isinstance(found, Looked)
+        assert isinstance(found, Evaluation)
         return found
 
     def drop(self) -> None:
@@ -142,9 +142,9 @@ def serve(theirs: Connection) -> None:
             memory, headers = read(ruleset, theirs.recv_bytes())
         except ENDED:
             return
-        found: Looked | Exception
+        found: Evaluation | Exception
         try:
-            found = looked(ruleset, memory, headers)
+            found = evaluated(ruleset, memory, headers)
         except Exception as error:
             found = error
         theirs.send_bytes(written(ruleset, found))
