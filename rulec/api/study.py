@@ -22,9 +22,16 @@ from rulec.engines.engine import chosen
 from rulec.passes.deferred_compilation import open_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors
-from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
+from rulec.study.campaign import (
+    Group,
+    Settings,
+    degrees_of,
+    groups_of,
+    run_group,
+    run_groups,
+    size_of,
+)
 from rulec.study.points import Points, operating_points
-from rulec.study.pool import run_groups
 
 if TYPE_CHECKING:
     from rulec.study.tally import Tally
@@ -59,7 +66,7 @@ class StudyResult(PageResult):
 
     def to_dict(self) -> dict[str, Any]:
         """The study as `rulec study --json` writes it; readings in SI."""
-        from rulec.study.json_form import study_form
+        from rulec.study.story import study_form
 
         return study_form(self.ruleset, self.points, self.settings, self.counts)
 
