@@ -25,9 +25,9 @@ from rulec.api.given import AnyPath, Plant, Recorded, files_given, is_path, name
 from rulec.api.result import Result
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.first_readings import Starts, starts_of
-from rulec.simulation.predict import Prediction, predict
+from rulec.simulation.predict import predict
 from rulec.simulation.predict_settled import times_of
-from rulec.simulation.prediction import Injected
+from rulec.simulation.prediction import Injected, Prediction
 from rulec.simulation.rewrite import column_of, rewrite, write_columns
 
 SHOWN = 6
