@@ -326,15 +326,6 @@ def test_a_plant_that_has_changed_is_told(tmp_path: Path) -> None:
     assert ["mismatch.json"] == [f.name for f in tmp_path.iterdir()]
 
 
-def test_a_folder_in_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing is overwritten."""
-    data, _ = mismatch(plant_path("abc"), [])
-    file = tmp_path / "mismatch.json"
-    file.write_text(json.dumps(data), encoding="utf-8")
-    assert 1 == main(["adopt", str(file), "-o", str(tmp_path)])
-    assert "is not empty; name a new folder" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("file", sorted((ROOT / "kb" / "modules").glob("*.yaml")), ids=str)
 def test_shipped_types_survive_being_written(file: Path) -> None:
     """Written and read again, every module type holds the same data."""

@@ -73,8 +73,8 @@ def test_what_is_kept_is_the_ruleset(plant: Path) -> None:
     assert (first.to_json(), first) == (second.to_json(), second)
 
 
-def _value(plant: Path) -> None:
-    file = plant / "plant.yaml"
+def _longer(plant: Path, name: str = "plant.yaml") -> None:
+    file = plant / name
     file.write_text(file.read_text() + "# another byte\n")
 
 
@@ -84,15 +84,10 @@ def _own_knowledge(plant: Path) -> None:
     shutil.copy(next(fault), plant / "kb" / "another.yaml")
 
 
-def _limits(plant: Path) -> None:
-    file = plant / "limits.yaml"
-    file.write_text(file.read_text() + "# another byte\n")
-
-
 CHANGES: dict[str, tuple[Callable[[Path], None], bool]] = {
-    "plant file": (_value, True),
+    "plant file": (_longer, True),
     "knowledge beside it": (_own_knowledge, True),
-    "file that no ruleset depends on": (_limits, False),
+    "file that no ruleset depends on": (lambda plant: _longer(plant, "limits.yaml"), False),
 }
 
 
@@ -134,7 +129,7 @@ def test_variable_and_tool_count(
 def test_source_that_changes_meanwhile_is_not_kept(
     plant: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "compile_plant", lambda p: (_value(plant), compiled("abc"))[1])
+    monkeypatch.setattr(pipeline, "compile_plant", lambda p: (_longer(plant), compiled("abc"))[1])
     ruleset_of_plant(plant)
     assert not folder.exists()
 

@@ -169,48 +169,14 @@ def test_upper_bound_of_a_rate() -> None:
 
 def counted() -> Tally:
     """Outcomes by hand: leakage named at 20 %, confused at 10 %; power never seen."""
-    leak = [
-        Outcome(
-            fault="A.leakage",
-            degree=0.2,
-            kind=Kind.NAMED,
-            first="A.leakage",
-            shared=False,
-            estimate=0.21,
-            lower=0.19,
-            upper=0.23,
-        ),
-        Outcome(
-            fault="B.leakage",
-            degree=0.2,
-            kind=Kind.NAMED,
-            first="B.leakage",
-            shared=False,
-            estimate=0.17,
-            lower=0.16,
-            upper=0.18,
-        ),
-        Outcome(
-            fault="A.leakage",
-            degree=0.1,
-            kind=Kind.OTHER,
-            first="A.widening",
-            shared=True,
-            estimate=0.1,
-            lower=0.1,
-            upper=0.1,
-        ),
-        Outcome(
-            fault="B.leakage",
-            degree=0.1,
-            kind=Kind.OTHER,
-            first="C.widening",
-            shared=False,
-            estimate=0.1,
-            lower=0.1,
-            upper=0.1,
-        ),
-    ]
+    rows = (
+        ("A.leakage", 0.2, Kind.NAMED, "A.leakage", False, 0.21, 0.19, 0.23),
+        ("B.leakage", 0.2, Kind.NAMED, "B.leakage", False, 0.17, 0.16, 0.18),
+        ("A.leakage", 0.1, Kind.OTHER, "A.widening", True, 0.1, 0.1, 0.1),
+        ("B.leakage", 0.1, Kind.OTHER, "C.widening", False, 0.1, 0.1, 0.1),
+    )
+    names = ("fault", "degree", "kind", "first", "shared", "estimate", "lower", "upper")
+    leak = [Outcome(**dict(zip(names, row, strict=True))) for row in rows]  # type: ignore[arg-type]
     blind = [
         Outcome(fault="A.P_el.low", degree=0.2, kind=Kind.QUIET),
         Outcome(fault="B.P_el.low", degree=0.2, kind=Kind.NO_POINT),

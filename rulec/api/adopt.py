@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
@@ -15,7 +15,7 @@ from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import number
 
-from rulec.api.frames import Columns
+from rulec.api.frames import Columns, parts_of
 from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import Reread, reread
@@ -80,13 +80,11 @@ class AdoptResult(Result):
             out.print(line, soft_wrap=True)
         out.print(styled("[green]✓[/] {}: a plant like any other", self.plant))
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"errors": self._reported}
-
     def _reported(self) -> Columns:
         names = ("signal", "unit", "recalibrated", "own", "points")
-        return {name: [getattr(part, name) for part in self.proven.reported] for name in names}
+        return parts_of(names, self.proven.reported)
+
+    _tables: ClassVar = {"errors": _reported}
 
 
 def adopt(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 from rulec_runtime.output.write_file import write_text
@@ -88,10 +87,6 @@ class CalibrateResult(Result):
 
         tell(out, self.found, name or self.found.models.plant.name, forced)
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"parameters": self._parameters, "observers": self._observers}
-
     def _parameters(self) -> Columns:
         rows = [
             (module, name, p["value"], p["u"], p["unit"])
@@ -107,6 +102,8 @@ class CalibrateResult(Result):
             for name, o in entry.get("misfit", {}).items()
         ]
         return table_of(("observer", "misfit", "unit", "r2", "points", "set_aside"), rows)
+
+    _tables: ClassVar = {"parameters": _parameters, "observers": _observers}
 
 
 def calibrate(plant: Plant, recording: Recorded) -> CalibrateResult:

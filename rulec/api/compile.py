@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.api.frames import Columns
+from rulec.api.frames import Columns, parts_of
 from rulec.api.given import AnyPath
 from rulec.api.result import Result
 
@@ -60,29 +59,16 @@ class CompileResult(Result):
         for fault in self.ruleset.unobserved:
             out.print(styled(told, fault))
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"rules": self._rules, "faults": self._faults}
-
     def _rules(self) -> Columns:
-        cells = self.ruleset.cells
-        return {
-            "fault": [c.fault for c in cells],
-            "residual": [c.residual for c in cells],
-            "sign": [c.sign for c in cells],
-            "gain": [c.gain for c in cells],
-            "detectable": [c.detectable for c in cells],
-        }
+        names = ("fault", "residual", "sign", "gain", "detectable")
+        return parts_of(names, self.ruleset.cells)
 
     def _faults(self) -> Columns:
         faults = self.ruleset.faults
-        return {
-            "fault": [f.id for f in faults],
-            "module": [f.module for f in faults],
-            "status": [f.status for f in faults],
-            "title": [f.title for f in faults],
-            "action": [f.action for f in faults],
-        }
+        names = ("module", "status", "title", "action")
+        return {"fault": [f.id for f in faults], **parts_of(names, faults)}
+
+    _tables: ClassVar = {"rules": _rules, "faults": _faults}
 
 
 def compile(plant: AnyPath) -> CompileResult:

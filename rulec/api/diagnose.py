@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from rich.console import Console
 from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.module_results import holds_results
 from rulec_runtime.report.page import Judged, judged, judged_results
 from rulec_runtime.report.terminal_story import explain
@@ -28,7 +26,7 @@ from rulec.api.given import (
     recording_given,
     ruleset_of,
 )
-from rulec.api.result import Result
+from rulec.api.result import PageResult
 
 _COLUMNS = (
     "kind",
@@ -48,7 +46,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiagnoseResult(Result):
+class DiagnoseResult(PageResult):
     """A recording and what it says of the plant.
 
     Tables: `findings` (a row each; times in s), and `samples` (a row per sample: verdict, and per
@@ -89,17 +87,9 @@ class DiagnoseResult(Result):
         """The report, one page of HTML with pictures."""
         return self.judged.page()
 
-    def write_page(self, file: AnyPath) -> None:
-        """Write the report."""
-        write_text(Path(file), self.page())
-
     def tell(self, out: Console) -> None:
         """Print the whole story."""
         explain(out, self.diagnosis)
-
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"findings": self._findings, "samples": self._samples}
 
     def _findings(self) -> Columns:
         rows = self.to_dict()["findings"]
@@ -113,6 +103,8 @@ class DiagnoseResult(Result):
             columns[f"{name} lower"] = trace.lower[j]
             columns[f"{name} upper"] = trace.upper[j]
         return columns
+
+    _tables: ClassVar = {"findings": _findings, "samples": _samples}
 
 
 def diagnose(

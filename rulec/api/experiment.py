@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 from rulec_runtime.contract.ruleset import Ruleset
@@ -17,7 +16,7 @@ from rulec.api.frames import Columns, table_of
 from rulec.api.given import AnyPath
 from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import reread
-from rulec.api.result import Result
+from rulec.api.result import PageResult
 from rulec.effects.repair import why_refused
 from rulec.mismatch.refused import ExperimentRefused
 
@@ -28,7 +27,7 @@ HOUR = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExperimentResult(Result):
+class ExperimentResult(PageResult):
     """Steps to run, and what each explanation foretells of them.
 
     Tables: `steps` (a row per step and input), and `readings` (what to expect there).
@@ -63,19 +62,11 @@ class ExperimentResult(Result):
 
         return experiment_page(self.found, self.ruleset, made_now("rulec"))
 
-    def write_page(self, file: AnyPath) -> None:
-        """Write the recipe."""
-        write_text(Path(file), self.page())
-
     def tell(self, out: Console) -> None:
         """Print the recipe."""
         from rulec.mismatch.experiment.recipe import tell
 
         tell(out, self.found, self.ruleset)
-
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"steps": self._steps, "readings": self._readings}
 
     def _steps(self) -> Columns:
         rows = [
@@ -93,6 +84,8 @@ class ExperimentResult(Result):
             for explanation, value in zip(self.to_dict()["explanations"], r["values"], strict=True)
         ]
         return table_of(("step", "explanation", "signal", "value", "unit"), rows)
+
+    _tables: ClassVar = {"steps": _steps, "readings": _readings}
 
 
 def experiment(

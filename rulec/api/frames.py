@@ -81,6 +81,11 @@ def table_of(titles: Sequence[str], rows: Sequence[Sequence[Any]]) -> Columns:
     return {title: [row[i] for row in rows] for i, title in enumerate(titles)}
 
 
+def parts_of(names: Sequence[str], parts: Sequence[Any]) -> Columns:
+    """Attributes of some parts as columns."""
+    return {name: [getattr(part, name) for part in parts] for name in names}
+
+
 def _frame(data: Any, name: str) -> nw.DataFrame[Any]:
     """The frame behind whatever library's; an index that holds times is a column."""
     import narwhals as nw

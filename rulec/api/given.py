@@ -83,15 +83,11 @@ def several(recordings: Any) -> tuple[Recorded, ...]:
 
 def names_given(recordings: Sequence[Recorded]) -> list[Path]:
     """What messages call each recording: its path, or a name for what is in memory."""
-    alone = len(recordings) == 1
+    numbers = [""] if len(recordings) == 1 else [f" {i + 1}" for i in range(len(recordings))]
     return [
-        Path(given) if isinstance(given, str | os.PathLike) else Path(_name(i, alone))
-        for i, given in enumerate(recordings, 1)
+        Path(given if isinstance(given, str | os.PathLike) else f"data frame{number}")
+        for given, number in zip(recordings, numbers, strict=True)
     ]
-
-
-def _name(number: int, alone: bool) -> str:
-    return "data frame" if alone else f"data frame {number}"
 
 
 def recording_given(recordings: Sequence[Recorded], ruleset: Ruleset) -> Recording:

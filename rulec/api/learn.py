@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 from rich.table import Table
@@ -111,13 +110,11 @@ class LearnResult(Result):
         found = self.found
         return list(zip(found.knots.tolist(), found.values.tolist(), found.u.tolist(), strict=True))
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"points": self._points}
-
     def _points(self) -> Columns:
         rows = [tuple(row.values()) for row in self.to_dict()["points"]]
         return table_of(("at", "value", "u"), rows)
+
+    _tables: ClassVar = {"points": _points}
 
 
 def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = None) -> LearnResult:

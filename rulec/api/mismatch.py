@@ -6,20 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.console import Console
-from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.together import names_of
 from rulec_runtime.report.made import made_now
 from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import listed
 
-from rulec.api.frames import Columns
+from rulec.api.frames import Columns, parts_of
 from rulec.api.given import (
-    AnyPath,
     Plant,
     Recorded,
     folder_of,
@@ -28,7 +26,7 @@ from rulec.api.given import (
     recording_given,
     several,
 )
-from rulec.api.result import Result
+from rulec.api.result import PageResult
 from rulec.effects.made_from import basis_of
 from rulec.mismatch.refused import MismatchRefused
 from rulec.passes.deferred_compilation import open_plant
@@ -47,7 +45,7 @@ Periods = Sequence[tuple[float, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MismatchResult(Result):
+class MismatchResult(PageResult):
     """What a model leaves out, with proof on samples that it never used.
 
     Attributes
@@ -104,10 +102,6 @@ class MismatchResult(Result):
 
         return report(self.found, self.subject, made_now("rulec"))
 
-    def write_page(self, file: AnyPath) -> None:
-        """Write the report."""
-        write_text(Path(file), self.page())
-
     def series_csv(self) -> str:
         """Measured and predicted courses, a row per sample."""
         from rulec.mismatch.inference.series import series_csv
@@ -120,13 +114,9 @@ class MismatchResult(Result):
 
         tell(out, self.found)
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"findings": self._findings, "series": self._series}
-
     def _findings(self) -> Columns:
         names = ("sort", "name", "title", "module", "place", "probability", "closed", "equation")
-        return {name: [getattr(f, name) for f in self.findings] for name in (*names, "text")}
+        return parts_of((*names, "text"), self.findings)
 
     def _series(self) -> Columns:
         from rulec.mismatch.inference.series import MODELS
@@ -139,6 +129,8 @@ class MismatchResult(Result):
             for name in ("measured", *MODELS):
                 columns[f"{course.signal} {name} [{course.unit}]"] = getattr(course, name)
         return columns
+
+    _tables: ClassVar = {"findings": _findings, "series": _series}
 
 
 def mismatch(

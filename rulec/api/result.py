@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import as_html, plain, with_styles
+from rulec_runtime.output.write_file import write_text
 
 from rulec.api.frames import Backend, Columns, frame_of
+from rulec.api.given import AnyPath
 
 
 class Result(ABC):
@@ -24,10 +27,8 @@ class Result(ABC):
     def tell(self, out: Console) -> None:
         """Print the story that the command tells."""
 
-    @property
-    @abstractmethod
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        """Tables by name; the first is the usual one."""
+    _tables: ClassVar[Mapping[str, Callable[[Any], Columns]]]
+    """What makes each table, by name; the first is the usual one."""
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -53,17 +54,25 @@ class Result(ABC):
         name = self.tables[0] if table is None else table
         if name not in made:
             raise Misused(f"table '{name}': give one of {', '.join(made)}")
-        return frame_of(made[name](), backend)
+        return frame_of(made[name](self), backend)
 
     def __str__(self) -> str:
         return plain(self.tell)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        return _once(with_styles(self.tell, options.max_width))
+        yield with_styles(self.tell, options.max_width)
 
     def _repr_html_(self) -> str:
         return as_html(self.tell)
 
 
-def _once(text: Any) -> Iterator[Any]:
-    yield text
+class PageResult(Result):
+    """A result that is also a page."""
+
+    @abstractmethod
+    def page(self) -> str:
+        """The result, one page of HTML."""
+
+    def write_page(self, file: AnyPath) -> None:
+        """Write the page."""
+        write_text(Path(file), self.page())

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, ClassVar, TextIO
 
 import numpy as np
 from rich.console import Console
@@ -21,14 +21,13 @@ from rulec_runtime.recordings.formats import csv_name
 from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
-from rulec.api.frames import Columns
 from rulec.api.given import AnyPath, Plant, Recorded, files_given, is_path, names_given, ruleset_of
 from rulec.api.result import Result
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.first_readings import Starts, starts_of
-from rulec.simulation.predict import Prediction, predict
+from rulec.simulation.predict import predict
 from rulec.simulation.predict_settled import times_of
-from rulec.simulation.prediction import Injected
+from rulec.simulation.prediction import Injected, Prediction
 from rulec.simulation.rewrite import column_of, rewrite, write_columns
 
 SHOWN = 6
@@ -134,9 +133,7 @@ class SimulateResult(Result):
             out.print(styled("[dim]note: {}[/]", note), soft_wrap=True)
         out.print(self.headline(self.ruleset.plant), soft_wrap=True)
 
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"recording": self.columns}
+    _tables: ClassVar = {"recording": columns}
 
 
 def simulate(

@@ -6,27 +6,32 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from rich.console import Console
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.refusal import Misused
-from rulec_runtime.output.write_file import write_text
 from rulec_runtime.report.made import made_now
 
 from rulec.api.frames import Columns, table_of
-from rulec.api.given import AnyPath, Plant, folder_of
-from rulec.api.result import Result
+from rulec.api.given import Plant, folder_of
+from rulec.api.result import PageResult
 from rulec.engines.engine import chosen
 from rulec.passes.deferred_compilation import open_plant
 from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors
-from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
+from rulec.study.campaign import (
+    Group,
+    Settings,
+    degrees_of,
+    groups_of,
+    run_group,
+    run_groups,
+    size_of,
+)
 from rulec.study.points import Points, operating_points
-from rulec.study.pool import run_groups
 
 if TYPE_CHECKING:
     from rulec.study.tally import Tally
@@ -42,7 +47,7 @@ _CELLS = ("recordings", "found", "named", "shared", "covered", "error", "bias")
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyResult(Result):
+class StudyResult(PageResult):
     """What became of simulated recordings.
 
     Tables: `faults` (a row per fault of a module type and degree, with counts of recordings), and
@@ -61,7 +66,7 @@ class StudyResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The study as `rulec study --json` writes it; readings in SI."""
-        from rulec.study.json_form import study_form
+        from rulec.study.story import study_form
 
         return study_form(self.ruleset, self.points, self.settings, self.counts)
 
@@ -72,19 +77,11 @@ class StudyResult(Result):
         about = (self.ruleset, self.types, self.points, self.settings, self.counts)
         return study_page(*about, made_now("rulec"))
 
-    def write_page(self, file: AnyPath) -> None:
-        """Write the page."""
-        write_text(Path(file), self.page())
-
     def tell(self, out: Console) -> None:
         """Print the findings in words, then a table per module type."""
         from rulec.study.story import show
 
         show(out, self.ruleset, self.types, self.points, self.counts)
-
-    @property
-    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
-        return {"faults": self._faults, "confusions": self._confusions}
 
     def _faults(self) -> Columns:
         cells = self.to_dict()["faults"]
@@ -98,6 +95,8 @@ class StudyResult(Result):
         ]
         names = ("type", "name", "taken for type", "taken for", "count", "of")
         return table_of(names, rows)
+
+    _tables: ClassVar = {"faults": _faults, "confusions": _confusions}
 
 
 def study(

@@ -455,7 +455,7 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
         place = end
     for name in _calibrating(readings):
         shift = np.concatenate(
-            [_shift(p.sensitivity, p.slopes, p.rows, name, readings) for p in parts]
+            [p.sensitivity @ _error(p.slopes, p.rows, name, readings) for p in parts]
         )
         covariance += np.outer(shift, shift)
     return covariance
@@ -464,18 +464,6 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
 def _calibrating(readings: Readings) -> list[str]:
     """Names of all sensors that a calibration rests on."""
     return list(dict.fromkeys([*readings.own.systematic, *readings.true.errors]))
-
-
-def _shift(
-    sensitivity: Array,
-    slopes: Mapping[str, Array],
-    rows: np.ndarray,
-    name: str,
-    readings: Readings,
-) -> Array:
-    """Change of the parameters if one sensor is one standard deviation off all the time."""
-    shift: Array = sensitivity @ _error(slopes, rows, name, readings)
-    return shift
 
 
 def _error(slopes: Mapping[str, Array], rows: np.ndarray, name: str, readings: Readings) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 from urllib.parse import quote
 
@@ -20,8 +21,8 @@ def json_form(found: Sequence[Diagnostic]) -> list[dict[str, Any]]:
             "kind": "doubt" if one.doubt else "mistake",
             "message": one.message,
             "hint": one.hint,
-            **_spot(one.place),
-            "see_also": None if one.second is None else _spot(one.second),
+            **asdict(one.place),
+            "see_also": None if one.second is None else asdict(one.second),
         }
         for one in found
     ]
@@ -62,12 +63,3 @@ def _location(place: Place) -> dict[str, Any]:
         "endColumn": place.column + place.length,
     }
     return {"physicalLocation": {"artifactLocation": {"uri": quote(place.file)}, "region": region}}
-
-
-def _spot(place: Place) -> dict[str, Any]:
-    return {
-        "file": place.file,
-        "line": place.line,
-        "column": place.column,
-        "length": place.length,
-    }

@@ -19,11 +19,11 @@ from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.api.simulate import parse_fault
+from rulec.api.simulate import parse_fault, simulate
 from rulec.demo import limits
 from rulec.demo.beside import Process, Servers, servers, watch, write_map
 from rulec.demo.compare import matched, tell
-from rulec.demo.stage import planted, write_inputs, write_played
+from rulec.demo.stage import planted, write_inputs
 from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.simulation.prediction import Injected
 
@@ -58,7 +58,8 @@ def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injecte
     write_text(place / "abc.json", ruleset.to_json())
     write_inputs(plant / "examples", place / "inputs.csv")
     faults = [parse_fault(text) for text in told]
-    write_played(ruleset, place / "inputs.csv", faults, place / "played.csv")
+    played = simulate(place / "abc.json", place / "inputs.csv", faults=faults, noise=limits.NOISE)
+    played.write(place / "played.csv")
     return ruleset, faults
 
 

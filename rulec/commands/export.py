@@ -14,11 +14,10 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.api.given import ruleset_of
 from rulec.export.c_printer import header, source
-from rulec.export.module_code import code_of
+from rulec.export.module_code import code_of, wiring_csv
 from rulec.export.play import played, results_csv
 from rulec.export.program import ModuleCode
 from rulec.export.st_printer import blocks
-from rulec.export.wiring import wiring_csv
 
 WIRING, RESULTS = "wiring.csv", "results.csv"
 

@@ -14,8 +14,7 @@ from rulec_runtime.output.terminal import one_line, styled
 
 from rulec.curves.fit import Compared, FittedCurve, fit_curve
 from rulec.curves.match import given_values, points_of
-from rulec.curves.refused import CurveRefused
-from rulec.curves.sheet import columns_of
+from rulec.curves.sheet import CurveRefused, columns_of
 from rulec.curves.words import grade_of
 from rulec.curves.written import form_of, module_of
 from rulec.knowledge.check_knowledge import check_knowledge

@@ -15,7 +15,7 @@ from rich.text import Text
 from rulec_runtime import limits
 from rulec_runtime.commands.destinations import check_outputs, console, write_json, write_to
 from rulec_runtime.contract.degree import smallest_degree
-from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.made import made_now
@@ -85,12 +85,13 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
 
     Of a plant that stores, `stores` has the same for readings that balances predict.
     """
+    units = [fault.unit for fault in ruleset.faults]
     return {
         **({"stores": stores} if stores else {}),
         "plant": ruleset.plant,
         "residuals": [r.id for r in ruleset.residuals],
         "faults": [f.id for f in ruleset.faults],
-        **({"units": [f.unit or "1" for f in ruleset.faults]} if _any_unit(ruleset) else {}),
+        **({"units": [unit or "1" for unit in units]} if any(units) else {}),
         "signs": _dense(ruleset, lambda c: c.sign),
         "gains": _dense(ruleset, lambda c: c.gain),
         "detectable": _dense(ruleset, lambda c: c.detectable, None),
@@ -128,10 +129,6 @@ def _unlisted(ruleset: Ruleset) -> dict[str, Any]:
         "gains": _dense(ruleset, lambda c: c.gain, faults=faults),
         "detectable": _dense(ruleset, lambda c: c.detectable, None, faults),
     }
-
-
-def _any_unit(ruleset: Ruleset) -> bool:
-    return any(fault.unit for fault in ruleset.faults)
 
 
 def _without(ruleset: Ruleset, plant: Path) -> Without:
@@ -226,16 +223,15 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
     none = styled("[dim]·[/]")  # most of a large matrix
     for fault in ruleset.faults:
         cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id] if c.residual in residuals}
-        marks = {name: _mark(fault, cell) for name, cell in cells.items()}
+        marks = {
+            name: _signed(cell.sign > 0, smallest_degree(fault, cell.detectable))
+            for name, cell in cells.items()
+        }
         table.add_row(fault.id, *(marks.get(r, none) for r in residuals))
     off = styled("[yellow]±[/]")
     for signal, moved in ruleset.moved_by_reading.items():
         table.add_row(signal, *(off if r in moved else none for r in residuals))
     return table
-
-
-def _mark(fault: FaultSpec, cell: Cell) -> Text:
-    return _signed(cell.sign > 0, smallest_degree(fault, cell.detectable))
 
 
 @functools.cache

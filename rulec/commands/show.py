@@ -27,7 +27,9 @@ def run(options: argparse.Namespace) -> int:
 def _told(step: str, plant: Path | None) -> Iterable[str]:
     """Lines to print; those about a plant are known from an earlier start."""
     if step == KNOWLEDGE:
-        return _listing(plant)
+        from rulec.commands.show_knowledge import listing  # reads YAML
+
+        return listing(plant)
     if plant is None or not step.isidentifier():
         return _asked(step, plant)()
     lines: Iterable[str] = kept_of_plant(
@@ -39,12 +41,6 @@ def _told(step: str, plant: Path | None) -> Iterable[str]:
 def _here() -> str:
     """The working folder, from which places of files are told, as a part of a name."""
     return hashlib.sha256(str(Path.cwd()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
-
-
-def _listing(plant: Path | None) -> Iterable[str]:
-    from rulec.commands.show_knowledge import listing  # reads YAML
-
-    return listing(plant)
 
 
 def _asked(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:

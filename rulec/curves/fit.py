@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from rulec.calibration.sheet_priors import Known
 from rulec.curves.laws import Law, laws_of, plan_of
 from rulec.curves.match import Points, explained, wanted_by
-from rulec.curves.refused import CurveRefused
+from rulec.curves.sheet import CurveRefused
 from rulec.curves.words import Grade
 from rulec.knowledge.module_type import Accuracy, ModuleType, Parameter
 from rulec.limits import (

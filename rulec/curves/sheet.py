@@ -10,17 +10,21 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.contract.file_form import AS_SEEN, FileForm
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.formats import opened_table
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.titles import is_value
 
-from rulec.curves.refused import CurveRefused
 from rulec.language.units import Unit, UnitTable
 from rulec.limits import MOST_SHEET_POINTS
 
 _IN_BRACKETS = re.compile(r"(?P<name>[^()]+?)\s*\((?P<unit>[^()]+)\)")
 _SUPERSCRIPTS = str.maketrans({"²": "2", "³": "3", "·": "*"})
+
+
+class CurveRefused(Refusal):
+    """The points cannot be used; the message says why and what to do."""
 
 
 @dataclass(frozen=True, kw_only=True)

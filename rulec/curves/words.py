@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from rulec.curves.refused import CurveRefused
+from rulec.curves.sheet import CurveRefused
 from rulec.knowledge.module_type import Accuracy
 from rulec.language.units import Dimension
 

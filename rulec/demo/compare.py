@@ -45,16 +45,8 @@ def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began:
     """Print it; times in s from `began` on."""
     table = Table(box=None, pad_edge=False)
     table.add_column("")
-    for title in (
-        "planted",
-        "degree",
-        "from",
-        "to",
-        "told after",
-        "as",
-        "95 % bounds",
-        "over after",
-    ):
+    titles = ("planted", "degree", "from", "to", "told after", "as", "95 % bounds", "over after")
+    for title in titles:
         table.add_column(title, justify="left" if title == "planted" else "right", no_wrap=True)
     for match in matches:
         fault = match.planted
@@ -79,13 +71,7 @@ def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began:
         )
     out.print(table)
     count = sum(1 for match in matches if match.events)
-    out.print(
-        styled(
-            "{} of {} planted faults found, {} told that nobody planted",
-            count,
-            len(matches),
-            len(others),
-        )
-    )
+    told = "{} of {} planted faults found, {} told that nobody planted"
+    out.print(styled(told, count, len(matches), len(others)))
     for event in others:
         out.print(styled("  {} s  {}", f"{event.time - began:.1f}", event.text))

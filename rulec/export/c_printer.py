@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from rulec.export.layout import WIDTH, broken, literal, wrapped
+from rulec.export.layout import LEVELS, PLAIN_SIGNS, WIDTH, broken, literal, wrapped
 from rulec.export.program import Apply, Expression, ModuleCode, Name, Number, Routine, Variable
 
-SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
-SIGNS |= {"and": "&&"}
-LEVELS = {"select": 0, "and": 1, "ge": 2, "gt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4}
+SIGNS = {**PLAIN_SIGNS, "and": "&&"}
 FUNCTIONS = {"sqrt": "sqrt", "exp": "exp", "log": "log", "abs": "fabs", "pow": "pow"}
 FUNCTIONS |= {"min": "fmin", "max": "fmax"}
 TYPES = {"real": "double", "bool": "bool"}

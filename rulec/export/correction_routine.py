@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 
-from rulec.export.identifiers import Identifiers
-from rulec.export.outputs import FLOW, Outputs
+from rulec.export.identifiers import FLOW, Identifiers, Outputs
 from rulec.export.parameters import named_constants
 from rulec.export.program import (
     Expression,

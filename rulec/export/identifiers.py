@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from rulec.export.program import Kind, Variable
 from rulec.limits import LONGEST_IDENTIFIER
 
 _C = (
@@ -75,3 +76,27 @@ def legal(wanted: str) -> str:
     if not name[0].isalpha():
         name = f"v_{name}"
     return name[:LONGEST_IDENTIFIER].rstrip("_")
+
+
+FLOW = "m3/s"
+
+
+class Outputs:
+    """What a routine hands out; grows while it is written. `names` are those of all its values."""
+
+    def __init__(self, names: Identifiers) -> None:
+        self.names = names
+        self.variables: list[Variable] = []
+
+    def number(self, wanted: str, id_: str, text: str, unit: str = FLOW) -> str:
+        """A name for an output that is a number."""
+        return self._new(wanted, id_, text, unit, "real")
+
+    def flag(self, wanted: str, id_: str, text: str) -> str:
+        """A name for an output that is true or false."""
+        return self._new(wanted, id_, text, "", "bool")
+
+    def _new(self, wanted: str, id_: str, text: str, unit: str, kind: Kind) -> str:
+        name = self.names.new(wanted)
+        self.variables.append(Variable(name, id_, kind, unit, text))
+        return name

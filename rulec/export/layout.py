@@ -7,6 +7,10 @@ from collections.abc import Iterator
 
 WIDTH = 99
 
+PLAIN_SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
+LEVELS = {"and": 1, "ge": 2, "gt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4}
+"""Signs of operations, and how strongly each binds."""
+
 
 def literal(value: float) -> str:
     """A number with all its digits, as C99 and IEC 61131-3 write it.

@@ -1,11 +1,13 @@
-"""All code of a plant: two routines for each module that estimates a flow."""
+"""All code of a plant: two routines for each module that estimates a flow, and their wiring."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.output.json_file import DIGEST
 
 from rulec.export.correction_routine import undo_routine
@@ -45,3 +47,20 @@ def _head(ruleset: Ruleset, module: str, digest: str) -> tuple[str, ...]:
         "Estimates and their sources:",
         *(f"  {o.equation}   ({o.origin})" for o in own),
     )
+
+
+HEADER = ("module", "routine", "direction", "name", "type", "unit", "id", "meaning")
+
+
+def wiring_csv(codes: Iterable[ModuleCode]) -> str:
+    """A row per variable, for whoever wires controllers and central part; `id` is its column in
+    the results file, or the signal that it reads."""
+    rows = [row_of(HEADER)]
+    for code in codes:
+        for routine in code.routines:
+            for way, variables in (("in", routine.inputs), ("out", routine.outputs)):
+                for v in variables:
+                    kind = {"real": "LREAL", "bool": "BOOL"}[v.kind]
+                    place = (code.module, routine.name, way, v.name, kind)
+                    rows.append(row_of([*place, v.unit, v.id, v.text]))
+    return "\n".join(rows) + "\n"

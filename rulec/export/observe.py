@@ -10,8 +10,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
 
 from rulec.export.hints import hints_of
-from rulec.export.identifiers import Identifiers
-from rulec.export.outputs import FLOW, Outputs
+from rulec.export.identifiers import FLOW, Identifiers, Outputs
 from rulec.export.parameters import named_constants
 from rulec.export.program import (
     Expression,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial, reduce
 from typing import Literal
 
 Kind = Literal["real", "bool"]
@@ -114,10 +115,7 @@ def apply(operation: str, *operands: Expression) -> Apply:
 
 def total(terms: list[Expression]) -> Expression:
     """Sum from left to right; 0 of nothing."""
-    result = terms[0] if terms else Number(0.0)
-    for term in terms[1:]:
-        result = apply("add", result, term)
-    return result
+    return reduce(partial(apply, "add"), terms) if terms else Number(0.0)
 
 
 def every(conditions: Iterable[Expression]) -> Expression:
@@ -129,10 +127,7 @@ def every(conditions: Iterable[Expression]) -> Expression:
         for c in given
         if not (isinstance(c, Apply) and c.operation == "ge" and c.operands in strict)
     ]
-    result = kept[0]
-    for condition in kept[1:]:
-        result = apply("and", result, condition)
-    return result
+    return reduce(partial(apply, "and"), kept)
 
 
 def leaves(expression: Expression) -> int:

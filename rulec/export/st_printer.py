@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from rulec.export.layout import WIDTH, broken, literal, wrapped
+from rulec.export.layout import LEVELS, PLAIN_SIGNS, WIDTH, broken, literal, wrapped
 from rulec.export.program import Apply, Expression, ModuleCode, Name, Number, Routine, Variable
 
-SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
-SIGNS |= {"and": "AND"}
-LEVELS = {"and": 1, "ge": 2, "gt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4}
+SIGNS = {**PLAIN_SIGNS, "and": "AND"}
 FUNCTIONS = {"sqrt": "SQRT", "exp": "EXP", "log": "LN", "abs": "ABS", "pow": "EXPT"}
 FUNCTIONS |= {"min": "MIN", "max": "MAX"}
 TYPES = {"real": "LREAL", "bool": "BOOL"}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import rulec_runtime.limits as runtime_limits
 from rulec_runtime.contract.ruleset import SignalSpec
 
-from rulec.export.outputs import Outputs
+from rulec.export.identifiers import Outputs
 from rulec.export.program import (
     Apply,
     Expression,

@@ -147,13 +147,7 @@ def _module(one: Imported) -> dict[str, Any]:
             {
                 "name": service.name,
                 "procedures": [
-                    {
-                        "name": p.name,
-                        "number": p.number,
-                        "default": p.default,
-                        "completes": p.completes,
-                        "parameters": [q.name for q in p.parameters],
-                    }
+                    {**vars(p), "parameters": [q.name for q in p.parameters]}
                     for p in service.procedures
                 ],
                 "parameters": [
@@ -163,9 +157,7 @@ def _module(one: Imported) -> dict[str, Any]:
             }
             for service in package.services
         ],
-        "connections": [
-            {"ends": list(c.ends), "linked": c.linked, "pipe": c.pipe} for c in package.connections
-        ],
+        "connections": [vars(connection) for connection in package.connections],
         "odd": [vars(oddity) for oddity in one.odd],
     }
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rulec.language.units import NONE, Unit, UnitTable
@@ -45,16 +44,12 @@ def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTab
         if quantity in fitting:
             because = f"unit and {why}"
             return Proposal(quantity=quantity, confidence=LIKELY, because=because, against="")
-    quantity = _first(fitting)
+    quantity = next((q for q in [*tables().first, *fitting] if q in fitting), "")
     against = ""
     if named and fitting and unit.dimension != NONE:
         against = f"{named[0][1]} speaks of {named[0][0]}, the unit {unit.text} does not"
     confidence = GUESS if against or unit.dimension == NONE else POSSIBLE
     return Proposal(quantity=quantity, confidence=confidence, because="unit", against=against)
-
-
-def _first(fitting: Sequence[str]) -> str:
-    return next((q for q in tables().first if q in fitting), fitting[0] if fitting else "")
 
 
 def _named(name: str, title: str) -> list[tuple[str, str]]:

@@ -29,10 +29,8 @@ def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
     modules = document.data.get("modules", {})
     for name in modules:
         if name not in ruleset.modules:
-            message, hint = (
-                f"this plant has no module '{name}'",
-                did_you_mean(name, ruleset.modules),
-            )
+            hint = did_you_mean(name, ruleset.modules)
+            message = f"this plant has no module '{name}'"
             reader.report_key(("modules", name), "KB132", message, hint)
     readings = _readings(reader, ruleset)
     if reader.found:

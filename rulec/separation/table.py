@@ -33,13 +33,9 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
     for title in ("faults", "sigma now", "then", "step from the reference point"):
         table.add_column(title, no_wrap=title != "step from the reference point")
     for pair in close:
-        changes = _step(ruleset, pair)
-        table.add_row(", ".join(pair.faults), _far(pair.proposal.here), _far(_then(pair)), changes)
+        now, then = pair.proposal.here, pair.proposal.apart if pair.proposal.changes else ()
+        table.add_row(", ".join(pair.faults), _far(now), _far(then), _step(ruleset, pair))
     out.print(table)
-
-
-def _then(pair: Separated) -> tuple[float, ...]:
-    return pair.proposal.apart if pair.proposal.changes else ()
 
 
 def _far(sigma: Sequence[float]) -> str:
@@ -49,12 +45,9 @@ def _far(sigma: Sequence[float]) -> str:
 def _step(ruleset: Ruleset, pair: Separated) -> str:
     if not pair.proposal.changes:
         return "none within the limits does"
-    text = set_points(ruleset, _reference(ruleset), pair.proposal) + costs_in_words(pair.proposal)
+    reference = {s.id: s.shown(s.reference) for s in ruleset.signals}
+    text = set_points(ruleset, reference, pair.proposal) + costs_in_words(pair.proposal)
     return text if pair.is_split else f"{text}; not enough at every degree"
-
-
-def _reference(ruleset: Ruleset) -> dict[str, float]:
-    return {s.id: s.shown(s.reference) for s in ruleset.signals}
 
 
 def separated_form(ruleset: Ruleset, pairs: Sequence[Separated]) -> list[dict[str, Any]]:

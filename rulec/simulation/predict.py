@@ -6,37 +6,18 @@ Predicted is what the equations determine; everything else is taken as it was re
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import SimulationRefused, equations_of
 from rulec.simulation.predict_settled import predict_settled
-from rulec.simulation.prediction import Exact, Injected, within_range
+from rulec.simulation.prediction import Injected, Prediction, within_range
 from rulec.simulation.sensing import SensorErrors, sense
 
 SHOWN = 5
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a model says of a recording of n rows.
-
-    Attributes
-    ----------
-    given : signals that are taken from the recording.
-    values : per predicted signal an array, shape (n,), SI; NaN where it is not predicted.
-    whole : shape (n,), rows in which everything is predicted.
-    notes : what the user should know.
-    """
-
-    given: tuple[str, ...]
-    values: Mapping[str, Array]
-    whole: np.ndarray
-    notes: tuple[str, ...]
 
 
 def predict(
@@ -66,7 +47,7 @@ def predict(
         values = sense(ruleset, values, SensorErrors(), random, exact.gains)
     values = within_range(ruleset, values, exact.limited)
     notes = (*exact.notes, *_as_recorded(ruleset, files))
-    return Prediction(exact.given, values, exact.whole, notes)
+    return replace(exact, values=values, notes=notes)
 
 
 def _exact(
@@ -74,7 +55,8 @@ def _exact(
     files: Sequence[RecordingFile],
     injected: Sequence[Injected],
     starts: Sequence[Mapping[str, float]],
-) -> Exact:
+) -> Prediction:
+    """What perfect sensors would show."""
     if ruleset.dynamics is None:
         equations = equations_of(ruleset)
         if not equations.predicted:

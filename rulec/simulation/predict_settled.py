@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import Equations, SimulationRefused
 from rulec.simulation.other_points import other_point
-from rulec.simulation.prediction import Exact, Injected, recorded_of, rows
+from rulec.simulation.prediction import Injected, Prediction, recorded_of, rows
 from rulec.simulation.shut_off import nearly_shut, without_flow
 from rulec.simulation.simulate import Simulated, simulate_with
 
@@ -23,7 +23,7 @@ def predict_settled(
     files: Sequence[RecordingFile],
     injected: Sequence[Injected] = (),
     known: Mapping[str, Array] = NOTHING,
-) -> Exact:
+) -> Prediction:
     """Predict what follows from the readings of the same row.
 
     Parameters
@@ -53,7 +53,7 @@ def predict_settled(
         *_more_than_one(equations, given, degrees, simulated),
     ]
     gains = _gains(equations, given, degrees, simulated)
-    return Exact(
+    return Prediction(
         given=equations.given,
         values=values,
         whole=simulated.solved,

@@ -17,7 +17,7 @@ from rulec_runtime.simulation.balances import Balances, RanAway
 
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 from rulec.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
-from rulec.simulation.prediction import Exact, Injected, recorded_of, rows, within_range
+from rulec.simulation.prediction import Injected, Prediction, recorded_of, rows, within_range
 from rulec.simulation.run import Run, course, run_of
 
 SHOWN = "shown:"
@@ -31,7 +31,7 @@ def predict_stored(
     files: Sequence[RecordingFile],
     injected: Sequence[Injected] = (),
     starts: Sequence[Mapping[str, float]] = (),
-) -> Exact:
+) -> Prediction:
     """Predict all readings of a plant that stores.
 
     Parameters
@@ -89,10 +89,10 @@ def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injec
             )
 
 
-def _together(first: Exact, second: Exact) -> Exact:
+def _together(first: Prediction, second: Prediction) -> Prediction:
     values = {**first.values, **second.values}
     given = dict.fromkeys((*first.given, *second.given))
-    return Exact(
+    return Prediction(
         given=tuple(name for name in given if name not in values),
         values=values,
         whole=np.asarray(np.isfinite(list(values.values())).all(axis=0)),
@@ -111,7 +111,7 @@ def _stored(
     notes: tuple[str, ...] = (),
     all_of: Sequence[str] = (),
     starts: Sequence[Mapping[str, float]] = (),
-) -> Exact:
+) -> Prediction:
     """What sensors of states show; `known` are inputs that other equations predict."""
     names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
     faulty = [part for part in injected if part.fault in dynamics.faults]
@@ -139,7 +139,9 @@ def _stored(
     values = {name: shown[:, i] for i, name in enumerate(names)}
     told += _beyond_sensors(ruleset, values)
     whole = np.asarray(np.isfinite(shown).all(axis=1))
-    return Exact(given=tuple(given), values=values, whole=whole, notes=tuple(told), limited=names)
+    return Prediction(
+        given=tuple(given), values=values, whole=whole, notes=tuple(told), limited=names
+    )
 
 
 def _integrated(

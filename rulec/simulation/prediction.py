@@ -1,4 +1,4 @@
-"""What is said of a recording before sensors err, and of the rows in it."""
+"""What a model says of a recording, and of the rows in it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Injected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exact:
-    """What perfect sensors would show in n rows.
+class Prediction:
+    """What a model says of a recording of n rows.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The recordings of a study, and how each is simulated.
+"""The recordings of a study: how each is simulated and judged, on whatever engine.
 
 A *group* is one true plant with one fault, recorded at all operating points and degrees. Its
 parameters differ from what the ruleset believes, within their covariance; the laws are off by
@@ -7,14 +7,18 @@ their misfit and the sensors by their uncertainty, anew in each recording.
 
 from __future__ import annotations
 
+import pickle
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import Ruleset
 
+from rulec.engines.call import LOCAL, Call, Engine
+from rulec.engines.engine import in_order
 from rulec.simulation.equations import Equations, equations_of
 from rulec.simulation.sensing import SensorErrors, sense
 from rulec.simulation.simulate import Simulated, simulate_with
@@ -153,3 +157,52 @@ def size_of(ruleset: Ruleset, points: Points, settings: Settings) -> tuple[int, 
     cases = sum(len(degrees_of(ruleset, f.id, settings)) for f in ruleset.faults)
     faulty = cases * len(points) * settings.seeds
     return faulty, settings.healthy * len(points) * settings.seeds
+
+
+Scene = tuple[Ruleset, Points, Settings]
+"""What all groups of a study share."""
+
+SCENE = "scene"
+
+
+def run_groups(
+    ruleset: Ruleset,
+    points: Points,
+    settings: Settings,
+    groups: Iterable[Group],
+    engine: Engine,
+    advance: Callable[[int], None],
+) -> list[Outcome]:
+    """Outcomes in the order of the groups, whatever the engine and its number of processes.
+
+    `advance` is called with the number of recordings judged since.
+    """
+    if engine.kind == LOCAL and engine.jobs == 1:
+        return _run_here((ruleset, points, settings), groups, advance)
+    scene = pickle.dumps((ruleset, points, settings))
+    calls = [Call((group,), SCENE) for group in groups]
+    found = in_order(engine, run_one, calls, {SCENE: scene}, lambda own: advance(len(own)))
+    return [outcome for own in found for outcome in own]
+
+
+def _run_here(
+    scene: Scene, groups: Iterable[Group], advance: Callable[[int], None]
+) -> list[Outcome]:
+    outcomes = []
+    for group in groups:
+        for outcome in run_group(*scene, group):
+            outcomes.append(outcome)
+            advance(1)
+    return outcomes
+
+
+def run_one(group: Group, scene: bytes) -> list[Outcome]:
+    """All recordings of a group, in a process of an engine."""
+    return list(run_group(*_opened(scene), group))
+
+
+@lru_cache(maxsize=1)
+def _opened(scene: bytes) -> Scene:
+    """What the parent made; opened once, as a ruleset keeps what it has worked out."""
+    found: Scene = pickle.loads(scene)
+    return found

@@ -1,14 +1,17 @@
-"""A study as a story for the terminal: the findings in words, then a table per module type."""
+"""A study as a story for the terminal, and as JSON data."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 
+from rulec.study.campaign import Settings
 from rulec.study.points import Points
 from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
 from rulec.study.tally import Cell, Tally
@@ -49,3 +52,39 @@ def _table(rows: list[list[Cell]]) -> Table:
             name = "" if i else cell.fault.title
             table.add_row(name, percent(cell.degree), str(cell.recordings), *figures_of(cell))
     return table
+
+
+COUNTS = ("recordings", "found", "named", "shared", "covered")
+"""What is counted of a cell."""
+
+
+def study_form(
+    ruleset: Ruleset, points: Points, settings: Settings, counts: Tally
+) -> dict[str, Any]:
+    """Plain data; readings in SI. The `kinds` of a cell sum up to all its recordings."""
+    return {
+        "plant": ruleset.plant,
+        "ruleset": ruleset.sources,
+        "settings": asdict(settings),
+        "points": [
+            {name: float(values[i]) for name, values in points.given.items()}
+            for i in range(len(points))
+        ],
+        "faults": [_cell(cell) for cell in counts.cells],
+        "confusions": [asdict(confusion) for confusion in counts.confusions],
+        "healthy": asdict(counts.healthy),
+        "lead_in": asdict(counts.lead_in),
+        "without": without_each(ruleset),
+        "text": list(sentences(counts)),
+    }
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    return {
+        **asdict(cell.fault),
+        "degree": cell.degree,
+        "kinds": {kind.value: count for kind, count in cell.kinds.items()},
+        **{name: getattr(cell, name) for name in COUNTS},
+        "error": cell.error if cell.named else None,
+        "bias": cell.bias if cell.named else None,
+    }

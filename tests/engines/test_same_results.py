@@ -21,9 +21,8 @@ from rulec.prove.analyst import FORM
 from rulec.prove.campaign import judged, sealed
 from rulec.prove.partition import Partition
 from rulec.simulation.equations import equations_of
-from rulec.study.campaign import Settings, groups_of
+from rulec.study.campaign import Settings, groups_of, run_groups
 from rulec.study.points import operating_points
-from rulec.study.pool import run_groups
 from tests.conftest import ROOT
 
 CASES = Partition("development", 1, quick=True, only="stationary-1-clean--1")
