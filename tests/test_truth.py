@@ -22,12 +22,10 @@ from rulec.prove.truth import (
     calibration_run,
     fault_replay,
     healthy_run,
-    leakage_replay,
     mixing_rig,
     possible_faults,
     record,
     warm_run,
-    write_csv,
 )
 from rulec.prove.truth.__main__ import main
 from rulec.prove.truth.units import RPM
@@ -177,29 +175,6 @@ def test_laws_of_systematic_errors_keep_their_order() -> None:
     )
     assert normal.tolist() == truncated.tolist()
     assert normal.tolist() == uniform.tolist()
-
-
-def test_quantised_readings_are_whole_steps() -> None:
-    """Power is shown in whole watts."""
-    power = record(healthy_run(abc()), Sensing(quantised=True)).readings["A.P_el [W]"]
-    assert np.round(power) == pytest.approx(power, abs=1e-9)
-
-
-def test_determined_by_seed(tmp_path: Path) -> None:
-    """Same seed, same bytes; another seed, other bytes."""
-    run = leakage_replay(abc())
-    for name, seed in (("one", 1), ("again", 1), ("other", 2)):
-        write_csv(tmp_path / name, record(run, seed=seed).readings)
-    one, again, other = ((tmp_path / name).read_bytes() for name in ("one", "again", "other"))
-    assert one == again
-    assert one != other
-
-
-def test_leakage_replay_plateaus() -> None:
-    """Healthy for 10 s, then plateaus of 10 s with a healthy one after each."""
-    degree = record(leakage_replay(abc())).truth["A.leakage [1]"]
-    assert [0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0] == degree[::10].tolist()
-    assert np.all(degree.reshape(8, 10) == degree[::10, None])
 
 
 @pytest.mark.parametrize("rig", RIGS)

@@ -103,18 +103,6 @@ def test_two_effects_hide_each_other() -> None:
     assert rms(changed(made)["lower"]) < HIDES * math.hypot(*alone)
 
 
-def test_same_seed_same_bytes(tmp_path: Path) -> None:
-    """Also of the answer; another seed gives another plant."""
-    written = {}
-    for folder, seed in (("one", 4), ("again", 4), ("other", 5)):
-        made = SealedCase(case(seed, ("upper.seepage",), 60, name="it"), ("open",))
-        made.write(tmp_path / folder)
-        recording = (tmp_path / folder / "recording.csv").read_bytes()
-        written[folder] = recording, made.answer.to_json()
-    assert written["one"] == written["again"]
-    assert all(a != b for a, b in zip(written["one"], written["other"], strict=True))
-
-
 def test_parameters_lie_within_what_module_types_state() -> None:
     """The truth stays within two uncertainties of the numbers of the knowledge base."""
     stated = {}

@@ -13,7 +13,7 @@ from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.diagnosis.trace import trace
 
 from rulec.prove.truth import INSIDE, record
-from rulec.prove.truth.thicker import changed
+from rulec.prove.truth.unmodelled import thicker_run
 from tests.conftest import ROOT
 from tests.method.readings import built, calibrated, recording, ruleset
 
@@ -37,7 +37,7 @@ def said(
     plant, rules = built(rig), calibrated(ruleset(rig))
     later = np.arange(2 * HOLD) >= HOLD
     degrees = {name: degree * later for name, degree in (faults or {}).items()}
-    run = changed(plant, later, friction, slip, cooled, degrees)
+    run = thicker_run(plant, later, friction, slip, cooled, degrees)
     return diagnose(recording(rules, record(run, INSIDE, seed).readings), rules)
 
 
@@ -122,7 +122,7 @@ def test_a_trace_names_the_liquid() -> None:
     """Sample by sample; faults of modules have the columns."""
     rules = calibrated(ruleset("abc"))
     later = np.arange(2 * HOLD) >= HOLD
-    readings = record(changed(built("abc"), later, 1.15, 0.8, 0.0, {}), INSIDE, 1).readings
+    readings = record(thicker_run(built("abc"), later, 1.15, 0.8, 0.0, {}), INSIDE, 1).readings
     words = trace(recording(rules, readings), rules).verdict
     assert "ok" == words[HOLD // 2]
     assert "liquid.viscosity.high" == words[-2]

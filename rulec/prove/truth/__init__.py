@@ -3,7 +3,7 @@
 Shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`,
 `plant` (what is built and how it is run), `faults`, `network` (the operating point), `loops` (any
 network), `sensors`, `recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off
-their data sheets), `runs` (ready runs), `transients`, `warming`, `campaign` (lists of runs with
+their data sheets), `runs` (ready runs), `transients`, `unmodelled`, `campaign` (lists of runs with
 seeds), `__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured
 noise, drifts), `spread` and `whiten` (their covariances), `limit` (what can be seen at best),
 `sealed` (the form of a case and its answer), `settled` and `tanks` (cases of plants in stationary
@@ -29,7 +29,7 @@ from .runs import (
 )
 from .sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
 from .transients import INERTIA, Inertia, settling
-from .warming import warm_run
+from .unmodelled import warm_run
 
 __all__ = [
     "INERTIA",

@@ -1,6 +1,6 @@
 """Sensors of Table 1: one systematic error per recording, a statistical one per sample.
 
-A sensor is the border between SI and trade units: bounds and steps are in the unit it shows.
+A sensor is the border between SI and trade units: bounds are in the unit it shows.
 """
 
 import zlib
@@ -16,19 +16,17 @@ from .units import BAR, LITRE_PER_HOUR, MILLIMETRE, RPM, ZERO_CELSIUS, Array
 
 @dataclass(frozen=True)
 class Sensor:
-    """Uncertainty and display of one kind of sensor.
+    """Unit and uncertainty of one kind of sensor.
 
     Attributes
     ----------
     unit : str; `scale`, `offset` : float; SI value = shown * scale + offset
     bound : float; in the shown unit, or a fraction of the measured value if `relative`
-    step : float; resolution in the shown unit, used when readings are quantised
     """
 
     unit: str
     scale: float
     bound: float
-    step: float
     offset: float = 0.0
     relative: bool = False
 
@@ -48,12 +46,10 @@ class Sensing:
         `truncated`, the same but never out of bounds; `uniform` between the bounds
     statistical : float; standard deviation of a 1 s mean over that of the systematic error;
         0.3 is an assumption, the paper publishes only the systematic bounds
-    quantised : bool; round to the sensor's step
     """
 
     systematic: bool = True
     statistical: float = 0.3
-    quantised: bool = False
     law: Literal["normal", "truncated", "uniform"] = "normal"
 
 
@@ -63,18 +59,18 @@ NOISE_FREE = Sensing(systematic=False, statistical=0.0)
 
 
 def _pressure_sensor(full_scale: float) -> Sensor:
-    """Piezoresistive, +-0.1 % of full scale (bar); 16 bit converter assumed."""
-    return Sensor("bar", BAR, bound=0.001 * full_scale, step=full_scale / 2**16)
+    """Piezoresistive, +-0.1 % of full scale (bar)."""
+    return Sensor("bar", BAR, bound=0.001 * full_scale)
 
 
-# Bounds: Wetterich 2025, Table 1; full scales: method.md, section 5; steps assumed.
+# Bounds: Wetterich 2025, Table 1; full scales: method.md, section 5.
 DOSING_SIGNALS = {
-    "n": Sensor("rpm", RPM, bound=8.0, step=1.0),
+    "n": Sensor("rpm", RPM, bound=8.0),
     "dp": _pressure_sensor(10.0),
-    "P_el": Sensor("W", 1.0, bound=10.0, step=1.0),
-    "Q": Sensor("l/h", LITRE_PER_HOUR, bound=0.004, step=0.1, relative=True),
-    "T": Sensor("degC", 1.0, bound=0.2, step=0.1, offset=ZERO_CELSIUS),
-    "l": Sensor("mm", MILLIMETRE, bound=0.5, step=0.1),
+    "P_el": Sensor("W", 1.0, bound=10.0),
+    "Q": Sensor("l/h", LITRE_PER_HOUR, bound=0.004, relative=True),
+    "T": Sensor("degC", 1.0, bound=0.2, offset=ZERO_CELSIUS),
+    "l": Sensor("mm", MILLIMETRE, bound=0.5),
 }
 MIXER_SIGNALS = {"dp": _pressure_sensor(2.0)}
 
@@ -111,8 +107,7 @@ def read(
     if colour:
         statistical = coloured(statistical, colour)
     error = sensing.systematic * lasting + sensing.statistical * statistical
-    reading: Array = shown + deviation * error
-    return np.round(reading / sensor.step) * sensor.step if sensing.quantised else reading
+    return np.asarray(shown + deviation * error)
 
 
 def _inside_bounds(drawn: float, law: str) -> float:

@@ -122,7 +122,7 @@ class Kind:
         for name, signal in self.stated["signals"].items():
             bound, of = CLASSES[signal["sensor"]]
             bound *= signal["range"][1] if of == "full scale" else 1.0
-            found[name] = Sensor(signal["unit"], 1.0, bound, 0.0, relative=of == "reading")
+            found[name] = Sensor(signal["unit"], 1.0, bound, relative=of == "reading")
         return found
 
     @functools.cached_property

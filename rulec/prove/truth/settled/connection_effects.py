@@ -13,7 +13,6 @@ import numpy as np
 
 from .effect import DOSING, Effect, Made
 from .rig import Rig
-from .scene import Scene
 from .solve import Stalled
 
 
@@ -59,12 +58,8 @@ def _led(rig: Rig, module: str, to: str | None) -> Rig:
     return replace(rig, downstream={**rig.downstream, module: to})
 
 
-def _nothing(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    return Made((), {})
-
-
 EFFECTS = tuple(
-    Effect(name, title, "physics", 1.0, 1.0, _nothing, kinds=DOSING, whole=True)
+    Effect(name, title, 1.0, 1.0, lambda here: Made((), {}), kinds=DOSING, whole=True)
     for name, title in (
         ("connection-moved", "feeds another mixer than stated"),
         ("connection-missing", "feeds a mixer, and is not stated to"),

@@ -11,7 +11,9 @@ import numpy as np
 
 from ..units import Array
 from .scene import Scene
-from .term import Change
+from .term import Change, Kind, Law, Reading, Term
+
+MINUTE = 60.0
 
 Sort = Literal["physics", "fault", "sensor", "unnamed"]
 
@@ -27,8 +29,76 @@ class Made:
     size: float = math.nan
 
 
-Make = Callable[[Scene, str, float, np.random.Generator], Made]
-"""Scene, module, size, random numbers that shape the effect -> the effect."""
+@dataclass(frozen=True)
+class Here:
+    """Where an effect is, and how large it is made; `random` shapes it."""
+
+    scene: Scene
+    module: str
+    size: float
+    random: np.random.Generator
+
+    def plain(self, signal: str) -> Array:
+        """True values of a signal of the module without effects, SI."""
+        return self.scene.plain[f"{self.module}.{signal}"]
+
+    def value(self, parameter: str) -> float:
+        """A true parameter of the module, SI."""
+        return self.scene.values[f"{self.module}.{parameter}"]
+
+    def usual(self, signal: str) -> float:
+        """Median of a signal."""
+        return middle(self.scene, self.plain(signal))
+
+    def limit(self, signal: str, low: float, high: float) -> float:
+        """A quantile of a signal, at a share that is drawn."""
+        return quantile(self.scene, self.plain(signal), self.between(low, high))
+
+    def between(self, low: float, high: float) -> float:
+        """A draw."""
+        return float(self.random.uniform(low, high))
+
+    def signed(self, down: float = -1.0) -> float:
+        """The size, or `down` times it."""
+        return self.size * float(self.random.choice([down, 1.0]))
+
+    @property
+    def warmer(self) -> Array:
+        """Temperature of the liquid above its middle, K; that of the first pump for a mixer."""
+        values = self.scene.temperature.get(self.module)
+        if values is None:
+            values = next(iter(self.scene.temperature.values()))
+        return np.asarray(values - middle(self.scene, values))
+
+    @property
+    def grown(self) -> Array:
+        """What grows with time, to the size at the end of the recording."""
+        return self.size * self.scene.time / self.scene.length
+
+    @property
+    def per_day(self) -> float:
+        """The size over the length of the recording."""
+        return self.size / self.scene.days
+
+    def dying(self) -> tuple[Array, float]:
+        """What dies away from 1 on, and its time constant, min."""
+        constant = self.between(0.12, 0.4) * self.scene.length
+        return np.exp(-self.scene.time / constant), constant * self.scene.pace / MINUTE
+
+    def term(self, kind: Kind, law: Law, **parameters: float) -> Made:
+        """The effect is a term in the module's laws."""
+        return Made((Term(kind, self.module, law),), parameters)
+
+    def constant(self, kind: Kind, course: Array, **parameters: float) -> Made:
+        """The same where the term does not depend on the operating point."""
+        return self.term(kind, lambda s: course, **parameters)
+
+    def reading(self, signal: str, shown: Callable[[Array], Array], **parameters: float) -> Made:
+        """The effect is an error of a sensor."""
+        return Made((Reading(f"{self.module}.{signal}", shown),), parameters)
+
+
+Make = Callable[[Here], Made]
 
 
 @dataclass(frozen=True)
@@ -49,10 +119,10 @@ class Effect:
 
     name: str
     title: str
-    sort: Sort
     low: float
     high: float
     make: Make
+    sort: Sort = "physics"
     at: Literal["pump", "mixer"] = "pump"
     kinds: tuple[str, ...] = ()
     driver: str = ""
@@ -62,16 +132,9 @@ class Effect:
     whole: bool = False
 
 
-DISPLACEMENT = ("cavity", "membrane", "oil-set")
-DOSING = ("cavity", "membrane", "centrifugal")
-
-
-def warmer(scene: Scene, module: str) -> Array:
-    """Temperature of the liquid above its middle, K; that of the first pump for a mixer."""
-    values = scene.temperature.get(module)
-    if values is None:
-        values = next(iter(scene.temperature.values()))
-    return np.asarray(values - middle(scene, values))
+STROKES = ("cavity", "membrane")
+DISPLACEMENT = (*STROKES, "oil-set")
+DOSING = (*STROKES, "centrifugal")
 
 
 def middle(scene: Scene, values: Array) -> float:

@@ -13,7 +13,6 @@ import yaml
 from . import (
     bench_effects,
     connection_effects,
-    drive_effects,
     line_effects,
     pump_effects,
     sensor_effects,
@@ -29,7 +28,6 @@ EFFECTS: Mapping[str, Effect] = {
     effect.name: effect
     for group in (
         pump_effects,
-        drive_effects,
         bench_effects,
         line_effects,
         sensor_effects,

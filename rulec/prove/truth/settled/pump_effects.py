@@ -1,220 +1,269 @@
-"""Physics of pumps and their motors that plain laws leave out."""
+"""Physics of pumps, their motors and drives that plain laws leave out."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..units import BAR, LITRE_PER_HOUR, RPM
-from .effect import DISPLACEMENT, DOSING, Effect, Made, middle, quantile, warmer
-from .scene import Scene
-from .term import Kind, Law, Term
+from ..units import BAR, LITRE_PER_HOUR, RPM, Array
+from .effect import DISPLACEMENT, DOSING, STROKES, Effect, Here, Made, Make, middle
+from .term import State
 
-MINUTE, DAY = 60.0, 86400.0
-
-
-def _one(kind: Kind, module: str, law: Law, **parameters: float) -> Made:
-    return Made((Term(kind, module, law),), parameters)
+HALVINGS = 40
 
 
-def slip_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def slip_warm(here: Here) -> Made:
     """Laminar gaps: the slip follows the fluidity, which rises with the temperature."""
-    rise = np.expm1(size * warmer(scene, module))
-    return _one("slip", module, lambda s: s.slip * rise, b=size)
+    rise = np.expm1(here.size * here.warmer)
+    return here.term("slip", lambda s: s.slip * rise, b=here.size)
 
 
-def slip_laminar(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def slip_laminar(here: Here) -> Made:
     """Slip in proportion to the pressure; size in l/h/bar."""
-    factor = size * LITRE_PER_HOUR / BAR
-    return _one("slip", module, lambda s: factor * s.pressure, C=size)
+    factor = here.size * LITRE_PER_HOUR / BAR
+    return here.term("slip", lambda s: factor * s.pressure, C=here.size)
 
 
-def slip_gap(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def slip_gap(here: Here) -> Made:
     """Gaps widen with the pressure, and the slip with their cube; size per bar."""
-    return _one(
-        "slip", module, lambda s: s.slip * ((1.0 + size * s.pressure / BAR) ** 3 - 1.0), c=size
+    return here.term(
+        "slip", lambda s: s.slip * ((1.0 + here.size * s.pressure / BAR) ** 3 - 1.0), c=here.size
     )
 
 
-def relief(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def relief(here: Here) -> Made:
     """A relief valve opens; size in l/h/bar."""
-    opens = quantile(scene, scene.plain[f"{module}.dp"], float(random.uniform(0.7, 0.93)))
-    factor = size * LITRE_PER_HOUR / BAR
-    return _one(
-        "slip",
-        module,
-        lambda s: factor * np.maximum(s.pressure - opens, 0.0),
-        K=size,
-        p_open=opens / BAR,
-    )
+    opens, factor = here.limit("dp", 0.7, 0.93), here.size * LITRE_PER_HOUR / BAR
+    values = {"K": here.size, "p_open": opens / BAR}
+    return here.term("slip", lambda s: factor * np.maximum(s.pressure - opens, 0.0), **values)
 
 
-def gas(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def gas(here: Here) -> Made:
     """Gas in the liquid is compressed; inlet at 1 bar absolute."""
-    return _one("gain", module, lambda s: size * s.pressure / (s.pressure + BAR), x=size)
+    return here.term("gain", lambda s: here.size * s.pressure / (s.pressure + BAR), x=here.size)
 
 
-def compressed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def compressed(here: Here) -> Made:
     """The stroke is shortened by elastic parts; size per bar."""
-    return _one("gain", module, lambda s: size * s.pressure / BAR, beta=size)
+    return here.term("gain", lambda s: here.size * s.pressure / BAR, beta=here.size)
 
 
-def valve_delay(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def valve_delay(here: Here) -> Made:
     """Valves close late in every stroke; size in ms."""
-    return _one("gain", module, lambda s: 1e-3 * size * s.speed, tau=size)
+    return here.term("gain", lambda s: 1e-3 * here.size * s.speed, tau=here.size)
 
 
-def filling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def filling(here: Here) -> Made:
     """The pump does not fill above a speed."""
-    limit = quantile(scene, scene.given[f"{module}.n"], float(random.uniform(0.65, 0.9)))
-    return _one(
-        "gain",
-        module,
-        lambda s: size * np.maximum(s.speed / limit - 1.0, 0.0),
-        k=size,
-        n_c=limit / RPM,
-    )
+    limit = here.limit("n", 0.65, 0.9)
+    values = {"k": here.size, "n_c": limit / RPM}
+    return here.term("gain", lambda s: here.size * np.maximum(s.speed / limit - 1.0, 0.0), **values)
 
 
-def starved(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def starved(here: Here) -> Made:
     """The pump draws air when its tank is nearly empty."""
-    level = scene.level[module]
-    limit = quantile(scene, level, float(random.uniform(0.15, 0.4)))
-    share = np.maximum(1.0 - level / limit, 0.0)
-    return _one("gain", module, lambda s: size * share, k=size, l_c=limit)
+    limit = here.limit("l", 0.15, 0.4)
+    short = np.maximum(1.0 - here.plain("l") / limit, 0.0)
+    return here.constant("gain", here.size * short, k=here.size, l_c=limit)
 
 
-def belt(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def belt(here: Here) -> Made:
     """Motor slip or a belt: the shaft turns slower under load; size at the median pressure."""
-    usual = middle(scene, scene.plain[f"{module}.dp"])
-    return _one("shaft", module, lambda s: size * s.pressure / usual, s=size)
+    usual = here.usual("dp")
+    return here.term("shaft", lambda s: here.size * s.pressure / usual, s=here.size)
 
 
-def speed_limit(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def speed_limit(here: Here) -> Made:
     """The drive does not follow its set value above a speed."""
-    shown = scene.given[f"{module}.n"]
-    limit = quantile(scene, shown, float(random.uniform(0.65, 0.9)))
-    share = size * np.maximum(shown - limit, 0.0) / shown
-    return _one("shaft", module, lambda s: share, a=size, n_c=limit / RPM)
+    shown, limit = here.plain("n"), here.limit("n", 0.65, 0.9)
+    share = here.size * np.maximum(shown - limit, 0.0) / shown
+    return here.constant("shaft", share, a=here.size, n_c=limit / RPM)
 
 
-def warm_up_slip(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def warm_up_slip(here: Here) -> Made:
     """The cold pump slips less, or more, until it is warm."""
-    constant = float(random.uniform(0.12, 0.4)) * scene.length
-    sign = float(random.choice([-1.0, 1.0]))
-    course = sign * size * np.exp(-scene.time / constant)
-    return _one(
-        "slip", module, lambda s: s.slip * course, a=sign * size, tau=constant * scene.pace / MINUTE
-    )
+    dying, tau = here.dying()
+    signed = here.signed()
+    course = signed * dying
+    return here.term("slip", lambda s: s.slip * course, a=signed, tau=tau)
 
 
-def wear(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def wear(here: Here) -> Made:
     """Gaps wear; size is the growth over the recording."""
-    length = scene.length
-    course = size * scene.time / length
-    return _one("slip", module, lambda s: s.slip * course, w=size / scene.days)
+    course = here.grown
+    return here.term("slip", lambda s: s.slip * course, w=here.per_day)
 
 
-def head_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def head_warm(here: Here) -> Made:
     """The head of a centrifugal pump rises as the liquid gets thinner."""
-    factor = np.expm1(-size * warmer(scene, module))
-    return _one("head", module, lambda s: s.pressure * factor, b=size)
+    factor = np.expm1(-here.size * here.warmer)
+    return here.term("head", lambda s: s.pressure * factor, b=here.size)
 
 
-def head_wear(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def head_wear(here: Here) -> Made:
     """Head lost with time; size over the recording."""
-    length = scene.length
-    course = size * scene.time / length
-    return _one("head", module, lambda s: s.pressure * course, w=size / scene.days)
+    course = here.grown
+    return here.term("head", lambda s: s.pressure * course, w=here.per_day)
 
 
-def head_speed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def head_speed(here: Here) -> Made:
     """Head that rises with another power of the speed than 2."""
-    ratio = scene.given[f"{module}.n"] / middle(scene, scene.given[f"{module}.n"])
-    factor = ratio**-size - 1.0
-    return _one("head", module, lambda s: s.pressure * factor, a=size)
+    ratio = here.plain("n") / here.usual("n")
+    factor = ratio**-here.size - 1.0
+    return here.term("head", lambda s: s.pressure * factor, a=here.size)
 
 
-def copper(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def copper(here: Here) -> Made:
     """Copper loss by the square of the torque, so of the pressure; size at median load."""
-    usual = middle(scene, scene.plain[f"{module}.dp"])
-    load = middle(scene, scene.plain[f"{module}.P_el"])
-    return _one("power", module, lambda s: size * load * (s.pressure / usual) ** 2, k=size)
+    usual, load = here.usual("dp"), here.usual("P_el")
+    return here.term("power", lambda s: here.size * load * (s.pressure / usual) ** 2, k=here.size)
 
 
-def windage(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    """Fan of the motor, by the cube of the speed."""
-    usual = middle(scene, scene.given[f"{module}.n"])
-    load = middle(scene, scene.plain[f"{module}.P_el"])
-    return _one("power", module, lambda s: size * load * (s.speed / usual) ** 3, k=size)
+def by_speed(power: int) -> Make:
+    """Friction of the motor, by a power of the speed; size at median load."""
+
+    def make(here: Here) -> Made:
+        usual, load = here.usual("n"), here.usual("P_el")
+        return here.term(
+            "power", lambda s: here.size * load * (s.speed / usual) ** power, k=here.size
+        )
+
+    return make
 
 
-def viscous(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    """Viscous friction, by the square of the speed."""
-    usual = middle(scene, scene.given[f"{module}.n"])
-    load = middle(scene, scene.plain[f"{module}.P_el"])
-    return _one("power", module, lambda s: size * load * (s.speed / usual) ** 2, k=size)
-
-
-def power_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def power_warm(here: Here) -> Made:
     """All power falls as the liquid gets warm."""
-    factor = np.expm1(-size * warmer(scene, module))
-    return _one("power", module, lambda s: s.power * factor, b=size)
+    factor = np.expm1(-here.size * here.warmer)
+    return here.term("power", lambda s: s.power * factor, b=here.size)
 
 
-def friction_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def friction_warm(here: Here) -> Made:
     """Idle power falls as the liquid gets warm."""
-    factor = np.expm1(-size * warmer(scene, module))
-    return _one("power", module, lambda s: s.idle * factor, b=size)
+    factor = np.expm1(-here.size * here.warmer)
+    return here.term("power", lambda s: s.idle * factor, b=here.size)
 
 
-def warm_up_power(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def warm_up_power(here: Here) -> Made:
     """Cold bearings and seals take more until they are warm."""
-    constant = float(random.uniform(0.12, 0.4)) * scene.length
-    course = size * np.exp(-scene.time / constant)
-    return _one(
-        "power", module, lambda s: s.power * course, a=size, tau=constant * scene.pace / MINUTE
+    dying, tau = here.dying()
+    course = here.size * dying
+    return here.term("power", lambda s: s.power * course, a=here.size, tau=tau)
+
+
+def slip_power(here: Here) -> Made:
+    """Gaps are less laminar than the law has it: a lower power of the pressure."""
+    usual, more = here.usual("dp"), -here.size
+    return here.term(
+        "slip", lambda s: s.slip * ((np.maximum(s.pressure, 1.0) / usual) ** more - 1.0), m=more
     )
 
 
-STROKES = ("cavity", "membrane")
+def slip_dragged(here: Here) -> Made:
+    """The moving walls drag liquid against the slip, or with it, by a power of the speed."""
+    usual, more = here.usual("n"), here.signed()
+    return here.term("slip", lambda s: s.slip * ((s.speed / usual) ** more - 1.0), a=more)
+
+
+def heated(here: Here) -> Made:
+    """What the pump dissipates warms the liquid in it beyond what the thermometer shows, K."""
+    power = here.plain("P_el")
+    colder = here.size * power / middle(here.scene, power)
+    return here.reading("T", lambda shown: shown - colder, r=here.size)
+
+
+def induction(here: Here) -> Made:
+    """An asynchronous motor lags its field by so many revolutions at a torque, at any speed."""
+    usual, lag = here.usual("dp"), here.size * here.usual("n")
+    return here.term("shaft", lambda s: lag * s.pressure / usual / s.speed, s=here.size)
+
+
+def weakened(here: Here) -> Made:
+    """Above the speed at which its voltage ends a motor slips more, with its square."""
+    usual, limit = here.usual("dp"), here.limit("n", 0.4, 0.7)
+
+    def law(s: State) -> Array:
+        beyond = np.maximum((s.speed / limit) ** 2 - 1.0, 0.0)
+        return np.asarray(here.size * s.pressure / usual * beyond)
+
+    return here.term("shaft", law, s=here.size, n_c=limit / RPM)
+
+
+def folded_back(here: Here) -> Made:
+    """Above a power the converter takes the speed back; the power is that at the lower speed."""
+    limit, kind = here.limit("P_el", 0.4, 0.8), here.scene.rig.kind(here.module)
+    lead = f"{here.module}."
+    own = {n.removeprefix(lead): v for n, v in here.scene.values.items() if n.startswith(lead)}
+
+    def law(s: State) -> Array:
+        low, high = np.zeros_like(s.speed), np.full_like(s.speed, 0.9)
+        for _ in range(HALVINGS):
+            share = 0.5 * (low + high)
+            power = kind.power(own, s.speed * (1.0 - share), s.pressure, s.flow)
+            more = here.size * np.maximum(power / limit - 1.0, 0.0) > share
+            low, high = np.where(more, share, low), np.where(more, high, share)
+        return np.asarray(0.5 * (low + high))
+
+    return here.term("shaft", law, s=here.size, P_c=limit)
+
+
+def stribeck(here: Here) -> Made:
+    """Seals rub hard while no film carries them: a torque that dies away with the speed."""
+    usual, load = here.usual("n"), here.usual("P_el")
+    reach = here.between(0.15, 0.5) * usual
+
+    def law(s: State) -> Array:
+        return np.asarray(here.size * load * s.speed / usual * np.exp(-s.speed / reach))
+
+    return here.term("power", law, e=reach / usual)
+
+
+def power_speed(here: Here) -> Made:
+    """Power that rises with another power of the speed than the affinity laws have it."""
+    usual, more = here.usual("n"), here.signed()
+    return here.term("power", lambda s: s.power * ((s.speed / usual) ** more - 1.0), a=more)
+
+
+CENTRIFUGAL = ("centrifugal",)
 EFFECTS = (
-    Effect("slip-warm", "slip follows the temperature", "physics", 1e-4, 0.08, slip_warm,
+    Effect("slip-warm", "slip follows the temperature", 1e-4, 0.08, slip_warm,
            kinds=DISPLACEMENT, driver="T"),
-    Effect("slip-laminar", "slip linear in pressure", "physics", 0.02, 80, slip_laminar,
-           kinds=("cavity",)),
-    Effect("slip-gap", "gaps widen with pressure", "physics", 1e-4, 1.0, slip_gap,
-           kinds=DISPLACEMENT),
-    Effect("relief", "relief valve opens", "physics", 0.05, 2000, relief,
-           kinds=DISPLACEMENT, corner=True),
-    Effect("gas", "gas in the liquid", "physics", 1e-4, 0.3, gas, kinds=STROKES),
-    Effect("compressed", "stroke shortened by pressure", "physics", 1e-5, 0.05, compressed,
-           kinds=STROKES),
-    Effect("valve-delay", "valves close late", "physics", 0.05, 60, valve_delay,
-           kinds=("membrane",)),
-    Effect("filling", "does not fill at high speed", "physics", 1e-3, 2.5, filling,
-           kinds=STROKES, corner=True),
-    Effect("starved", "draws air at low level", "physics", 1e-3, 0.6, starved,
-           kinds=DOSING, driver="l", corner=True),
-    Effect("belt", "shaft slower under load", "physics", 1e-4, 0.15, belt, kinds=STROKES),
-    Effect("speed-limit", "drive does not follow", "physics", 5e-3, 1.0, speed_limit,
-           kinds=DOSING, corner=True),
-    Effect("warm-up-slip", "slip until warm", "physics", 5e-3, 0.9, warm_up_slip,
-           kinds=DISPLACEMENT, timed=True),
-    Effect("wear", "slip grows with time", "physics", 5e-3, 3.0, wear, kinds=DISPLACEMENT,
-           timed=True, slow=True),
-    Effect("head-warm", "head rises with temperature", "physics", 1e-5, 0.02, head_warm,
-           kinds=("centrifugal",), driver="T"),
-    Effect("head-wear", "head lost with time", "physics", 2e-4, 0.3, head_wear,
-           kinds=("centrifugal",), timed=True, slow=True),
-    Effect("head-speed", "head not by the square of speed", "physics", 1e-3, 0.8, head_speed,
-           kinds=("centrifugal",)),
-    Effect("copper", "copper loss", "physics", 1e-3, 0.6, copper, kinds=DISPLACEMENT),
-    Effect("windage", "fan of the motor", "physics", 1e-3, 0.8, windage, kinds=DOSING),
-    Effect("viscous", "viscous friction", "physics", 1e-3, 0.8, viscous, kinds=DOSING),
-    Effect("power-warm", "power falls with temperature", "physics", 1e-5, 0.02, power_warm,
-           driver="T"),
-    Effect("friction-warm", "idle power falls with temperature", "physics", 1e-4, 0.06,
-           friction_warm, kinds=DISPLACEMENT, driver="T"),
-    Effect("warm-up-power", "more power until warm", "physics", 1e-3, 0.6, warm_up_power,
+    Effect("slip-laminar", "slip linear in pressure", 0.02, 80, slip_laminar, kinds=("cavity",)),
+    Effect("slip-gap", "gaps widen with pressure", 1e-4, 1.0, slip_gap, kinds=DISPLACEMENT),
+    Effect("relief", "relief valve opens", 0.05, 2000, relief, kinds=DISPLACEMENT, corner=True),
+    Effect("gas", "gas in the liquid", 1e-4, 0.3, gas, kinds=STROKES),
+    Effect("compressed", "stroke shortened by pressure", 1e-5, 0.05, compressed, kinds=STROKES),
+    Effect("valve-delay", "valves close late", 0.05, 60, valve_delay, kinds=("membrane",)),
+    Effect("filling", "does not fill at high speed", 1e-3, 2.5, filling, kinds=STROKES,
+           corner=True),
+    Effect("starved", "draws air at low level", 1e-3, 0.6, starved, kinds=DOSING, driver="l",
+           corner=True),
+    Effect("belt", "shaft slower under load", 1e-4, 0.15, belt, kinds=STROKES),
+    Effect("speed-limit", "drive does not follow", 5e-3, 1.0, speed_limit, kinds=DOSING,
+           corner=True),
+    Effect("warm-up-slip", "slip until warm", 5e-3, 0.9, warm_up_slip, kinds=DISPLACEMENT,
            timed=True),
+    Effect("wear", "slip grows with time", 5e-3, 3.0, wear, kinds=DISPLACEMENT, timed=True,
+           slow=True),
+    Effect("head-warm", "head rises with temperature", 1e-5, 0.02, head_warm, kinds=CENTRIFUGAL,
+           driver="T"),
+    Effect("head-wear", "head lost with time", 2e-4, 0.3, head_wear, kinds=CENTRIFUGAL, timed=True,
+           slow=True),
+    Effect("head-speed", "head not by the square of speed", 1e-3, 0.8, head_speed,
+           kinds=CENTRIFUGAL),
+    Effect("copper", "copper loss", 1e-3, 0.6, copper, kinds=DISPLACEMENT),
+    Effect("windage", "fan of the motor", 1e-3, 0.8, by_speed(3), kinds=DOSING),
+    Effect("viscous", "viscous friction", 1e-3, 0.8, by_speed(2), kinds=DOSING),
+    Effect("power-warm", "power falls with temperature", 1e-5, 0.02, power_warm, driver="T"),
+    Effect("friction-warm", "idle power falls with temperature", 1e-4, 0.06, friction_warm,
+           kinds=DISPLACEMENT, driver="T"),
+    Effect("warm-up-power", "more power until warm", 1e-3, 0.6, warm_up_power, timed=True),
+    Effect("slip-power", "slip by another power", 2e-3, 1.5, slip_power, kinds=DISPLACEMENT),
+    Effect("slip-dragged", "slip by the speed", 2e-3, 1.5, slip_dragged, kinds=STROKES),
+    Effect("heated", "liquid warmer than shown", 0.01, 40.0, heated, kinds=("oil-warm",)),
+    Effect("induction", "motor slips with its torque", 1e-4, 0.15, induction, kinds=DOSING),
+    Effect("weakened", "motor beyond its voltage", 1e-3, 0.2, weakened, kinds=STROKES, corner=True),
+    Effect("folded-back", "converter limits the power", 1e-3, 0.8, folded_back, kinds=STROKES,
+           corner=True),
+    Effect("stribeck", "seals rub at low speed", 5e-3, 5.0, stribeck, kinds=STROKES),
+    Effect("power-speed", "power by another power of speed", 2e-3, 1.8, power_speed,
+           kinds=("centrifugal", "metered")),
 )  # fmt: skip

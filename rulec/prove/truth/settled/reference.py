@@ -8,11 +8,11 @@ errs by the noise of all readings alone. That is a little better than any refit 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ..sealed import Reference, Request
-from ..sensors import Sensing
 from ..units import Array
 from .scene import SENSING, Scene
 from .solve import Operated, solve
@@ -48,7 +48,7 @@ def _clock(scene: Scene) -> Array:
 def _noise(scene: Scene, place: str, value: Array) -> Array:
     """What the noise of a sample adds to a reading, SI."""
     sensor = scene.rig.sensors[place]
-    quiet = Sensing(SENSING.systematic, 0.0, SENSING.quantised, SENSING.law)
+    quiet = replace(SENSING, statistical=0.0)
     both = [scene.read(place, value, s) for s in (SENSING, quiet)]
     return np.asarray((both[0] - both[1]) * sensor.scale)
 

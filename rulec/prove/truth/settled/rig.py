@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,27 +13,27 @@ from ..units import BAR, LITRE_PER_HOUR, ZERO_CELSIUS, Array
 from .pumps import LM, MIXER, PUMPS, Numbers, PumpKind
 
 LOAD_SIGNALS = {
-    "dp": Sensor("bar", BAR, bound=0.25, step=0.01),
-    "P_el": Sensor("W", 1.0, bound=0.002, step=1.0, relative=True),
-    "T": Sensor("degC", 1.0, bound=0.3, step=0.1, offset=ZERO_CELSIUS),
-    "Q": Sensor("l/min", LM, bound=0.005, step=0.001, relative=True),
+    "dp": Sensor("bar", BAR, bound=0.25),
+    "P_el": Sensor("W", 1.0, bound=0.002, relative=True),
+    "T": Sensor("degC", 1.0, bound=0.3, offset=ZERO_CELSIUS),
+    "Q": Sensor("l/min", LM, bound=0.005, relative=True),
 }
 """Of an oil set; bounds as the sensor classes state them."""
 
 
 BENCH_SIGNALS = {
     **{name: DOSING_SIGNALS[name] for name in ("n", "Q", "dp", "P_el", "T")},
-    "p_s": Sensor("bar", BAR, bound=0.003, step=3.0 / 2**16),
+    "p_s": Sensor("bar", BAR, bound=0.003),
 }
-"""Of a metered pump with a throttle before it; the suction gauge shows up to 3 bar."""
+"""Of a metered pump with a throttle before it."""
 
 
 VALVE_SIGNALS = {
-    "x": Sensor("%", 0.01, bound=0.5, step=0.1),
-    "Q": Sensor("m3/h", 1e3 * LITRE_PER_HOUR, bound=0.004, step=0.001, relative=True),
+    "x": Sensor("%", 0.01, bound=0.5),
+    "Q": Sensor("m3/h", 1e3 * LITRE_PER_HOUR, bound=0.004, relative=True),
     "dp": DOSING_SIGNALS["dp"],
-    "p_1": Sensor("bar", BAR, bound=0.016, step=16.0 / 2**16),
-    "rho": Sensor("kg/m3", 1.0, bound=1.0, step=0.1),
+    "p_1": Sensor("bar", BAR, bound=0.016),
+    "rho": Sensor("kg/m3", 1.0, bound=1.0),
 }
 """Of a control valve between two taps; bounds as the sensor classes state them."""
 
@@ -124,9 +124,7 @@ class Rig:
         for module in self.pumps:
             for name, sensor in signals.items():
                 bound = sensor.bound / (self.kind(module).gear if name == "n" else 1.0)
-                found[f"{module}.{name}"] = Sensor(
-                    sensor.unit, sensor.scale, bound, sensor.step, sensor.offset, sensor.relative
-                )
+                found[f"{module}.{name}"] = replace(sensor, bound=bound)
         return found | {f"{mixer}.dp": MIXER_SIGNALS["dp"] for mixer in self.mixers}
 
     @cached_property

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from ..units import BAR, Array
-from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, middle, quantile, span, warmer
-from .scene import Scene
-from .term import Kind, Reading, Term
+from .effect import DISPLACEMENT, DOSING, Effect, Here, Made, Make, span
+from .term import Kind
 
 
 def _follows(
@@ -18,91 +17,76 @@ def _follows(
 ) -> Make:
     """A reading whose error follows the temperature (size per kelvin) or time (size at the end)."""
 
-    def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        sign = float(random.choice([-1.0, 1.0]))
-        length = scene.length
-        course = warmer(scene, module) if by == "T" else scene.time / length
-        amount = sign * size * course
-        reading = Reading(f"{module}.{signal}", lambda value: shown(value, amount))
+    def make(here: Here) -> Made:
+        signed, scene = here.signed(), here.scene
+        amount = signed * (here.warmer if by == "T" else scene.time / scene.length)
         factor = 1.0 if by == "T" else 1.0 / scene.days
-        return Made((reading,), {name: sign * size * factor / unit})
+        return here.reading(
+            signal, lambda value: shown(value, amount), **{name: signed * factor / unit}
+        )
 
     return make
 
 
-def _offset(signal: str, unit: float, name: str = "z") -> Make:
-    def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        off = float(random.choice([-1.0, 1.0])) * size
-        return Made((Reading(f"{module}.{signal}", lambda v: v + off * unit),), {name: off})
+def _offset(signal: str, unit: float) -> Make:
+    def make(here: Here) -> Made:
+        off = here.signed()
+        return here.reading(signal, lambda v: v + off * unit, z=off)
 
     return make
 
 
-def misadjusted(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def misadjusted(here: Here) -> Made:
     """A pressure transmitter with wrong span (`size`) and a zero that makes up for it in part.
 
     `z` is what it reads too much at its median reading.
     """
-    gain = float(random.choice([-1.0, 1.0])) * size
-    true = middle(scene, scene.plain[f"{module}.dp"])
-    zero = -gain * true * float(random.uniform(0.3, 1.2))
-
-    def shown(value: Array) -> Array:
-        return value * (1.0 + gain) + zero
-
-    return Made((Reading(f"{module}.dp", shown),), {"x": gain, "o": zero / BAR})
+    gain = here.signed()
+    zero = -gain * here.usual("dp") * here.between(0.3, 1.2)
+    return here.reading("dp", lambda v: v * (1.0 + gain) + zero, x=gain, o=zero / BAR)
 
 
-def two_slope(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def two_slope(here: Here) -> Made:
     """Above a pressure the transmitter shows each further one larger by the share `size`."""
-    kink = quantile(scene, scene.plain[f"{module}.dp"], float(random.uniform(0.3, 0.7)))
-
-    def shown(value: Array) -> Array:
-        return value + size * np.maximum(value - kink, 0.0)
-
-    return Made((Reading(f"{module}.dp", shown),), {"b": size, "r_c": kink / BAR})
+    kink = here.limit("dp", 0.3, 0.7)
+    values = {"b": here.size, "r_c": kink / BAR}
+    return here.reading("dp", lambda v: v + here.size * np.maximum(v - kink, 0.0), **values)
 
 
-def bent(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def bent(here: Here) -> Made:
     """What is shown too much rises with the square of the distance from the usual pressure."""
-    values = scene.plain[f"{module}.dp"]
-    usual, reach = middle(scene, values), 0.5 * span(scene, values)
-
-    def shown(value: Array) -> Array:
-        return value + size * (value - usual) ** 2 / reach
-
-    own = Reading(f"{module}.dp", shown)
-    return Made((own,), {"b": size, "r0": usual / BAR, "w0": reach / BAR})
+    usual, reach = here.usual("dp"), 0.5 * span(here.scene, here.plain("dp"))
+    values = {"b": here.size, "r0": usual / BAR, "w0": reach / BAR}
+    return here.reading("dp", lambda v: v + here.size * (v - usual) ** 2 / reach, **values)
 
 
-def speed_gain(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def speed_gain(here: Here) -> Made:
     """The converter shows more or less than the shaft turns."""
-    off = float(random.choice([-1.0, 1.0])) * size
-    return Made((Reading(f"{module}.n", lambda v: v * (1.0 + off)),), {"x": off})
+    off = here.signed()
+    return here.reading("n", lambda v: v * (1.0 + off), x=off)
 
 
-def _present(scene: Scene, random: np.random.Generator) -> Array:
+def _present(here: Here) -> Array:
     """1 while a fault is there: from a third on, to the end or for a while."""
-    length = scene.length
-    begin = float(random.uniform(0.25, 0.6)) * length
+    time, length = here.scene.time, here.scene.length
+    begin = here.between(0.25, 0.6) * length
     # What lasts to the end lasts on where the plant is recorded further.
-    lasts = random.uniform() < 0.6
-    end = math.inf if lasts else begin + float(random.uniform(0.15, 0.3)) * length
-    return ((scene.time >= begin) & (scene.time <= end)).astype(float)
+    lasts = here.random.uniform() < 0.6
+    end = math.inf if lasts else begin + here.between(0.15, 0.3) * length
+    return ((time >= begin) & (time <= end)).astype(float)
 
 
 def _fault(kind: Kind, sign: float) -> Make:
-    def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        course = sign * size * _present(scene, random)
-        return Made((Term(kind, module, lambda s: course),), {"x": size})
+    def make(here: Here) -> Made:
+        return here.constant(kind, sign * here.size * _present(here), x=here.size)
 
     return make
 
 
 def _slope(signal: str, sign: float) -> Make:
-    def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        factor = 1.0 + sign * size * _present(scene, random)
-        return Made((Reading(f"{module}.{signal}", lambda v: v * factor),), {"x": size})
+    def make(here: Here) -> Made:
+        factor = 1.0 + sign * here.size * _present(here)
+        return here.reading(signal, lambda v: v * factor, x=here.size)
 
     return make
 
@@ -115,42 +99,47 @@ def _scaled(value: Array, amount: Array) -> Array:
     return np.asarray(value * np.exp(amount))
 
 
-def _effects() -> Iterator[Effect]:
-    yield Effect("dp-zero", "zero of the pressure off", "sensor", 0.012, 0.5, _offset("dp", BAR),
-                 kinds=DOSING)  # fmt: skip
-    yield Effect("power-zero", "zero of the power off", "sensor", 12.0, 120.0, _offset("P_el", 1.0),
-                 kinds=DOSING)  # fmt: skip
-    yield Effect("dp-misadjusted", "zero and span of the pressure off", "sensor", 0.01, 0.6,
-                 misadjusted, kinds=DOSING)  # fmt: skip
-    yield Effect("dp-two-slope", "gain of the pressure changes at a value", "sensor", 0.01, 2.0,
-                 two_slope, kinds=DOSING, corner=True)  # fmt: skip
-    yield Effect("dp-bent", "pressure not in proportion", "sensor", 0.005, 0.2, bent,
-                 kinds=DOSING)  # fmt: skip
-    yield Effect("power-zero-creep", "zero of the power creeps", "sensor", 0.1, 50.0,
-                 _follows("P_el", _added, "t", 1.0, "z"), timed=True, slow=True)  # fmt: skip
-    yield Effect("speed-gain", "speed shown wrong", "sensor", 0.01, 0.3, speed_gain, kinds=DOSING)
-    yield Effect("dp-zero-warm", "zero of the pressure follows temperature", "sensor", 20.0, 4000.0,
-                 _follows("dp", _added, "T", BAR, "z"), kinds=DOSING, driver="T")  # fmt: skip
-    yield Effect("dp-gain-warm", "gain of the pressure follows temperature", "sensor", 2e-5, 5e-3,
-                 _follows("dp", _scaled, "T", 1.0, "r"), kinds=DOSING, driver="T")  # fmt: skip
-    yield Effect("dp-zero-creep", "zero of the pressure creeps", "sensor", 300.0, 8e4,
-                 _follows("dp", _added, "t", BAR, "z"), kinds=DOSING, timed=True,
-                 slow=True)  # fmt: skip
-    yield Effect("power-gain-creep", "gain of the power creeps", "sensor", 2e-3, 0.4,
-                 _follows("P_el", _scaled, "t", 1.0, "r"), timed=True, slow=True)  # fmt: skip
-    yield Effect("leak", "bypass opens", "fault", 1e-3, 0.5, _fault("leak", 1.0), timed=True)
-    yield Effect("clogged", "line clogs", "fault", 2e-3, 1.0, _fault("friction", 1.0), kinds=DOSING,
-                 timed=True)  # fmt: skip
-    yield Effect("widened", "line washes out", "fault", 2e-3, 0.6, _fault("friction", -1.0),
-                 kinds=DOSING, timed=True)  # fmt: skip
-    for signal in ("dp", "P_el"):
-        for word, sign in (("high", 1.0), ("low", -1.0)):
-            name = f"{'power' if signal == 'P_el' else 'dp'}-{word}"
-            kinds = DOSING if signal == "dp" else (*DISPLACEMENT, "centrifugal")
-            yield Effect(name, f"{signal} suddenly reads {word}", "fault", 1e-3, 0.5,
-                         _slope(signal, sign), kinds=kinds, timed=True)  # fmt: skip
-    yield Effect("mixer-clogged", "mixer clogs", "fault", 2e-3, 2.0, _fault("friction", 1.0),
-                 at="mixer", timed=True)  # fmt: skip
+SENSORS = (
+    Effect("dp-zero", "zero of the pressure off", 0.012, 0.5, _offset("dp", BAR), "sensor",
+           kinds=DOSING),
+    Effect("power-zero", "zero of the power off", 12.0, 120.0, _offset("P_el", 1.0), "sensor",
+           kinds=DOSING),
+    Effect("dp-misadjusted", "zero and span of the pressure off", 0.01, 0.6, misadjusted, "sensor",
+           kinds=DOSING),
+    Effect("dp-two-slope", "gain of the pressure changes at a value", 0.01, 2.0, two_slope,
+           "sensor", kinds=DOSING, corner=True),
+    Effect("dp-bent", "pressure not in proportion", 0.005, 0.2, bent, "sensor", kinds=DOSING),
+    Effect("power-zero-creep", "zero of the power creeps", 0.1, 50.0,
+           _follows("P_el", _added, "t", 1.0, "z"), "sensor", timed=True, slow=True),
+    Effect("speed-gain", "speed shown wrong", 0.01, 0.3, speed_gain, "sensor", kinds=DOSING),
+    Effect("dp-zero-warm", "zero of the pressure follows temperature", 20.0, 4000.0,
+           _follows("dp", _added, "T", BAR, "z"), "sensor", kinds=DOSING, driver="T"),
+    Effect("dp-gain-warm", "gain of the pressure follows temperature", 2e-5, 5e-3,
+           _follows("dp", _scaled, "T", 1.0, "r"), "sensor", kinds=DOSING, driver="T"),
+    Effect("dp-zero-creep", "zero of the pressure creeps", 300.0, 8e4,
+           _follows("dp", _added, "t", BAR, "z"), "sensor", kinds=DOSING, timed=True, slow=True),
+    Effect("power-gain-creep", "gain of the power creeps", 2e-3, 0.4,
+           _follows("P_el", _scaled, "t", 1.0, "r"), "sensor", timed=True, slow=True),
+)  # fmt: skip
 
 
-EFFECTS = tuple(_effects())
+FAULTS = (
+    Effect("leak", "bypass opens", 1e-3, 0.5, _fault("leak", 1.0), "fault", timed=True),
+    Effect("clogged", "line clogs", 2e-3, 1.0, _fault("friction", 1.0), "fault", kinds=DOSING,
+           timed=True),
+    Effect("widened", "line washes out", 2e-3, 0.6, _fault("friction", -1.0), "fault",
+           kinds=DOSING, timed=True),
+    *(
+        Effect(f"{name}-{word}", f"{signal} suddenly reads {word}", 1e-3, 0.5,
+               _slope(signal, sign), "fault", kinds=kinds, timed=True)
+        for signal, name, kinds in (
+            ("dp", "dp", DOSING),
+            ("P_el", "power", (*DISPLACEMENT, "centrifugal")),
+        )
+        for word, sign in (("high", 1.0), ("low", -1.0))
+    ),
+    Effect("mixer-clogged", "mixer clogs", 2e-3, 2.0, _fault("friction", 1.0), "fault",
+           at="mixer", timed=True),
+)  # fmt: skip
+
+EFFECTS = (*SENSORS, *FAULTS)

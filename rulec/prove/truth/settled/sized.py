@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from ..streams import stream
-from .effect import Made
+from .effect import Here, Made
 from .effects import Placed
 from .scene import Scene
 from .solve import Stalled
@@ -60,5 +60,5 @@ def made_of(scene_: Scene, placed: Placed, size: float, seed: int) -> Made:
     # All faults begin at the same time: what else could have begun then is the rival.
     fault = placed.effect.sort == "fault"
     name = "fault" if fault else f"{placed.effect.name} {placed.module}"
-    made = placed.effect.make(scene_, placed.module, size, stream(seed, name))
+    made = placed.effect.make(Here(scene_, placed.module, size, stream(seed, name)))
     return replace(made, size=size)

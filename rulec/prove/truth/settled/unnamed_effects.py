@@ -5,55 +5,51 @@ from __future__ import annotations
 import numpy as np
 
 from ..units import RPM
-from .effect import DOSING, Effect, Made, middle, quantile, span
-from .scene import Scene
-from .term import Term
+from .effect import DOSING, STROKES, Effect, Here, Made, quantile, span
 
 
-def resonance(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def resonance(here: Here) -> Made:
     """In a band of speeds the frame shakes and takes power; size over the median power."""
-    speed = scene.given[f"{module}.n"]
-    peak = quantile(scene, speed, float(random.uniform(0.35, 0.65)))
-    width = 0.12 * span(scene, speed)
-    load = middle(scene, scene.plain[f"{module}.P_el"])
-    bump = size * load * np.exp(-(((speed - peak) / width) ** 2))
-    return Made((Term("power", module, lambda s: bump),), {"peak": peak / RPM})
+    speed, peak = here.plain("n"), here.limit("n", 0.35, 0.65)
+    width = 0.12 * span(here.scene, speed)
+    bump = here.size * here.usual("P_el") * np.exp(-(((speed - peak) / width) ** 2))
+    return here.constant("power", bump, peak=peak / RPM)
 
 
-def play(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def play(here: Here) -> Made:
     """A valve with play: friction differs after the flow was raised and after it was lowered."""
-    speed = scene.given[f"{module}.n"]
+    speed = here.plain("n")
     state, last = np.zeros_like(speed), float(speed[0])
     side = 1.0
     for k, now in enumerate(speed):
-        if abs(now - last) > 0.02 * span(scene, speed):
+        if abs(now - last) > 0.02 * span(here.scene, speed):
             side, last = float(np.sign(now - last)), float(now)
         state[k] = side
-    return Made((Term("friction", module, lambda s: size * state),), {"share": size})
+    return here.constant("friction", here.size * state, share=here.size)
 
 
-def beside(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def beside(here: Here) -> Made:
     """A machine beside the pump, which nobody records, shakes its valves, now more, now less."""
-    period = float(random.uniform(120.0, 300.0))
-    phase = float(random.uniform(0.0, 2.0 * np.pi))
-    wave = 0.5 * (1.0 + np.sin(2.0 * np.pi * scene.time / period + phase))
-    return Made((Term("gain", module, lambda s: size * wave),), {"share": size, "period": period})
+    period, phase = here.between(120.0, 300.0), here.between(0.0, 2.0 * np.pi)
+    wave = 0.5 * (1.0 + np.sin(2.0 * np.pi * here.scene.time / period + phase))
+    return here.constant("gain", here.size * wave, share=here.size, period=period)
 
 
-def pattern(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def pattern(here: Here) -> Made:
     """The flow in a mixer changes its pattern where one feed outweighs the others."""
-    feeding = [n for n in scene.rig.pumps if module in scene.rig.path(n)]
-    flows = np.array([scene.plain[f"{n}.Q"] for n in feeding])
+    rig = here.scene.rig
+    feeding = [n for n in rig.pumps if here.module in rig.path(n)]
+    flows = np.array([here.scene.plain[f"{n}.Q"] for n in feeding])
     share = flows[0] / flows.sum(axis=0)
-    over = (share > quantile(scene, share, 0.55)).astype(float)
-    return Made((Term("friction", module, lambda s: size * over),), {"share": size})
+    over = (share > quantile(here.scene, share, 0.55)).astype(float)
+    return here.constant("friction", here.size * over, share=here.size)
 
 
 EFFECTS = (
-    Effect("resonance", "frame shakes in a band of speeds", "unnamed", 2e-3, 1.0, resonance,
+    Effect("resonance", "frame shakes in a band of speeds", 2e-3, 1.0, resonance, "unnamed",
            kinds=DOSING),
-    Effect("play", "friction depends on the way there", "unnamed", 1e-3, 0.5, play, kinds=DOSING),
-    Effect("beside", "a machine beside shakes the valves", "unnamed", 1e-3, 0.4, beside,
-           kinds=("cavity", "membrane")),
-    Effect("pattern", "flow pattern in the mixer", "unnamed", 2e-3, 1.0, pattern, at="mixer"),
+    Effect("play", "friction depends on the way there", 1e-3, 0.5, play, "unnamed", kinds=DOSING),
+    Effect("beside", "a machine beside shakes the valves", 1e-3, 0.4, beside, "unnamed",
+           kinds=STROKES),
+    Effect("pattern", "flow pattern in the mixer", 2e-3, 1.0, pattern, "unnamed", at="mixer"),
 )  # fmt: skip

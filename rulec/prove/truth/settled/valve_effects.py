@@ -8,97 +8,90 @@ import numpy as np
 
 from ..units import BAR, Array
 from .bench_effects import AMBIENT, VAPOUR
-from .effect import Effect, Made, middle, quantile
-from .scene import Scene
-from .term import State, Term
+from .effect import Effect, Here, Made, middle, quantile
+from .term import State
 
 CRITICAL = 0.96 - 0.28 * (VAPOUR / 220.64e5) ** 0.5
 """Pressure in the jet, over that of the vapour, where it chokes. Source: IEC 60534-2-1, FF."""
 
 
-def _opened(module: str, opening: Callable[[Array], Array]) -> Term:
+def _opened(here: Here, opening: Callable[[Array], Array], **parameters: float) -> Made:
     """A valve that is open by another share than its travel; the plain law is linear in that."""
-    return Term("shaft", module, lambda s: np.asarray(1.0 - opening(s.speed) / s.speed))
+    return here.term("shaft", lambda s: np.asarray(1.0 - opening(s.speed) / s.speed), **parameters)
 
 
-def percentage(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def percentage(here: Here) -> Made:
     """Equal steps of travel change the flow by equal shares; `size` is part of the way there."""
-    ratio = float(random.uniform(20.0, 60.0))
-    law = _opened(module, lambda x: x + size * (ratio ** (x - 1.0) - x))
-    return Made((law,), {"s": size, "R": ratio})
+    ratio = here.between(20.0, 60.0)
+    return _opened(here, lambda x: x + here.size * (ratio ** (x - 1.0) - x), s=here.size, R=ratio)
 
 
-def quick(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def quick(here: Here) -> Made:
     """A flat plug: the flow rises with a power of the travel below 1, at most with its root."""
-    return Made((_opened(module, lambda x: x ** (1.0 - size)),), {"m": size})
+    return _opened(here, lambda x: x ** (1.0 - here.size), m=here.size)
 
 
-def open_seat(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def open_seat(here: Here) -> Made:
     """At no travel the share `size` is open; the rest opens in proportion to the travel."""
-    return Made((_opened(module, lambda x: size + (1.0 - size) * x),), {"r": size})
+    return _opened(here, lambda x: here.size + (1.0 - here.size) * x, r=here.size)
 
 
-def late(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def late(here: Here) -> Made:
     """The first part of the travel, `size`, opens nothing."""
-    law = _opened(module, lambda x: np.asarray(np.maximum(x - size, 0.0)))
-    return Made((law,), {"d": size})
+    return _opened(here, lambda x: np.asarray(np.maximum(x - here.size, 0.0)), d=here.size)
 
 
-def stopped(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def stopped(here: Here) -> Made:
     """A stop in the way: the valve opens no further; `size` is how often it would have to."""
-    limit = quantile(scene, scene.given[f"{module}.x"], 1.0 - size)
-    law = _opened(module, lambda x: np.asarray(np.minimum(x, limit)))
-    return Made((law,), {"s": limit})
+    limit = quantile(here.scene, here.plain("x"), 1.0 - here.size)
+    return _opened(here, lambda x: np.asarray(np.minimum(x, limit)), s=limit)
 
 
-def heavy(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def heavy(here: Here) -> Made:
     """The loss follows the density; `size` is 1 for turbulent flow, less where that is partly so.
 
     The flow coefficient holds at the median density.
     """
-    ratio = scene.density[module] / middle(scene, scene.density[module])
-    return Made((Term("gain", module, lambda s: 1.0 - ratio ** (-0.5 * size)),), {"s": size})
+    density = here.scene.density[here.module]
+    ratio = density / middle(here.scene, density)
+    return here.term("gain", lambda s: 1.0 - ratio ** (-0.5 * here.size), s=here.size)
 
 
-def choked(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def choked(here: Here) -> Made:
     """The jet is faster than what leaves, by the root of 1 + size: it boils the sooner."""
-    before = scene.suction[module] + AMBIENT - CRITICAL * VAPOUR
-    largest = before / (1.0 + size)
+    before = here.scene.suction[here.module] + AMBIENT - CRITICAL * VAPOUR
+    largest = before / (1.0 + here.size)
 
     def law(s: State) -> Array:
         return np.asarray(1.0 - np.sqrt(np.minimum(s.pressure, largest) / s.pressure))
 
-    values = {"F": 1.0 / (1.0 + size), "p_v": (AMBIENT - CRITICAL * VAPOUR) / BAR}
-    return Made((Term("gain", module, law),), values)
+    values = {"F": 1.0 / (1.0 + here.size), "p_v": (AMBIENT - CRITICAL * VAPOUR) / BAR}
+    return here.term("gain", law, **values)
 
 
-def in_row(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+def in_row(here: Here) -> Made:
     """Fittings between the taps lose pressure too, by the square of the flow.
 
     `size` is their loss over the valve's where that passes the median flow at the median pressure.
     """
-    flow = middle(scene, scene.plain[f"{module}.Q"])
-    pressure = middle(scene, scene.given[f"{module}.dp"])
-    fittings = size * pressure / flow**2
-    coefficient, reference = (scene.values[f"{module}.{name}"] for name in ("Kv", "p_ref"))
+    fittings = here.size * here.usual("dp") / here.usual("Q") ** 2
+    coefficient, reference = here.value("Kv"), here.value("p_ref")
 
     def law(s: State) -> Array:
         valve = reference / (coefficient * s.speed) ** 2
         return np.asarray(1.0 - np.sqrt(valve / (valve + fittings)))
 
-    return Made((Term("gain", module, law),), {"k": size})
+    return here.term("gain", law, k=here.size)
 
 
 VALVES = ("valve",)
 EFFECTS = (
-    Effect("percentage", "equal-percentage trim", "physics", 1e-3, 1.0, percentage, kinds=VALVES),
-    Effect("quick", "quick-opening trim", "physics", 1e-3, 0.5, quick, kinds=VALVES),
-    Effect("open-seat", "valve never shuts", "physics", 1e-3, 0.3, open_seat, kinds=VALVES),
-    Effect("late", "travel that opens nothing", "physics", 1e-3, 0.07, late, kinds=VALVES),
-    Effect("stopped", "travel ends early", "physics", 0.02, 0.7, stopped, kinds=VALVES,
-           corner=True),
-    Effect("heavy", "loss follows the density", "physics", 1e-3, 1.0, heavy, kinds=VALVES,
-           driver="rho"),
-    Effect("choked", "flow chokes", "physics", 0.02, 4.0, choked, kinds=VALVES, corner=True),
-    Effect("in-row", "fittings in row with the valve", "physics", 1e-3, 3.0, in_row, kinds=VALVES),
+    Effect("percentage", "equal-percentage trim", 1e-3, 1.0, percentage, kinds=VALVES),
+    Effect("quick", "quick-opening trim", 1e-3, 0.5, quick, kinds=VALVES),
+    Effect("open-seat", "valve never shuts", 1e-3, 0.3, open_seat, kinds=VALVES),
+    Effect("late", "travel that opens nothing", 1e-3, 0.07, late, kinds=VALVES),
+    Effect("stopped", "travel ends early", 0.02, 0.7, stopped, kinds=VALVES, corner=True),
+    Effect("heavy", "loss follows the density", 1e-3, 1.0, heavy, kinds=VALVES, driver="rho"),
+    Effect("choked", "flow chokes", 0.02, 4.0, choked, kinds=VALVES, corner=True),
+    Effect("in-row", "fittings in row with the valve", 1e-3, 3.0, in_row, kinds=VALVES),
 )  # fmt: skip

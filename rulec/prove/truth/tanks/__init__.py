@@ -2,7 +2,7 @@
 
 Shares no code with the packages it tests. Files in order of data flow: `plant` (what is built),
 `laws` (flows), `balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true
-parameters by seed), `effect` and the four files of effects, `effects` (all by id), `size` (how
+parameters by seed), `effect` and the three files of effects, `effects` (all by id), `size` (how
 large an effect is made), `case`, `rows` (plants drawn), `folder`, `key` (what is right), `knobs`,
 `step`, `model` (the true plant as a model), `seen` (what can be seen at best), `refit`, `sealed`
 (common form), `suite`. Of hard cases: `bend` (a form error), `hard` (what is drawn), `blurred`.

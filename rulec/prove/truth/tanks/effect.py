@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from ..units import Array
 from .balance import Course
 from .build import Setup
-from .plant import Plant
+from .plant import LevelSensor, Plant, Tank
 
 Values = Mapping[str, tuple[float, str]]
 """True parameters of an effect by name, each with its unit."""
 
 Sort = Literal["physics", "sensor", "fault", "unnamed"]
+Part = Literal["tank", "feed", "sensor"]
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,11 @@ class Scene:
 
     def levels(self, tank: str) -> Array:
         """Levels of a tank, cm."""
-        return self.course.levels[:, self._number(tank)]
+        return self.course.levels[:, self.setup.layout.tanks.index(tank)]
 
     def falling(self, tank: str) -> Array:
         """What falls into a tank, cm3/s."""
-        return self.course.fallen[:, self._number(tank)]
+        return self.course.fallen[:, self.setup.layout.tanks.index(tank)]
 
     def below(self, tank: str) -> str | None:
         """The tank below another one; none below the last."""
@@ -44,9 +45,6 @@ class Scene:
         """The time after a share of the record, s."""
         return round(float(self.course.time[0] + share * np.ptp(self.course.time)), 1)
 
-    def _number(self, tank: str) -> int:
-        return self.setup.layout.tanks.index(tank)
-
 
 @dataclass(frozen=True)
 class Built:
@@ -56,8 +54,88 @@ class Built:
     values: Values
 
 
-Make = Callable[[Scene, Plant, str, float, np.random.Generator], Built]
-"""Scene, plant so far, place, size, random numbers that shape the effect -> plant with it."""
+@dataclass(frozen=True)
+class Here:
+    """Where an effect is built, and how large it is made.
+
+    `plant` has the effects that were built before, `place` is a tank (of a sensor: its tank) or the
+    feed, and `random` shapes the effect.
+    """
+
+    scene: Scene
+    plant: Plant
+    at: Part
+    place: str
+    size: float
+    random: np.random.Generator
+
+    @property
+    def tank(self) -> Tank:
+        """The tank here."""
+        return self.plant.tank(self.place)
+
+    @property
+    def sensor(self) -> LevelSensor:
+        """The sensor here."""
+        return self.plant.sensor(self.place)
+
+    @property
+    def usual_fall(self) -> float:
+        """Median of what falls in here, cm3/s."""
+        return quantile(self.scene.falling(self.place), 0.5)
+
+    @property
+    def usual_input(self) -> float:
+        """Median of the input."""
+        return quantile(self.scene.setup.shown, 0.5)
+
+    @property
+    def usual_first(self) -> float:
+        """Median level of the first tank, cm."""
+        return quantile(self.scene.levels(self.scene.setup.layout.tanks[0]), 0.5)
+
+    @property
+    def record(self) -> float:
+        """Length of the record, s."""
+        return float(np.ptp(self.scene.course.time))
+
+    def level(self, share: float) -> float:
+        """A quantile of the level here, cm."""
+        return quantile(self.scene.levels(self.place), share)
+
+    def voltage(self, share: float) -> float:
+        """A quantile of the reading here, V."""
+        return round(quantile(self.sensor.gain * self.scene.levels(self.place), share), 2)
+
+    def between(self, low: float, high: float) -> float:
+        """A draw."""
+        return float(self.random.uniform(low, high))
+
+    def changed(self, values: Values, **numbers: Any) -> Built:
+        """The plant with other numbers of the tank, feed or sensor here."""
+        match self.at:
+            case "tank":
+                plant = self.plant.with_tank(replace(self.tank, **numbers))
+            case "feed":
+                plant = replace(self.plant, feed=replace(self.plant.feed, **numbers))
+            case "sensor":
+                plant = self.plant.with_sensor(replace(self.sensor, **numbers))
+        return Built(plant, values)
+
+
+Make = Callable[[Here], Built]
+
+
+def number(
+    field: str, parameter: str, unit: str, of: Callable[[Here], float] = lambda here: here.size
+) -> Make:
+    """An effect that is one number of its tank, feed or sensor; as it is the size, if not told."""
+
+    def make(here: Here) -> Built:
+        value = of(here)
+        return here.changed({parameter: (value, unit)}, **{field: value})
+
+    return make
 
 
 @dataclass(frozen=True)
@@ -74,7 +152,7 @@ class Effect:
     name: str
     title: str
     sort: Sort
-    at: Literal["tank", "feed", "sensor"]
+    at: Part
     low: float
     high: float
     make: Make

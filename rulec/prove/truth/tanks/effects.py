@@ -7,28 +7,14 @@ from dataclasses import dataclass
 
 from .build import Layout
 from .effect import Effect
-from .feed_effects import FEED_EFFECTS
-from .pump_effects import PUMP_EFFECTS
-from .sensor_effects import SENSOR_EFFECTS
-from .shape_effects import SHAPE_EFFECTS
-from .tank_effects import TANK_EFFECTS
-from .unnamed_effects import UNNAMED_EFFECTS
+from .feed_effects import BYPASS, FEED_EFFECTS
+from .sensor_effects import JET, SENSOR_EFFECTS
+from .tank_effects import TANK_EFFECTS, VORTEX
 
-EFFECTS = (
-    *TANK_EFFECTS,
-    *SHAPE_EFFECTS,
-    *FEED_EFFECTS,
-    *PUMP_EFFECTS,
-    *SENSOR_EFFECTS,
-    *UNNAMED_EFFECTS,
-)
+EFFECTS = (*TANK_EFFECTS, *FEED_EFFECTS, *SENSOR_EFFECTS, VORTEX, BYPASS, JET)
 
 VOLTAGE_ONLY = (
-    "dead-band",
-    "saturation",
-    "droop",
-    "play",
-    "rate",
+    *("dead-band", "saturation", "droop", "play", "rate"),
     *("held", "lift", "lift-level", "roll-off", "upturn", "exponent", "decline", "warm-up"),
 )
 """A flow meter shows what flows: these are effects of a pump."""

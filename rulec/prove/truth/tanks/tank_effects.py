@@ -1,132 +1,141 @@
-"""Effects of tanks: what runs over, other outlets, losses, shapes, and faults that begin."""
+"""Effects of tanks: what runs over, other outlets, losses, shapes, pipes between tanks, and faults
+that begin."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from .effect import Built, Effect, Scene, quantile
+from .effect import Built, Effect, Here, Make, number, quantile
 from .laws import BROAD, GRAVITY, SHARP
-from .plant import Body, Fault, Plant, Power, Rim
-
-Random = np.random.Generator
+from .plant import Body, Fault, Opening, Power, Rim, Vortex
 
 
-def overflow_sharp(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def overflow_sharp(here: Here) -> Built:
     """A round rim takes any flow within millimetres; `size` is how often the tank would be full."""
-    height = quantile(scene.levels(place), 1.0 - size)
-    return _with_rim(scene, plant, place, height, SHARP * random.uniform(8.0, 16.0), random)
+    height = here.level(1.0 - here.size)
+    return _with_rim(here, height, SHARP * here.random.uniform(8.0, 16.0))
 
 
-def overflow_broad(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def overflow_broad(here: Here) -> Built:
     """A notch of `size` cm in the wall; the level goes on rising."""
-    height = quantile(scene.levels(place), random.uniform(0.3, 0.6))
-    return _with_rim(scene, plant, place, height, BROAD * size, random)
+    return _with_rim(here, here.level(here.between(0.3, 0.6)), BROAD * here.size)
 
 
-def _with_rim(
-    scene: Scene, plant: Plant, place: str, height: float, strength: float, random: Random
-) -> Built:
-    caught = float(random.uniform(0.15, 0.75)) if scene.below(place) else 0.0
-    rim = Rim(height, strength, caught)
+def _with_rim(here: Here, height: float, strength: float) -> Built:
+    caught = here.between(0.15, 0.75) if here.scene.below(here.place) else 0.0
     values = {
         "height": (height, "cm"),
         "strength": (strength, "cm**1.5/s"),
         "caught": (caught, "1"),
     }
-    return Built(plant.with_tank(replace(plant.tank(place), rim=rim)), values)
+    return here.changed(values, rim=Rim(height, strength, caught))
 
 
-def laminar(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """A narrow outlet: the head has a part linear in the flow, `size` times the other at work."""
-    tank = plant.tank(place)
-    flow = quantile(scene.falling(place), 0.5)
-    resistance = size * 0.5 * flow / (GRAVITY * tank.outlet**2)
-    return Built(
-        plant.with_tank(replace(tank, laminar=resistance)), {"laminar": (resistance, "s/cm2")}
-    )
+def resistance(here: Here) -> float:
+    """Of a narrow outlet, whose head has a part linear in the flow, `size` times the other."""
+    return here.size * 0.5 * here.usual_fall / (GRAVITY * here.tank.outlet**2)
 
 
-def _power(scene: Scene, plant: Plant, place: str, exponent: float) -> Built:
-    level = quantile(scene.levels(place), 0.5)
-    tank = replace(plant.tank(place), power=Power(exponent, level))
-    return Built(plant.with_tank(tank), {"exponent": (exponent, "1"), "level": (level, "cm")})
+def power(sign: float) -> Make:
+    """The outlet follows the level with more than the power 0.5, or less, when it chokes."""
+
+    def make(here: Here) -> Built:
+        exponent, level = 0.5 + sign * here.size, here.level(0.5)
+        values = {"exponent": (exponent, "1"), "level": (level, "cm")}
+        return here.changed(values, power=Power(exponent, level))
+
+    return make
 
 
-def power_high(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """The outlet follows the level with more than the power 0.5."""
-    return _power(scene, plant, place, 0.5 + size)
-
-
-def power_low(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """The outlet follows the level with less than the power 0.5: it chokes."""
-    return _power(scene, plant, place, 0.5 - size)
-
-
-def outlet_height(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """The outlet lies above the floor that the sensor counts from."""
-    return Built(plant.with_tank(replace(plant.tank(place), height=size)), {"height": (size, "cm")})
-
-
-def seepage(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """A constant flow is lost, `size` times the usual one."""
-    flow = size * quantile(scene.falling(place), 0.5)
-    return Built(
-        plant.with_tank(replace(plant.tank(place), seepage=flow)), {"flow": (flow, "cm3/s")}
-    )
-
-
-def evaporation(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def evaporation(here: Here) -> Built:
     """The same flow is lost from every tank, whatever its level; the place is the first one's."""
-    flow = size * quantile(scene.falling(place), 0.5)
+    flow, plant = here.size * here.usual_fall, here.plant
     for tank in plant.tanks:
         plant = plant.with_tank(replace(tank, seepage=tank.seepage + flow))
     return Built(plant, {"flow of each tank": (flow, "cm3/s")})
 
 
-def growing_area(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """Walls lean outwards; `size` is the area gained per cm as share of the floor."""
-    tank = plant.tank(place)
-    growth = size * tank.area
-    return Built(plant.with_tank(replace(tank, growth=growth)), {"growth": (growth, "cm2/cm")})
-
-
-def body(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def body(here: Here) -> Built:
     """Something stands in the tank, `size` of its floor."""
-    tank = plant.tank(place)
-    inside = Body(size * tank.area, quantile(scene.levels(place), random.uniform(0.5, 0.75)))
+    inside = Body(here.size * here.tank.area, here.level(here.between(0.5, 0.75)))
     values = {"area": (inside.area, "cm2"), "height": (inside.height, "cm")}
-    return Built(plant.with_tank(replace(tank, body=inside)), values)
+    return here.changed(values, body=inside)
 
 
-def leak(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def leak(here: Here) -> Built:
     """From some time on an orifice to the outside, `size` of the outlet."""
-    tank, begin = plant.tank(place), scene.time_at(random.uniform(0.35, 0.65))
-    fault = Fault(size * tank.outlet, begin)
-    values = {"area": (fault.size, "cm2"), "begin": (begin, "s")}
-    return Built(plant.with_tank(replace(tank, leak=fault)), values)
+    fault = Fault(here.size * here.tank.outlet, here.scene.time_at(here.between(0.35, 0.65)))
+    return here.changed({"area": (fault.size, "cm2"), "begin": (fault.begin, "s")}, leak=fault)
 
 
-def clogging(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+def clogging(here: Here) -> Built:
     """From some time on a part of the outlet is closed."""
-    tank, begin = plant.tank(place), scene.time_at(random.uniform(0.35, 0.65))
-    values = {"share": (size, "1"), "begin": (begin, "s")}
-    clogged = replace(tank, clog=Fault(size, begin))
-    return Built(plant.with_tank(clogged), values)
+    fault = Fault(here.size, here.scene.time_at(here.between(0.35, 0.65)))
+    return here.changed({"share": (here.size, "1"), "begin": (fault.begin, "s")}, clog=fault)
+
+
+def end_of_pipe(here: Here) -> float:
+    """Height at which the pipe of the outlet drowns in the next tank, which holds its flow back."""
+    below = here.scene.below(here.place)
+    assert below is not None
+    return (1.0 - here.size) * float(here.scene.levels(below).max())
+
+
+def side(here: Here) -> Built:
+    """An opening in the wall, `size` of the outlet."""
+    height = here.level(here.between(0.2, 0.6))
+    hole = Opening(here.size * here.tank.outlet, height)
+    return here.changed({"area": (hole.area, "cm2"), "height": (height, "cm")}, side=hole)
+
+
+def diameter(here: Here) -> float:
+    """Of a lying cylinder as wide as the plain tank in its middle; `size` is how full it gets."""
+    return float(here.scene.levels(here.place).max()) / here.size
+
+
+def vortex(here: Here) -> Built:
+    """An air core narrows the outlet above a flow, and the outflow surges."""
+    flow = quantile(here.scene.falling(here.place), here.between(0.35, 0.6))
+    core = Vortex(flow, here.size, here.between(30.0, 90.0))
+    values = {"flow": (flow, "cm3/s"), "share": (here.size, "1"), "period": (core.period, "s")}
+    return here.changed(values, vortex=core)
 
 
 TANK_EFFECTS = (
     Effect("overflow-sharp", "round rim", "physics", "tank", 0.02, 0.8, overflow_sharp),
     Effect("overflow-broad", "notch in the rim", "physics", "tank", 0.01, 8.0, overflow_broad),
-    Effect("laminar", "outlet with laminar part", "physics", "tank", 0.02, 6.0, laminar),
-    Effect("power-high", "outlet with high exponent", "physics", "tank", 0.02, 0.6, power_high),
-    Effect("power-low", "outlet with low exponent", "physics", "tank", 0.02, 0.4, power_low),
-    Effect("outlet-height", "outlet above the floor", "physics", "tank", 0.2, 3.0, outlet_height),
-    Effect("seepage", "constant seepage", "physics", "tank", 0.005, 0.5, seepage),
+    Effect("laminar", "outlet with laminar part", "physics", "tank", 0.02, 6.0,
+           number("laminar", "laminar", "s/cm2", resistance)),
+    Effect("power-high", "outlet with high exponent", "physics", "tank", 0.02, 0.6, power(1.0)),
+    Effect("power-low", "outlet with low exponent", "physics", "tank", 0.02, 0.4, power(-1.0)),
+    # Above the floor that the sensor counts from.
+    Effect("outlet-height", "outlet above the floor", "physics", "tank", 0.2, 3.0,
+           number("height", "height", "cm")),
+    Effect("seepage", "constant seepage", "physics", "tank", 0.005, 0.5,
+           number("seepage", "flow", "cm3/s", lambda here: here.size * here.usual_fall)),
     Effect("evaporation", "constant loss of each tank", "physics", "tank", 0.003, 0.3, evaporation),
-    Effect("growing-area", "walls lean outwards", "physics", "tank", 0.005, 0.6, growing_area),
+    # Area gained per cm as share of the floor.
+    Effect("growing-area", "walls lean outwards", "physics", "tank", 0.005, 0.6,
+           number("growth", "growth", "cm2/cm", lambda here: here.size * here.tank.area)),
     Effect("body", "something stands in the tank", "physics", "tank", 0.05, 0.85, body),
     Effect("leak", "leak that begins", "fault", "tank", 0.01, 1.0, leak),
     Effect("clogging", "outlet clogs at once", "fault", "tank", 0.02, 0.8, clogging),
-)
+    Effect("drowned", "outlet drowns in the next tank", "physics", "tank", 0.05, 1.0,
+           number("drowned", "end of the pipe", "cm", end_of_pipe)),
+    # At the floor, too; the size of both is a share of the outlet.
+    Effect("link", "second pipe to the next tank", "physics", "tank", 0.01, 2.0,
+           number("link", "area", "cm2", lambda here: here.size * here.tank.outlet)),
+    Effect("drain", "cock at the floor is open", "physics", "tank", 0.01, 1.0,
+           number("drain", "area", "cm2", lambda here: here.size * here.tank.outlet)),
+    Effect("side", "opening in the wall", "physics", "tank", 0.02, 3.0, side),
+    # Width gained per cm as share of that at the floor.
+    Effect("cone", "funnel", "physics", "tank", 0.003, 0.3, number("cone", "widening", "1/cm")),
+    Effect("lying", "lying cylinder", "physics", "tank", 0.3, 0.98,
+           number("lying", "diameter", "cm", diameter)),
+    # Growth of its resistance over the record.
+    Effect("closing", "outlet fouls", "physics", "tank", 0.01, 1.5,
+           number("closing", "growth", "1/s", lambda here: here.size / here.record)),
+)  # fmt: skip
+
+VORTEX = Effect("vortex", "air core, outflow surges", "unnamed", "tank", 0.02, 0.6, vortex)
+"""No catalogue names it; the answer to it is its place."""
