@@ -1,8 +1,8 @@
 """Stationary flow in any network of pumps and losses: splits, parallel branches, loops.
 
 Unknown are the flow of every branch, the pressure a pump adds, and the pressure of every node; the
-equations are the laws of the branches and continuity at the nodes. Newton's method with a halved
-step where the whole one does not help. Nodes are names; `OUTSIDE` is at zero pressure.
+equations are the laws of the branches and continuity at the nodes. Nodes are names; `OUTSIDE` is at
+zero pressure.
 Values are in bar, l/h, rpm and W, as a recording has them.
 
 Source: own derivation; laws and values from method.md, section 5 (progressive cavity pump, dosing
@@ -13,12 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import root
 
 from .units import Array
 
 OUTSIDE = "outside"
-ITERATIONS = 60
-TOLERANCE = 1e-12
+TOLERANCE, ACCEPTED = 1e-14, 1e-10
+UNIT = 500.0
+"""l/h; flows are sought in it, pressures in bar: all are of order one."""
 
 
 @dataclass(frozen=True)
@@ -75,23 +77,45 @@ def solve(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Flow of every branch (l/h) and pressure rise of every pump (bar).
 
-    Raises RuntimeError where Newton's method finds no operating point.
+    Raises RuntimeError where there is no operating point.
     """
-    system = _System(branches, degrees)
-    x = system.start()
-    error, slope = system.equations(x)
-    for _ in range(ITERATIONS):
-        step = np.linalg.lstsq(slope, error, rcond=None)[0]
-        part = 1.0
-        while True:
-            tried, new_slope = system.equations(x - part * step)
-            if np.linalg.norm(tried) < np.linalg.norm(error) or part < 1e-4:
-                break
-            part /= 2.0
-        x, error, slope = x - part * step, tried, new_slope
-        if np.max(np.abs(error)) < TOLERANCE:
-            return system.flows(x), system.rises(x)
-    raise RuntimeError(f"no operating point; largest error {np.max(np.abs(error)):.1e}")
+    pumps = [name for name, branch in branches.items() if isinstance(branch, DosingBranch)]
+    ends = dict.fromkeys(n for b in branches.values() for n in (b.tail, b.head))
+    nodes = [n for n in ends if n != OUTSIDE]
+    cuts = np.cumsum([len(branches), len(pumps)])
+
+    def named(x: Array) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+        """Flows in UNIT, rises of pumps and pressures of nodes, bar."""
+        parts = zip((branches, pumps, nodes), np.split(x, cuts), strict=True)
+        flow, rise, pressure = (dict(zip(names, v.tolist(), strict=True)) for names, v in parts)
+        return flow, rise, {**pressure, OUTSIDE: 0.0}
+
+    def errors(x: Array) -> list[float]:
+        flow, rise, pressure = named(x)
+        found = []
+        for name, branch in branches.items():
+            static, quadratic, added = 0.0, 0.0, 0.0
+            if isinstance(branch, DosingBranch):
+                added = rise[name]
+                kept = (1.0 - degrees.get(f"{name}.leakage", 0.0)) / UNIT
+                slip = 2.0 * added * abs(added)
+                found.append(flow[name] - kept * (0.59 * branch.speed - 6.0 - slip))
+                static, quadratic = 0.05, 5.2e-6 * _friction(degrees, name)
+            else:
+                quadratic = _quadratic(branch, name, degrees)
+            loss = static + quadratic * UNIT**2 * flow[name] * abs(flow[name])
+            found.append(pressure[branch.head] - pressure[branch.tail] + loss - added)
+        for node in nodes:
+            into = sum(flow[n] for n, b in branches.items() if b.head == node)
+            found.append(into - sum(flow[n] for n, b in branches.items() if b.tail == node))
+        return found
+
+    solved = root(errors, np.ones(cuts[-1] + len(nodes)), method="lm", tol=TOLERANCE)
+    largest = float(np.max(np.abs(solved.fun)))
+    if largest > ACCEPTED:
+        raise RuntimeError(f"no operating point; largest error {largest:.1e}")
+    flow, rise, _ = named(solved.x)
+    return {name: UNIT * q for name, q in flow.items()}, rise
 
 
 def _change(degrees: Mapping[str, float], sensor: str) -> float:
@@ -105,61 +129,3 @@ def _friction(degrees: Mapping[str, float], name: str) -> float:
 
 def _quadratic(branch: Resistance, name: str, degrees: Mapping[str, float]) -> float:
     return branch.quadratic * _friction(degrees, name)
-
-
-class _System:
-    """Equations over x: flows in units of 500 l/h, rises of pumps and node pressures in bar."""
-
-    UNIT = 500.0
-
-    def __init__(self, branches: Mapping[str, Branch], degrees: Mapping[str, float]) -> None:
-        self.branches, self.degrees = branches, degrees
-        nodes = dict.fromkeys(n for b in branches.values() for n in (b.tail, b.head))
-        pumps = [name for name, b in branches.items() if isinstance(b, DosingBranch)]
-        self.nodes = [n for n in nodes if n != OUTSIDE]
-        keys = [("Q", n) for n in branches] + [("dp", n) for n in pumps]
-        keys += [("p", n) for n in self.nodes]
-        self.at = {key: i for i, key in enumerate(keys)}
-
-    def start(self) -> Array:
-        return np.ones(len(self.at))
-
-    def flows(self, x: Array) -> dict[str, float]:
-        return {n: float(x[i]) * self.UNIT for (kind, n), i in self.at.items() if kind == "Q"}
-
-    def rises(self, x: Array) -> dict[str, float]:
-        return {n: float(x[i]) for (kind, n), i in self.at.items() if kind == "dp"}
-
-    def equations(self, x: Array) -> tuple[Array, Array]:
-        """Errors of all equations and their slopes by x."""
-        size, row = len(self.at), 0
-        error, slope = np.zeros(size), np.zeros((size, size))
-        for name, branch in self.branches.items():
-            q = self.at["Q", name]
-            if isinstance(branch, DosingBranch):
-                dp = self.at["dp", name]
-                kept = (1.0 - self.degrees.get(f"{name}.leakage", 0.0)) / self.UNIT
-                slip = 2.0 * x[dp] * abs(x[dp])
-                error[row] = x[q] - kept * (0.59 * branch.speed - 6.0 - slip)
-                slope[row, q], slope[row, dp] = 1.0, kept * 4.0 * abs(x[dp])
-                row += 1
-                static, quadratic = 0.05, 5.2e-6 * _friction(self.degrees, name)
-                error[row] -= x[dp]
-                slope[row, dp] = -1.0
-            else:
-                static, quadratic = 0.0, _quadratic(branch, name, self.degrees)
-            quadratic *= self.UNIT**2
-            error[row] += static + quadratic * x[q] * abs(x[q])
-            slope[row, q] = 2.0 * quadratic * abs(x[q])
-            for node, sign in ((branch.head, 1.0), (branch.tail, -1.0)):
-                if node != OUTSIDE:
-                    error[row] += sign * x[self.at["p", node]]
-                    slope[row, self.at["p", node]] += sign
-            row += 1
-        for node in self.nodes:
-            for name, branch in self.branches.items():
-                sign = float(branch.head == node) - float(branch.tail == node)
-                error[row] += sign * x[self.at["Q", name]]
-                slope[row, self.at["Q", name]] += sign
-            row += 1
-        return error, slope

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..sealed import Answer, Planted, verdict_of
-from .effect import Made
+from .effect import Effect, Made
 from .effects import WIRING, Placed, entry_of
 from .rig import Rig
 from .rivals import margin_of
@@ -20,7 +20,6 @@ def answer_of(
     conceal: Sequence[str],
     seen: Sight,
     found: Sequence[tuple[Placed, Made]],
-    seed: int,
 ) -> Answer:
     """What a perfect analysis would say; `conceal` are ways of concealing that were asked for."""
     planted = []
@@ -28,59 +27,57 @@ def answer_of(
         others = [seen.change(m.changes) for p, m in found if p is not placed]
         flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
         gain = seen.gain(made.changes, flat)
-        margin, rival = margin_of(seen, placed, made, flat, seed)
+        margin, rival = margin_of(seen, placed, made, flat, seen.scene.seed)
         planted.append(_planted(seen.scene.rig, placed, made, gain, margin, rival))
-    sorts = [p.sort for p in planted]
-    verdict = "unnamed" if group == "unrecorded" else verdict_of(sorts)
-    gone = found[0][0].effect.driver if group == "unrecorded" else ""
-    return Answer(
-        case=name,
-        half="stationary",
-        plant=seen.scene.rig.name,
-        profile=seen.scene.profile,
-        seed=seed,
-        samples=seen.scene.time.size,
-        verdict=verdict,
-        concealed=_concealed(group, conceal, found, planted),
-        effects=tuple(planted),
-        unrecorded=gone,
-        difficulties=seen.scene.hard.told,
-    )
+    return _sealed(name, group, conceal, seen, [placed.effect for placed, _ in found], planted)
 
 
 def connection_of(name: str, group: str, seen: Sight, placed: Placed, gain: float) -> Answer:
     """The same where a pipe is not as the plant file says."""
-    rig = seen.scene.rig
-    planted = _planted(rig, placed, Made((), {}), gain, float("inf"), "")
+    planted = _planted(seen.scene.rig, placed, Made((), {}), gain, float("inf"), "")
+    return _sealed(name, group, ("wiring",), seen, [], [planted])
+
+
+def _sealed(
+    name: str,
+    group: str,
+    conceal: Sequence[str],
+    seen: Sight,
+    effects: Sequence[Effect],
+    planted: Sequence[Planted],
+) -> Answer:
+    scene, unrecorded = seen.scene, group == "unrecorded"
     return Answer(
         case=name,
         half="stationary",
-        plant=rig.name,
-        profile=seen.scene.profile,
-        seed=seen.scene.seed,
-        samples=seen.scene.time.size,
-        verdict=verdict_of([planted.sort]),
-        concealed=_concealed(group, ("wiring",), [], [planted]),
-        effects=(planted,),
+        plant=scene.rig.name,
+        profile=scene.profile,
+        seed=scene.seed,
+        samples=scene.time.size,
+        verdict="unnamed" if unrecorded else verdict_of([p.sort for p in planted]),
+        concealed=_concealed(group, conceal, effects, planted),
+        effects=tuple(planted),
+        unrecorded=effects[0].driver if unrecorded else "",
+        difficulties=scene.hard.told,
     )
 
 
 def _concealed(
     group: str,
     conceal: Sequence[str],
-    found: Sequence[tuple[Placed, Made]],
+    effects: Sequence[Effect],
     planted: Sequence[Planted],
 ) -> tuple[str, ...]:
     ways = list(conceal)
     if not planted:
         ways.append("clean")
-    if any(placed.effect.corner for placed, _ in found):
+    if any(effect.corner for effect in effects):
         ways.append("corner")
     if group in ("pair", "hiding", "unrecorded"):
         ways.append(group)
-    if any(placed.effect.name in WIRING for placed, _ in found):
+    if any(effect.name in WIRING for effect in effects):
         ways.append("wiring")
-    if any(placed.effect.sort == "unnamed" for placed, _ in found):
+    if any(effect.sort == "unnamed" for effect in effects):
         ways.append("unnamed")
     if any(p.margin < 0.1 * p.gain for p in planted):
         ways.append("alike")

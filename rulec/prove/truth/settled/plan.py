@@ -167,7 +167,7 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     # Effects are as strong as their case asks on a plant that keeps to its laws: what difficulties
     # hide of them is told, not made up for.
     told = blurred(seen) if found and drawn.hard.told else seen
-    answer = answer_of(plan.name, plan.group, plan.conceal, told, found, seed)
+    answer = answer_of(plan.name, plan.group, plan.conceal, told, found)
     planted = tuple((one, made.size) for one, made in found)
     return SettledCase(plan, seen.scene, terms, answer, planted=planted)
 
