@@ -11,7 +11,7 @@ from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.scene import Scene
 from rulec.prove.truth.settled.sized import NEAR
 from rulec.prove.truth.settled.suite import HARD, planned
-from rulec.prove.truth.smooth import coloured, drift, form_error
+from rulec.prove.truth.smooth import drift, form_error
 from rulec.prove.truth.streams import stream
 
 
@@ -64,14 +64,6 @@ def test_a_metered_pump_has_form_errors_of_head_and_power() -> None:
     laws = {f"{m}.{law}" for m in made.scene.rig.pumps for law in ("head", "power")}
     assert laws == set(made.scene.hard.form)
     assert 0.0 < made.answer.effects[0].gain < 2000.0 * NEAR
-
-
-def test_noise_has_the_memory_that_was_asked_for() -> None:
-    """Autocorrelation and variance."""
-    for coefficient in (0.5, 0.9):
-        noise = coloured(stream(1, "noise").standard_normal(40000), coefficient)
-        assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(coefficient, abs=0.02)
-        assert noise.std() == pytest.approx(1.0, abs=0.05)
 
 
 def test_readings_have_the_memory_that_the_answer_states() -> None:

@@ -93,8 +93,12 @@ def test_the_key_names_entries_that_exist() -> None:
                 assert set(parameters) <= set(stated["parameters"])
 
 
-def small(effect: str, aim: float = 1000.0, **more: object) -> SettledCase:
-    return Planned(f"test {effect}", "single", "dosing", "steps", (effect,), aim, small=True).make()
+def alone(family: str, effect: str, aim: float = 1000.0) -> SettledCase:
+    return Planned(f"test {effect}", "single", family, "steps", (effect,), aim, small=True).make()
+
+
+def small(effect: str, aim: float = 1000.0) -> SettledCase:
+    return alone("dosing", effect, aim)
 
 
 def test_the_same_plan_gives_the_same_bytes_and_tells_nothing(tmp_path: Path) -> None:
@@ -149,6 +153,31 @@ def test_the_true_model_errs_by_noise_alone(effect: str) -> None:
     assert 1.3 < error < 2.2
 
 
+BENCH = ("cavitation", "npsh", "part-load-head", "worn-rings")
+VALVE = ("percentage", "quick", "open-seat", "late", "stopped", "heavy", "choked", "in-row")
+
+
+@pytest.mark.parametrize(
+    ("family", "effect", "signal", "relation", "unit", "low", "high"),
+    [
+        *(("bench", effect, "A.dp", "A.head-flow", BAR, 0.8, 1.25) for effect in BENCH),
+        # With another trim the travel counts more, or less, than in the plain valve.
+        *(
+            ("valve", effect, "A.Q", "A.valve-flow", 1e3 * LITRE_PER_HOUR, 0.5, 2.0)
+            for effect in VALVE
+        ),
+    ],
+)
+def test_so_does_that_of_a_metered_pump_and_of_a_valve(
+    family: str, effect: str, signal: str, relation: str, unit: float, low: float, high: float
+) -> None:
+    """What is told has the noise of the reading and of those beside it."""
+    case = alone(family, effect)
+    error = case.reference(Request(((0.0, 1e9),), {signal: relation})).errors[signal]
+    noise = float(sight(case.scene).noise[signal].mean()) / unit
+    assert low * noise < error < high * noise
+
+
 def test_a_drawn_plant_runs_at_all_of_its_speeds() -> None:
     """Twenty draws."""
     for seed in range(20):
@@ -166,53 +195,22 @@ def test_the_suite_has_as_many_cases_as_it_says() -> None:
     assert FULL["clean"] >= 100
 
 
-def alone(family: str, effect: str) -> SettledCase:
-    return Planned(
-        f"test {effect}", "single", family, "steps", (effect,), 1000.0, small=True
-    ).make()
-
-
-def bench(effect: str) -> SettledCase:
-    return alone("bench", effect)
-
-
-def test_a_metered_pump_is_a_plant_of_its_own(tmp_path: Path) -> None:
-    """Its suction pressure is recorded, a level is not; the tool accepts the plant."""
-    bench("cavitation").write(tmp_path)
-    assert rulec(["check", str(tmp_path / "plant")]) == 0
-    recording = (tmp_path / "recording.csv").read_text(encoding="utf-8")
-    assert "A.p_s [bar]" in recording.partition("\n")[0]
-    assert "A.l [mm]" not in recording.partition("\n")[0]
-
-
-@pytest.mark.parametrize("effect", ["cavitation", "npsh", "part-load-head", "worn-rings"])
-def test_the_true_model_of_a_metered_pump_errs_by_noise_alone(effect: str) -> None:
-    """The head is told as well as its noise allows, that of the flow and of the speed beside it."""
-    case = bench(effect)
-    errors = case.reference(Request(((0.0, 1e9),), {"A.dp": "A.head-flow"})).errors
-    noise = sight(case.scene).noise["A.dp"] / BAR
-    assert 0.8 * noise.mean() < errors["A.dp"] < 1.25 * noise.mean()
-
-
-def test_a_valve_is_a_plant_of_its_own(tmp_path: Path) -> None:
-    """Its travel is recorded, a power is not; the tool accepts the plant."""
-    alone("valve", "quick").write(tmp_path)
-    assert rulec(["check", str(tmp_path / "plant")]) == 0
-    recording = (tmp_path / "recording.csv").read_text(encoding="utf-8")
-    assert "A.x [%]" in recording.partition("\n")[0]
-    assert "A.P_el [W]" not in recording.partition("\n")[0]
-
-
 @pytest.mark.parametrize(
-    "effect", ["percentage", "quick", "open-seat", "late", "stopped", "heavy", "choked", "in-row"]
+    ("family", "effect", "there", "absent"),
+    [
+        ("bench", "cavitation", "A.p_s [bar]", "A.l [mm]"),
+        ("valve", "quick", "A.x [%]", "A.P_el [W]"),
+    ],
 )
-def test_the_true_model_of_a_valve_errs_by_noise_alone(effect: str) -> None:
-    """The flow is told as well as the noise of flow, travel and pressure allows."""
-    case = alone("valve", effect)
-    errors = case.reference(Request(((0.0, 1e9),), {"A.Q": "A.valve-flow"})).errors
-    noise = sight(case.scene).noise["A.Q"] / (1e3 * LITRE_PER_HOUR)
-    # With another trim the travel counts more, or less, than in the plain valve.
-    assert 0.5 * noise.mean() < errors["A.Q"] < 2.0 * noise.mean()
+def test_a_metered_pump_and_a_valve_are_plants_of_their_own(
+    family: str, effect: str, there: str, absent: str, tmp_path: Path
+) -> None:
+    """With readings of their own; the tool accepts the plant."""
+    alone(family, effect).write(tmp_path)
+    assert rulec(["check", str(tmp_path / "plant")]) == 0
+    head = (tmp_path / "recording.csv").read_text(encoding="utf-8").partition("\n")[0]
+    assert there in head
+    assert absent not in head
 
 
 def test_where_a_valve_chokes_it_passes_no_more() -> None:
@@ -241,7 +239,7 @@ def test_what_a_pump_alone_has_is_planned_where_it_stands() -> None:
 
 def test_a_pressure_above_which_nothing_is_lost_is_where_cavitation_begins() -> None:
     """Absolute pressure less vapour: what is planted at a gauge pressure acts below it only."""
-    case = bench("cavitation")
+    case = alone("bench", "cavitation")
     (planted,) = case.answer.effects
     limit = planted.parameters["suction-cavitation"]["p_c"]
     lost = case.scene.plain["A.dp"] - case.scene.truly(case.terms)["A.dp"]
