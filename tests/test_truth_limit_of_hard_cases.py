@@ -15,7 +15,7 @@ from rulec.prove.truth.settled.effects import EFFECTS, Placed
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.scene import Scene
 from rulec.prove.truth.settled.sized import made_of
-from rulec.prove.truth.settled.visible import Sight, sight
+from rulec.prove.truth.settled.visible import VisibleOutputs, sight
 from rulec.prove.truth.smooth import Drift, form_error
 from rulec.prove.truth.spread import drift_directions, form_directions
 from rulec.prove.truth.streams import stream
@@ -39,7 +39,7 @@ def hard_scene(*difficulties: str) -> Scene:
     return plan.make().scene
 
 
-def some_change(seen: Sight) -> Array:
+def some_change(seen: VisibleOutputs) -> Array:
     """What a line with another exponent changes, over the noise."""
     module = next(iter(seen.scene.rig.pumps))
     return seen.change(made_of(seen.scene, Placed(EFFECTS["exponent"], module), 0.05, 1).changes)
@@ -134,6 +134,6 @@ def test_a_difficulty_hides_a_part_of_an_effect(difficulty: str) -> None:
     assert 0.0 < _gain(blurred(sight(scene))) < 0.95 * _gain(blurred(sight(easy)))
 
 
-def _gain(seen: Sight) -> float:
+def _gain(seen: VisibleOutputs) -> float:
     change = some_change(seen)
     return Measure.beside(seen.sensitivities, np.zeros((change.size, 0))).gain(change)

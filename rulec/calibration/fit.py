@@ -18,7 +18,7 @@ from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares, lsq_linear
 
 from rulec.calibration.calibrated_range import CalibratedRange, range_of
-from rulec.calibration.sheet_priors import Known
+from rulec.calibration.sheet_priors import SheetPriors
 from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
 from rulec.knowledge.plant import Module
 from rulec.limits import (
@@ -146,7 +146,7 @@ def _fit_observer(
     plan = observer_plan(model, observer, readings_of(model, observer))
     inputs: dict[str, Array | float] = {**current, **readings.own.values}
     rows = _usable_rows(module, model, observer, len(free), readings)
-    known = Known.of([module.stated[name] for name in free])
+    known = SheetPriors.of([module.stated[name] for name in free])
 
     def at_values(at: Array) -> dict[str, float]:
         return dict(zip(free, known.values(at).tolist(), strict=True))
@@ -267,7 +267,7 @@ class _Near:
         return self.weighing.T @ self.weighing
 
 
-def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Array, float]:
+def _joined(near: Callable[[Array], _Near], at: Array, known: SheetPriors) -> tuple[Array, float]:
     """Values by recording and data sheet, and what they cost.
 
     Slopes are taken anew where the two meet, as an observer may bend between them.
@@ -290,7 +290,7 @@ def _joined(near: Callable[[Array], _Near], at: Array, known: Known) -> tuple[Ar
 
 
 def _own_misfit(
-    near: _Near, at: Array, known: Known, readings: Readings, rows: np.ndarray
+    near: _Near, at: Array, known: SheetPriors, readings: Readings, rows: np.ndarray
 ) -> float:
     """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain, nor
     the noise of the readings, which a diagnosis knows of its own recording.
@@ -368,7 +368,7 @@ def _usable_rows(
 
 def _robust(
     error: Callable[[Array, np.ndarray], tuple[Array, float]],
-    known: Known,
+    known: SheetPriors,
     rows: np.ndarray,
     size: float,
 ) -> tuple[Array, np.ndarray, float]:
@@ -387,7 +387,7 @@ def _robust(
 
 def _bulk(
     error: Callable[[Array, np.ndarray], tuple[Array, float]],
-    known: Known,
+    known: SheetPriors,
     rows: np.ndarray,
     size: float,
     weight: float,

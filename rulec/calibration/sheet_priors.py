@@ -14,7 +14,7 @@ from rulec.limits import BELIEF_FREEDOM, NEAR_END
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class SheetPriors:
     """The belief in some parameters, all arrays of shape (n,): values are those of `coordinates`
     at places times `size`. `belief` is in those at `places`, which have an uncertainty."""
 
@@ -27,7 +27,7 @@ class Known:
     belief: Belief
 
     @classmethod
-    def of(cls, stated: Sequence[Parameter]) -> Known:
+    def of(cls, stated: Sequence[Parameter]) -> SheetPriors:
         """By type and plant; what has no uncertainty states nothing."""
         values, u = np.array([[p.value, p.u] for p in stated]).reshape(-1, 2).T
         positive = np.array([p.positive for p in stated], dtype=bool)

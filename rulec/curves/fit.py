@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.optimize import least_squares
 
-from rulec.calibration.sheet_priors import Known
+from rulec.calibration.sheet_priors import SheetPriors
 from rulec.curves.laws import Law, laws_of, plan_of
 from rulec.curves.match import Points, explained, wanted_by
 from rulec.curves.sheet import CurveRefused
@@ -91,7 +91,7 @@ def fit_curve(
     free = list(dict.fromkeys(n for law, _ in pairs for n in law.free if n not in given))
     rows = [_rows(law, name, readings, set(given)) for law, name in pairs]
     plan = plan_of(kind, [law for law, _ in pairs])
-    known = Known.of([kind.parameters[name] for name in free])
+    known = SheetPriors.of([kind.parameters[name] for name in free])
 
     def off(values: Array) -> list[Array]:
         """Deviations of each law, shares of the points, shape (rows,) each."""

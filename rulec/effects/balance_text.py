@@ -8,7 +8,7 @@ from rulec.knowledge.module_type import ENDS, ModuleType, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant
 from rulec.language.written import signed_sum
-from rulec.passes.end_flows import Known
+from rulec.passes.end_flows import KnownFlow
 from rulec.passes.link import Network
 
 
@@ -34,7 +34,7 @@ def balances_text(network: Network, module: Module) -> Iterator[str]:
         yield f"{module.name}.{reading.name} shows {reading.expression}"
 
 
-def _taken(network: Network) -> Iterator[Known]:
+def _taken(network: Network) -> Iterator[KnownFlow]:
     """Observers that count as laws of flows."""
     return (k for terms in network.ends.values() for _, k in terms if k.kind == "observer")
 

@@ -134,7 +134,7 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class Held:
+class LocalBelief:
     """A belief near a place: its log density, and the normal distribution that has its slope and
     weight there, `mean` of shape (n,), `precision` of shape (n, n), in coordinates."""
 
@@ -151,7 +151,7 @@ class Belief:
     coordinates: Coordinates
     parts: tuple[_Part, ...]
 
-    def near(self, at: Array) -> Held:
+    def near(self, at: Array) -> LocalBelief:
         """The belief near some coordinates, shape (n,)."""
         n = len(self.names)
         mean, precision = np.zeros(n), np.zeros((n, n))
@@ -168,7 +168,7 @@ class Belief:
             density += own
             mean[part.places] = stated.mean
             precision[np.ix_(part.places, part.places)] = there
-        return Held(density, mean, precision)
+        return LocalBelief(density, mean, precision)
 
     @cached_property
     def _alone(self) -> tuple[np.ndarray, Array, Array, float]:
@@ -213,7 +213,7 @@ class Belief:
         return self.near(self._means(0)).mean
 
     @property
-    def by_sheet(self) -> Held:
+    def by_sheet(self) -> LocalBelief:
         """What is believed where no calibration holds."""
         return self.near(self._means(-1))
 

@@ -23,7 +23,7 @@ from rulec.knowledge.layers import (
 )
 from rulec.knowledge.read_layers import (
     KNOWLEDGE,
-    Held,
+    LayerDocuments,
     conforms,
     counted,
     open_document,
@@ -201,7 +201,7 @@ def _named_beside(file: Path) -> list[tuple[str, Place]]:
 
 
 def _merged(
-    held: Sequence[Held], counting: Iterable[Held], found: list[Diagnostic]
+    held: Sequence[LayerDocuments], counting: Iterable[LayerDocuments], found: list[Diagnostic]
 ) -> dict[str, tuple[Document, ...]]:
     """Documents of the layers that count, by kind; of the others the names.
 
@@ -220,7 +220,7 @@ def _merged(
     return {kind: tuple(documents) for kind, documents in result.items()}
 
 
-def _layer_of(held: Sequence[Held]) -> dict[str, Layer]:
+def _layer_of(held: Sequence[LayerDocuments]) -> dict[str, Layer]:
     """Layer of each document, by its path."""
     return {
         document.path: part.layer

@@ -35,7 +35,7 @@ Open = Callable[[Path], tuple[Document | None, list[Diagnostic]]]
 
 
 @dataclass(frozen=True)
-class Held:
+class LayerDocuments:
     """What a layer holds: documents by kind, and mistakes of form."""
 
     layer: Layer
@@ -59,7 +59,7 @@ def read_layers(
     wanted: Mapping[str, set[str]] | None = None,
     given: Iterable[Path] = (),
     effects: bool = True,
-) -> list[Held]:
+) -> list[LayerDocuments]:
     """What each layer holds.
 
     Parameters
@@ -74,7 +74,7 @@ def read_layers(
     seen = {os.path.realpath(file) for file in given}
     result = []
     for layer in layers:
-        held = Held(layer)
+        held = LayerDocuments(layer)
         for file in layer.files:
             real = os.path.realpath(file)
             if real not in seen and (effects or not has_line(file, _EFFECT)):
@@ -84,7 +84,7 @@ def read_layers(
     return result
 
 
-def counted(held: Iterable[Held], naming: Iterable[Document]) -> list[Held]:
+def counted(held: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[LayerDocuments]:
     """Layers that count for a plant: all, but of installed packages only those of which the plant,
     or what counts for it, names something; so installing one leaves other plants as they are.
 
@@ -105,7 +105,7 @@ def counted(held: Iterable[Held], naming: Iterable[Document]) -> list[Held]:
     return [p for p in parts if p not in waiting]
 
 
-def _words_of(held: Held) -> set[str]:
+def _words_of(held: LayerDocuments) -> set[str]:
     """Names that its files use; of what lies below all, only those that the plant has."""
     kinds = held.by_kind.keys() if held.layer.is_own else ("module", "fluid")
     documents = (d for kind in kinds for d in held.by_kind.get(kind, ()) if kind != "other")
@@ -125,7 +125,9 @@ def _words(data: Any) -> Iterator[str]:
         yield from _WORD.findall(data)
 
 
-def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | None) -> None:
+def _add(
+    held: LayerDocuments, file: Path, read: Open, wanted: Mapping[str, set[str]] | None
+) -> None:
     beside = held.layer.folder.parent if held.layer.kind == OWN else held.layer.folder
     if held.layer.is_own and not is_near(file, beside):
         held.mistakes.append(leads_out(Place(file.as_posix())))

@@ -16,7 +16,7 @@ from rulec.language.diagnostics import Diagnostic, Refused
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownFlow:
     """A flow that is known of a module: `kind` is ``observer`` or ``end``."""
 
     module: str
@@ -24,7 +24,7 @@ class Known:
     name: str
 
 
-Sum = tuple[tuple[int, Known], ...]
+Sum = tuple[tuple[int, KnownFlow], ...]
 """A signed sum of known flows; empty where nothing flows."""
 
 EndFlows = Mapping[tuple[str, str], Sum]
@@ -67,10 +67,12 @@ WAY = {INFLOW: "into", OUTFLOW: "out of"}
 """Ends in words, before the name of a module."""
 
 
-def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], dict[str, Known]]:
+def _edges(
+    plant: Plant, graph: FlowGraph
+) -> tuple[dict[str, tuple[int, int]], dict[str, KnownFlow]]:
     """Edges between junctions, and those with a law."""
     edges: dict[str, tuple[int, int]] = {}
-    known: dict[str, Known] = {}
+    known: dict[str, KnownFlow] = {}
     for name, (tail, head) in graph.ends.items():
         kind = plant.modules[name].type
         if kind.cuts:
@@ -78,12 +80,12 @@ def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], 
             edges[f"{name}|{OUTFLOW}"] = (SURROUNDINGS, head)
             for end in ENDS:
                 if end in kind.definitions:
-                    known[f"{name}|{end}"] = Known(name, "end", end)
+                    known[f"{name}|{end}"] = KnownFlow(name, "end", end)
             continue
         edges[name] = (tail, head)
         law = law_of(kind)
         if law:
-            known[name] = Known(name, "observer", law)
+            known[name] = KnownFlow(name, "observer", law)
     return edges, known
 
 
@@ -102,7 +104,9 @@ def _is_closed(graph: FlowGraph, edge: str) -> bool:
     return not any(other != edge and set(ends) & set(nodes) for other, ends in graph.ends.items())
 
 
-def _independent(plant: Plant, graph: FlowGraph, every: Mapping[str, Known]) -> dict[str, Known]:
+def _independent(
+    plant: Plant, graph: FlowGraph, every: Mapping[str, KnownFlow]
+) -> dict[str, KnownFlow]:
     """Laws that do not contradict: of flows that are measured twice, the first in the plant."""
     known = dict(every)
     while balances := graph.measured_balances(known):

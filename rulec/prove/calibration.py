@@ -12,7 +12,7 @@ from rulec.prove.scores import wilson
 
 
 @dataclass(frozen=True)
-class Told:
+class Reliability:
     """Names told with a probability from `low` to `high`, the upper end included at 1 only.
 
     Attributes
@@ -41,7 +41,7 @@ class Told:
         return "as said" if low <= self.said <= high else "too sure" if high < self.said else "shy"
 
 
-def reliability(judged: Sequence[Judged]) -> list[Told]:
+def reliability(judged: Sequence[Judged]) -> list[Reliability]:
     """All names in the answers by their probability; bins with names only."""
     claims = [claim for j in judged for claim in j.claims]
     found = []
@@ -49,5 +49,5 @@ def reliability(judged: Sequence[Judged]) -> list[Told]:
         own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
         if own:
             right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
-            found.append(Told(low, high, said, len(own), right, wilson(right, len(own))))
+            found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
     return found

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from rulec_runtime.report.tables import Cell, Column, columns, framed, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
-from rulec.prove.calibration import Told, reliability
+from rulec.prove.calibration import Reliability, reliability
 from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
 from rulec.prove.mistakes import (
     OTHERS,
@@ -129,7 +129,7 @@ def probabilities(judged: Sequence[Judged]) -> str:
     return table("names by their probability", of, map(told_cells, found))
 
 
-def told_cells(told: Told) -> tuple[str, ...]:
+def told_cells(told: Reliability) -> tuple[str, ...]:
     """A bin of the probabilities: ends, names, what was said, what is right, its interval."""
     shares = (told.low, told.high, told.said, told.share, *told.ends)
     low, high, said, right, least, most = (percent(share) for share in shares)

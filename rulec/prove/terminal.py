@@ -10,7 +10,7 @@ from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
-from rulec.prove.calibration import Told, reliability
+from rulec.prove.calibration import Reliability, reliability
 from rulec.prove.further_told import tell_further
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
@@ -94,7 +94,7 @@ def _parts(parts: list[Group]) -> Table:
     return shown
 
 
-def _told(bins: list[Told]) -> Table:
+def _told(bins: list[Reliability]) -> Table:
     """Names by the probability that they were told with."""
     shown = Table("told with", box=None, pad_edge=False, collapse_padding=True)
     for title in ("names", "said, mean", "right", "95 % interval"):

@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx
 
-from rulec.knowledge.belief import Held
+from rulec.knowledge.belief import LocalBelief
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.search import limits
@@ -429,7 +429,7 @@ def _at_ends(
     geometry: Evidence,
     found: _Chosen,
     slopes: Array,
-    known: Held,
+    known: LocalBelief,
     at: Array,
     ends: NDArray[np.intp],
 ) -> float:

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.knowledge.belief import Belief, Coordinates, Held, peak_of
+from rulec.knowledge.belief import Belief, Coordinates, LocalBelief, peak_of
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.configuration import (
@@ -60,7 +60,7 @@ class Prior:
         """Values at coordinates, SI."""
         return dict(zip(self.names, self.coordinates.values(at).tolist(), strict=True))
 
-    def near(self, at: Array) -> Held:
+    def near(self, at: Array) -> LocalBelief:
         """What is known near some coordinates."""
         k = len(self.belief.names)
         plant = self.belief.near(at[:k])
@@ -77,7 +77,7 @@ class Prior:
         at_wide = stated[wide]
         precision[at_wide, at_wide] *= (free + 1.0) / (free + square[wide])
         density = plant.density + self.odds + float(np.sum(tails + 0.5 * np.log(known)))
-        return Held(density, mean, precision)
+        return LocalBelief(density, mean, precision)
 
 
 def prior_of(system: System, setting: Configuration) -> Prior:
@@ -187,7 +187,7 @@ class Fitted:
         return self.prior.of(self.setting.values)
 
     @cached_property
-    def known(self) -> Held:
+    def known(self) -> LocalBelief:
         """What was known before, as it counts here."""
         return self.prior.near(self.at)
 

@@ -11,14 +11,14 @@ from .effect import Effect, Made
 from .effects import WIRING, Placed, entry_of
 from .rig import Rig
 from .rivals import margin_of
-from .visible import Sight
+from .visible import VisibleOutputs
 
 
 def answer_of(
     name: str,
     group: str,
     conceal: Sequence[str],
-    seen: Sight,
+    seen: VisibleOutputs,
     found: Sequence[tuple[Placed, Made]],
 ) -> Answer:
     """What a perfect analysis would say; `conceal` are ways of concealing that were asked for."""
@@ -32,7 +32,9 @@ def answer_of(
     return _sealed(name, group, conceal, seen, [placed.effect for placed, _ in found], planted)
 
 
-def connection_of(name: str, group: str, seen: Sight, placed: Placed, gain: float) -> Answer:
+def connection_of(
+    name: str, group: str, seen: VisibleOutputs, placed: Placed, gain: float
+) -> Answer:
     """The same where a pipe is not as the plant file says."""
     planted = _planted(seen.scene.rig, placed, Made((), {}), gain, float("inf"), "")
     return _sealed(name, group, ("wiring",), seen, [], [planted])
@@ -42,7 +44,7 @@ def _sealed(
     name: str,
     group: str,
     conceal: Sequence[str],
-    seen: Sight,
+    seen: VisibleOutputs,
     effects: Sequence[Effect],
     planted: Sequence[Planted],
 ) -> Answer:

@@ -18,13 +18,13 @@ from ..units import Array
 from ..whiten import Whitening
 from .difficulty import term
 from .scene import Scene
-from .visible import RELATIVE, Sight, class_of, noise_of, parameters_moved, slopes_of
+from .visible import RELATIVE, VisibleOutputs, class_of, noise_of, parameters_moved, slopes_of
 
 Outputs = Mapping[str, Array]
 """By signal, SI, shape (n,)."""
 
 
-def blurred(sharp: Sight) -> Sight:
+def blurred(sharp: VisibleOutputs) -> VisibleOutputs:
     """The sight of a scene with difficulties as random terms; `sharp` takes form errors as known,
     noise as white, and drifts as none."""
     scene = sharp.scene
@@ -34,7 +34,7 @@ def blurred(sharp: Sight) -> Sight:
     return replace(sharp, whitening=whitening, sensitivities=whitening(np.stack(columns, 2)))
 
 
-def _whitening(sharp: Sight, slopes: Mapping[str, Outputs]) -> Whitening:
+def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitening:
     """Each output has the noise of its sensor, and what the noise of inputs makes of it."""
     scene, rig = sharp.scene, sharp.scene.rig
     sources = [*rig.outputs, *rig.inputs]

@@ -28,7 +28,7 @@ from .scene import Scene, may_be_set, scene
 from .sized import sized
 from .solve import Stalled
 from .term import Change
-from .visible import Sight, sight
+from .visible import VisibleOutputs, sight
 
 FAMILIES = {
     "dosing": dosing_rig,
@@ -226,7 +226,7 @@ def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> li
     return found
 
 
-def _possible(seen: Sight, terms: Sequence[Change]) -> bool:
+def _possible(seen: VisibleOutputs, terms: Sequence[Change]) -> bool:
     """Can the plant run so?"""
     try:
         seen.scene.truly(terms)
@@ -235,7 +235,7 @@ def _possible(seen: Sight, terms: Sequence[Change]) -> bool:
     return True
 
 
-def _added(seen: Sight, found: Sequence[Made]) -> float:
+def _added(seen: VisibleOutputs, found: Sequence[Made]) -> float:
     """What effects change together over what they change alone, root of the gains."""
     together = seen.gain([t for made in found for t in made.changes])
     alone = sum(seen.gain(made.changes) for made in found)

@@ -10,7 +10,7 @@ from .effect import Made
 from .effects import EFFECTS, Placed, entry_of, places_of
 from .sized import made_of
 from .solve import Stalled
-from .visible import Sight
+from .visible import VisibleOutputs
 
 MIRRORS = ({"worn", "fouling"}, {"late", "open-seat"})
 """A line that lets more and more through, and one that lets less through; a valve that opens late,
@@ -20,14 +20,16 @@ SHAPES = 5
 """Shapes of a rival that are tried, such as where a valve opens."""
 
 
-def margin_of(seen: Sight, placed: Placed, made: Made, flat: Array, seed: int) -> tuple[float, str]:
+def margin_of(
+    seen: VisibleOutputs, placed: Placed, made: Made, flat: Array, seed: int
+) -> tuple[float, str]:
     """Expected gain over the best other effect in the same module or what it feeds."""
     return margin(
         seen.change(made.changes), seen.sensitivities, flat, list(_rivals(seen, placed, seed))
     )
 
 
-def _rivals(seen: Sight, placed: Placed, seed: int) -> Iterator[Rival]:
+def _rivals(seen: VisibleOutputs, placed: Placed, seed: int) -> Iterator[Rival]:
     """Other effects that are near, each in some shapes."""
     rig = seen.scene.rig
     near = {placed.module, *rig.path(placed.module)}
@@ -47,7 +49,7 @@ def _rivals(seen: Sight, placed: Placed, seed: int) -> Iterator[Rival]:
                     yield _rival(seen, other, drawn, placed.effect.whole)
 
 
-def _rival(seen: Sight, placed: Placed, seed: int, bounded: bool) -> Rival:
+def _rival(seen: VisibleOutputs, placed: Placed, seed: int, bounded: bool) -> Rival:
     def change(size: float) -> Array | None:
         try:
             return seen.change(made_of(seen.scene, placed, size, seed).changes)

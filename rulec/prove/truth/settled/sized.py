@@ -10,7 +10,7 @@ from .effect import Here, Made
 from .effects import Placed
 from .scene import Scene
 from .solve import Stalled
-from .visible import Sight
+from .visible import VisibleOutputs
 
 TRIES = 14
 NEAR = 1.25
@@ -23,7 +23,7 @@ LEAST = 4.0
 """Expected gain that an effect has at least."""
 
 
-def sized(seen: Sight, placed: Placed, aim: float, seed: int) -> Made | None:
+def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made | None:
     """An effect so large that it can be seen as aimed; None where that is not possible.
 
     One without a size is as it is. Raises Stalled where it cannot be in this plant.

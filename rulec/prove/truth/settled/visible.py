@@ -25,7 +25,7 @@ RELATIVE = 1e-4
 
 
 @dataclass(frozen=True)
-class Sight:
+class VisibleOutputs:
     """What is seen of a scene: noise of each output, and how all that is uncertain changes it.
 
     Attributes
@@ -75,7 +75,7 @@ class Sight:
         return np.concatenate(parts)
 
 
-def sight(scene: Scene) -> Sight:
+def sight(scene: Scene) -> VisibleOutputs:
     """Find slopes by differences."""
     rig = scene.rig
     variance: dict[str, Any] = {n: noise_of(scene, n) ** 2 for n in rig.outputs}
@@ -85,7 +85,7 @@ def sight(scene: Scene) -> Sight:
             variance[output] = variance[output] + slopes[name][output] ** 2
     noise = {n: np.sqrt(v) for n, v in variance.items()}
     settled = settled_of(scene)
-    bare = Sight(scene, noise, np.zeros((0, 0)), settled)
+    bare = VisibleOutputs(scene, noise, np.zeros((0, 0)), settled)
     columns = [bare.over(change) for change in parameters_moved(scene)]
     zero = {n: np.zeros_like(scene.time) for n in rig.outputs}
     for name in rig.outputs:
@@ -93,7 +93,7 @@ def sight(scene: Scene) -> Sight:
     for name in rig.inputs:
         shift = {n: v / SENSING.statistical for n, v in slopes[name].items()}
         columns.append(bare.over(shift))
-    return Sight(scene, noise, np.stack(columns, 1), settled)
+    return VisibleOutputs(scene, noise, np.stack(columns, 1), settled)
 
 
 def slopes_of(scene: Scene) -> dict[str, dict[str, Array]]:

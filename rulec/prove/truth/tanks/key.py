@@ -30,7 +30,7 @@ class Right:
 
 
 def right(setup: Setup, one: Planted) -> Right:
-    """ScoreTest an effect up where it was planted."""
+    """Look an effect up where it was planted."""
     entry = _key()[id_of(one)]
     met = _conditions(setup, one)
     holding = [r for r in entry.get("right", ()) if met.issuperset(r.get("if", ()))]

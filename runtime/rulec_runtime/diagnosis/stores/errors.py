@@ -47,7 +47,7 @@ class LastingError:
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownErrors:
     """What is known of all errors: mean and covariance, at a time, from so many windows."""
 
     mean: Array
@@ -55,7 +55,7 @@ class Known:
     time: float = 0.0
     windows: int = 0
 
-    def later(self, time: float, drifts: Array) -> Known:
+    def later(self, time: float, drifts: Array) -> KnownErrors:
         """What is still known at a later time; `drifts` flags those that lose their memory."""
         kept = np.where(drifts, remembered(time - self.time), 1.0)
         covariance = self.covariance * np.outer(kept, kept) + np.diag(1.0 - kept**2)
@@ -84,6 +84,6 @@ def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> l
     return found
 
 
-def nothing_known(errors: list[LastingError]) -> Known:
+def nothing_known(errors: list[LastingError]) -> KnownErrors:
     """Before anything was seen: what the plant's file says."""
-    return Known(np.zeros(len(errors)), np.eye(len(errors)))
+    return KnownErrors(np.zeros(len(errors)), np.eye(len(errors)))

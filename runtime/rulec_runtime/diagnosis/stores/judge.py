@@ -17,7 +17,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
-from rulec_runtime.diagnosis.stores.errors import Known, nothing_known
+from rulec_runtime.diagnosis.stores.errors import KnownErrors, nothing_known
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
@@ -47,7 +47,7 @@ class Judged:
     """
 
     window: Window
-    known: Known
+    known: KnownErrors
     plain: Fitted | None
     freedom: int
     deviating: bool
@@ -88,7 +88,12 @@ class Judge:
         return result
 
     def _judged(
-        self, window: Window, known: Known, before: Judged | None, nominal: Array, chance: float
+        self,
+        window: Window,
+        known: KnownErrors,
+        before: Judged | None,
+        nominal: Array,
+        chance: float,
     ) -> Judged:
         """Judge a window; it starts from where the one before was at that time."""
         if window.because:
@@ -131,7 +136,7 @@ class Judge:
     def _fitted(
         self,
         window: Window,
-        known: Known,
+        known: KnownErrors,
         guesses: Sequence[Guess],
         limit: float,
         faults: tuple[str, ...] = (),
@@ -152,7 +157,7 @@ class Judge:
         said = float(counts @ self.share) - len(self.model.dynamics.states)
         return max(int(said), 1)
 
-    def _directions(self, window: Window, known: Known, plain: Fitted) -> tuple[Array, Array]:
+    def _directions(self, window: Window, known: KnownErrors, plain: Fitted) -> tuple[Array, Array]:
         """Pull on each degree from 0, and the information on it beside all errors."""
         guess = Guess(plain.guess.starts, plain.guess.errors, np.zeros(len(self.faults)))
         _, slopes, _ = self.model.simulate(window, guess, self.faults)
@@ -173,7 +178,7 @@ class Judge:
     def _test(
         self,
         window: Window,
-        known: Known,
+        known: KnownErrors,
         plain: Fitted,
         fault: FaultSpec,
         guesses: Sequence[Guess],
@@ -211,14 +216,14 @@ class Judge:
             return False
         return judged.plain.chi < chi_square_limit(judged.freedom, limits.CALM)
 
-    def _learned(self, judged: Judged) -> Known:
+    def _learned(self, judged: Judged) -> KnownErrors:
         """What a calm window adds to what was known."""
         plain = judged.plain
         assert plain is not None
         starts = len(plain.guess.starts)
         covariance = plain.covariance[starts:, starts:]
         time, windows = judged.window.middle, judged.known.windows + 1
-        return Known(plain.guess.errors, covariance, time, windows)
+        return KnownErrors(plain.guess.errors, covariance, time, windows)
 
 
 def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:

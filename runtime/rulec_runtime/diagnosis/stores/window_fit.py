@@ -13,7 +13,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
-from rulec_runtime.diagnosis.stores.errors import Known, LastingError
+from rulec_runtime.diagnosis.stores.errors import KnownErrors, LastingError
 from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import Balances, RanAway
@@ -113,7 +113,7 @@ class Model:
         return shown, slopes, course.states
 
     def fit(
-        self, window: Window, known: Known, guess: Guess, faults: Sequence[str] = ()
+        self, window: Window, known: KnownErrors, guess: Guess, faults: Sequence[str] = ()
     ) -> Fitted | None:
         """The most probable unknowns, from a guess; None where nothing can be simulated."""
         specs = [self.ruleset.fault_by_id[f] for f in faults]
@@ -139,7 +139,12 @@ class Model:
         return best
 
     def _tried(
-        self, window: Window, known: Known, certain: Array, guess: Guess, faults: Sequence[str]
+        self,
+        window: Window,
+        known: KnownErrors,
+        certain: Array,
+        guess: Guess,
+        faults: Sequence[str],
     ) -> Fitted | None:
         try:
             shown, slopes, states = self.simulate(window, guess, faults)
@@ -169,7 +174,7 @@ class Model:
     def _step(
         self,
         window: Window,
-        known: Known,
+        known: KnownErrors,
         certain: Array,
         at: Fitted,
         damping: float,
