@@ -1,10 +1,9 @@
 """The proof on concealed effects: how far can the answers of `rulec mismatch` be trusted?
 
 Files in order of data flow: `command` (options), `partition` (which cases), `campaign` (seal,
-analyse, judge; with `analyst`, `kept` and `ending`), `judge`, `results` (a judged case, a run),
-`attainable` (what could be reached at best), `scores` (against the goals in `limits`; with
+analyse, judge; with `analyst`, `run_folder` and `ending`), `judge`, `results` (a judged case, a
+run), `attainable` (what could be reached at best), `scores` (against the goals in `limits`; with
 `mistakes` and `calibration`), `page` (with `tables` and `pictures`) and `terminal`. `baselines`
 (with `aligned`, `trees` and `sparse`) learn the residual instead: they predict and name nothing.
-`refit` asks of a kept run what the search lost and what the readings do not hold (with
-`nonparametric_term`). `truth` is the independent simulator.
+`truth` is the independent simulator.
 """

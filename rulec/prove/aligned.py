@@ -165,15 +165,3 @@ def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
     if usable.sum() < FEWEST_IN_A_COURSE or np.std(course[usable]) == 0 or np.std(truth) == 0:
         return 0.0
     return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
-
-
-def driver_text(clock: Array, driver: Array) -> str:
-    """The course of an unrecorded driver, as CSV."""
-    rows = [f"{t!r},{v!r}" for t, v in zip(clock.tolist(), driver.tolist(), strict=True)]
-    return "\n".join([f"{TIME},driver", *rows, ""])
-
-
-def driver_of(text: str) -> tuple[Array, Array]:
-    """Times and values of what `driver_text` wrote."""
-    columns = columns_of(text)
-    return columns[TIME], columns["driver"]

@@ -18,15 +18,14 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import in_order
-from rulec.prove.aligned import driver_text
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.judge import judge
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Judged
 from rulec.prove.run_folder import CASES, SEALS, tool_digest
-from rulec.prove.truth.sealed import Case, Request
+from rulec.prove.truth.sealed import Case
 
-OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"
+OPENED = "answer-opened.json"
 
 OnProgress = Callable[[str, int, int], None]
 """Called with the name of the work, how much of it is done, and how much there is."""
@@ -95,7 +94,7 @@ def asked(folders: Sequence[Path], engine: Engine, on_progress: OnProgress) -> N
     done = len(folders) - len(todo)
     on_progress("analysing", done, len(folders))
     for _ in spread(
-        _analyse, todo, engine, lambda n: on_progress("analysing", done + n, len(folders))
+        analyse, todo, engine, lambda n: on_progress("analysing", done + n, len(folders))
     ):
         pass
 
@@ -132,10 +131,6 @@ def _seal(case: Planned, folder: Path) -> str:
     return digest
 
 
-def _analyse(folder: Path) -> None:
-    analyse(folder)
-
-
 def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]]:
     """A case made again, and what the tool wrote of it.
 
@@ -152,9 +147,6 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judg
     made, form = opened(case, folder, seal)
     result = judge(made, form, folder, partition)
     write_text(folder / OPENED, made.answer.to_json())
-    driver = made.reference(Request(())).driver if made.answer.unrecorded else None
-    if driver is not None:
-        write_text(folder / DRIVER, driver_text(*driver))
     return result
 
 

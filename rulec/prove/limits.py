@@ -106,16 +106,6 @@ CLAIMED = math.log(CANDIDATES / FALSE_CLAIMS)
 """Gain in log likelihood from which on the best analyst claims an effect. Origin: distribution,
 Bonferroni's bound over CANDIDATES likelihood ratios, each above 1/p with probability p at most."""
 
-# The truth refitted ------------------------------------------------------------------------------
-
-CLEAR = 3.0
-"""Gain in log likelihood by which the true laws must lead the answer: odds of 20. Origin:
-assumed."""
-
-LIKELY = 0.5
-"""Chance of a name at best from which on the readings hold it. Origin: assumed, more likely than
-not."""
-
 # Baselines ---------------------------------------------------------------------------------------
 
 CHUNKS = 12
