@@ -8,8 +8,9 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.wording import actions, headline
 
+from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
-from rulec.simulation.simulate import simulate
+from rulec.simulation.simulate import simulate_with
 from tests.conftest import compiled
 
 SAMPLES = 240
@@ -23,7 +24,7 @@ def test_a_leak_and_a_meter_that_reads_low_are_told_together(true: str, course: 
     rules = compiled("zema-hydraulic")
     time = np.arange(float(SAMPLES))
     grown = np.clip((time - 60.0) / 150.0, 0.0, 1.0) if course == "ramp" else time >= 60.0
-    found = simulate(rules, {}, {true: 0.1 * grown})
+    found = simulate_with(equations_of(rules), {}, {true: 0.1 * grown})
     values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
     recording = Recording(
         time=time, values=values, segment=np.zeros(SAMPLES, dtype=int), missing=(), notes=()

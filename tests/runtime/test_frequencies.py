@@ -34,8 +34,9 @@ from rulec_runtime.report.wording import actions, headline, why_first
 
 from rulec.export.play import played, results_csv
 from rulec.passes.pipeline import compile_plant
+from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
-from rulec.simulation.simulate import simulate
+from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
 
@@ -85,7 +86,7 @@ def leaking() -> Recording:
     """A tenth of the flow is lost from a time on."""
     rules = listed()
     time = np.arange(float(SAMPLES))
-    found = simulate(rules, {}, {LEAK: 0.1 * (time >= 60.0)})
+    found = simulate_with(equations_of(rules), {}, {LEAK: 0.1 * (time >= 60.0)})
     values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
     segment = np.zeros(SAMPLES, dtype=int)
     return Recording(time=time, values=values, segment=segment, missing=(), notes=())
