@@ -21,6 +21,7 @@ from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
 from rulec.separation.limits_file import read_limits
 from tests.conftest import ROOT
+from tests.hostile.json_cases import parts
 
 ERRORS = Path("tests/errors")
 EXAMPLES = sorted(f.name for f in (ROOT / ERRORS).iterdir() if f.is_dir())
@@ -242,22 +243,12 @@ def _mutant(rng: random.Random, raw: bytes) -> bytes:
         return b"".join(rng.sample(lines, len(lines)) if rng.random() < 0.3 else lines)
     data = yaml.safe_load(raw)
     for _ in range(rng.randint(1, 3)):
-        part, key = rng.choice(list(_parts(data)) or [(data, "x")])
+        part, key = rng.choice(list(parts(data)) or [(data, "x")])
         if rng.random() < 0.4:
             del part[key]
         else:
             part[key] = rng.choice(ODD)
     return yaml.dump(data, sort_keys=False).encode()
-
-
-def _parts(data: Any) -> Iterator[tuple[Any, Any]]:
-    """Every group or list with each of its keys."""
-    keys = (
-        list(data) if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
-    )
-    for key in keys:
-        yield data, key
-        yield from _parts(data[key])
 
 
 @pytest.mark.parametrize(

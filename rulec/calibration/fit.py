@@ -52,6 +52,20 @@ class Readings:
     own: Local
     true: TrueFlow
 
+    def errors(self, slopes: Mapping[str, Array], rows: np.ndarray) -> list[Array]:
+        """How far points move off the law, m3/s, if one sensor is one standard deviation off: per
+        sensor that the calibration rests on an array, shape (rows,)."""
+        own, true = self.own.systematic, self.true.errors
+        found = []
+        for name in dict.fromkeys([*own, *true]):
+            off: Array = np.zeros(len(rows))
+            if name in slopes:
+                off = off + slopes[name] * own[name][rows]
+            if name in true:
+                off = off - true[name][rows]
+            found.append(off)
+        return found
+
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverFit:
@@ -109,7 +123,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         module=module.name,
         parameters=tuple(names),
         values=values,
-        covariance=_joint_covariance(parts, readings),
+        covariance=_joint_covariance(parts),
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
         valid=_range(model, readings, kept_all),
@@ -124,13 +138,14 @@ def _held(module: Module, model: TypeModel) -> set[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row)."""
+    """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row), `errors` are
+    those of the calibrating sensors there."""
 
     values: Array
     rows: np.ndarray
     statistical: Array
     sensitivity: Array
-    slopes: Mapping[str, Array]
+    errors: Sequence[Array]
     untold: tuple[str, ...]
     summary: ObserverFit
 
@@ -173,7 +188,7 @@ def _fit_observer(
             noise=noise,
             least=max(LEAST_SCATTER * size, float(np.sqrt(law + usual))),
             slopes=slopes,
-            errors=[_error(slopes, kept, name, readings) for name in _calibrating(readings)],
+            errors=readings.errors(slopes, kept),
         )
 
     usual = error(best, kept)[1]
@@ -204,7 +219,7 @@ def _fit_observer(
         statistical=(noisy @ noisy.T + covariance @ precision @ covariance)
         * np.outer(factor, factor),
         sensitivity=sensitivity * factor[:, None],
-        slopes=found.slopes,
+        errors=found.errors,
         untold=tuple(n for n, u in zip(free, known.left(covariance), strict=True) if u > UNTOLD),
         summary=summary,
     )
@@ -226,6 +241,7 @@ class _Near:
     weighing: Array
     inward: Array
     slopes: Mapping[str, Array]
+    errors: Sequence[Array]
 
     @classmethod
     def of(
@@ -252,6 +268,7 @@ class _Near:
             weighing=np.linalg.solve(scatter, sizes[:, None] * along),
             inward=np.linalg.solve(scatter, across.T),
             slopes=slopes,
+            errors=errors,
         )
 
     @property
@@ -303,11 +320,10 @@ def _own_misfit(
     Source: Bayesian linear regression with conjugate priors; freedom is the trace of what is left
     free (Hastie, Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
     """
-    errors = [_error(near.slopes, rows, name, readings) for name in _calibrating(readings)]
-    slopes = np.column_stack([near.jacobian, *errors])
+    slopes = np.column_stack([near.jacobian, *near.errors])
     mean, precise = known.near(at)
-    precision = np.concatenate([np.diag(precise), np.ones(len(errors))])
-    centre = np.concatenate([mean - at, np.zeros(len(errors))])
+    precision = np.concatenate([np.diag(precise), np.ones(len(near.errors))])
+    centre = np.concatenate([mean - at, np.zeros(len(near.errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
     for _ in range(JOINING_STEPS if misfit else 0):
         before, variance = misfit, misfit**2
@@ -444,7 +460,7 @@ def _must_be_determined(
         )
 
 
-def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
+def _joint_covariance(parts: Sequence[_Part]) -> Array:
     """Scatter of each fit, plus errors of the calibrating sensors, shared by all fits."""
     count = sum(len(p.values) for p in parts)
     covariance = np.zeros((count, count))
@@ -453,27 +469,10 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
         end = place + len(part.values)
         covariance[place:end, place:end] = part.statistical
         place = end
-    for name in _calibrating(readings):
-        shift = np.concatenate(
-            [p.sensitivity @ _error(p.slopes, p.rows, name, readings) for p in parts]
-        )
+    for errors in zip(*(p.errors for p in parts), strict=True):
+        shift = np.concatenate([p.sensitivity @ e for p, e in zip(parts, errors, strict=True)])
         covariance += np.outer(shift, shift)
     return covariance
-
-
-def _calibrating(readings: Readings) -> list[str]:
-    """Names of all sensors that a calibration rests on."""
-    return list(dict.fromkeys([*readings.own.systematic, *readings.true.errors]))
-
-
-def _error(slopes: Mapping[str, Array], rows: np.ndarray, name: str, readings: Readings) -> Array:
-    """How far points move off the law, m3/s, if one sensor is one standard deviation off."""
-    off: Array = np.zeros(len(rows))
-    if name in slopes:
-        off = off + slopes[name] * readings.own.systematic[name][rows]
-    if name in readings.true.errors:
-        off = off - readings.true.errors[name][rows]
-    return off
 
 
 def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, CalibratedRange]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 
 from rulec.export.identifiers import FLOW, Identifiers, Outputs
-from rulec.export.parameters import named_constants
 from rulec.export.program import (
     Expression,
     Name,
@@ -20,6 +19,7 @@ from rulec.export.program import (
 )
 from rulec.export.readings import Reading, checked, reading_of
 from rulec.export.specialised import graph_of, put_into
+from rulec.export.value_names import named_constants
 from rulec.export.writer import Writer
 
 _KINDS = ("q", "dq")

@@ -9,9 +9,7 @@ import rulec_runtime.limits as runtime_limits
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
 
-from rulec.export.hints import hints_of
 from rulec.export.identifiers import FLOW, Identifiers, Outputs
-from rulec.export.parameters import named_constants
 from rulec.export.program import (
     Expression,
     Name,
@@ -28,6 +26,7 @@ from rulec.export.program import (
 from rulec.export.readings import checked, reading_of
 from rulec.export.specialised import graph_of, put_into
 from rulec.export.uncertainty import Terms, of_reading, signed, spread
+from rulec.export.value_names import hints_of, named_constants
 from rulec.export.writer import Writer
 
 

@@ -42,6 +42,18 @@ class Element:
         """Children of a tag."""
         return (child for child in self.children if child.tag == tag)
 
+    def attribute(self, name: str) -> Element | None:
+        """Its first attribute of a name."""
+        return next((a for a in self.of("Attribute") if a.get("Name") == name), None)
+
+    def values(self) -> dict[str, str]:
+        """Values of its attributes by their names in lower case."""
+        return {a.get("Name").lower(): a.texts.get("Value", "") for a in self.of("Attribute")}
+
+    def inside(self) -> Iterator[Element]:
+        """Internal elements among this element and all below it, in the order of the file."""
+        return (element for element in self.walk() if element.tag == "InternalElement")
+
     def walk(self) -> Iterator[Element]:
         """This element and all below it, in the order of the file."""
         waiting = [self]

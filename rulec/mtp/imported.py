@@ -151,8 +151,7 @@ def _module(one: Imported) -> dict[str, Any]:
                     for p in service.procedures
                 ],
                 "parameters": [
-                    {"name": p.name, "kind": p.kind, "tag": p.tag.name if p.tag else None}
-                    for p in service.parameters
+                    {**vars(p), "tag": p.tag.name if p.tag else None} for p in service.parameters
                 ],
             }
             for service in package.services

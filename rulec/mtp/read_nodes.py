@@ -26,8 +26,8 @@ _REMEDY = "look the node up in the server, and write its id into the map"
 
 def read_servers(space: Space, package: Element, odd: list[Oddity]) -> Iterator[Server]:
     """Servers of a module, each with its endpoint, empty where the file says none."""
-    for element in package.walk():
-        if element.tag == "InternalElement" and _is_server(space, element):
+    for element in package.inside():
+        if element.attribute("Endpoint") is not None or space.is_a(element, _SERVERS):
             endpoint = checked(_value(element, "Endpoint"), "an endpoint", element.place)
             if not endpoint.startswith("opc.tcp://"):
                 odd.append(
@@ -40,10 +40,6 @@ def read_servers(space: Space, package: Element, odd: list[Oddity]) -> Iterator[
                 )
                 endpoint = ""
             yield Server(name=space.name(element), endpoint=endpoint)
-
-
-def _is_server(space: Space, element: Element) -> bool:
-    return _attribute(element, "Endpoint") is not None or space.is_a(element, _SERVERS)
 
 
 def read_items(space: Space, package: Element, odd: list[Oddity]) -> Mapping[int, Node | None]:
@@ -60,15 +56,15 @@ def read_items(space: Space, package: Element, odd: list[Oddity]) -> Mapping[int
 
 
 def is_item(space: Space, element: Element) -> bool:
-    named = {a.get("Name") for a in element.of("Attribute")}
-    return "Identifier" in named or space.is_a(element, _ITEMS)
+    return element.attribute("Identifier") is not None or space.is_a(element, _ITEMS)
 
 
 def _node(space: Space, element: Element, server: str, odd: list[Oddity]) -> Node | None:
     identifier = checked(_value(element, "Identifier"), "an identifier", element.place)
     namespace = checked(_value(element, "Namespace"), "a namespace", element.place)
     try:
-        found = node_id(identifier, namespace, _type(element, "Identifier"))
+        said = element.attribute("Identifier")
+        found = node_id(identifier, namespace, said.get("AttributeDataType") if said else "")
     except ValueError as error:
         text = f"the item '{space.name(element)}' has {error}"
         odd.append(
@@ -124,15 +120,6 @@ def _valid(kind: str, value: str) -> str:
     return value
 
 
-def _attribute(element: Element, name: str) -> Element | None:
-    return next((a for a in element.of("Attribute") if a.get("Name") == name), None)
-
-
 def _value(element: Element, name: str) -> str:
-    found = _attribute(element, name)
+    found = element.attribute(name)
     return (found.texts.get("Value") or found.texts.get("DefaultValue", "")) if found else ""
-
-
-def _type(element: Element, name: str) -> str:
-    found = _attribute(element, name)
-    return found.get("AttributeDataType") if found else ""

@@ -41,10 +41,11 @@ def read_packages(path: Path) -> list[Package]:
 
 def _packages(space: Space) -> Iterator[Element]:
     """The elements that stand for a module each: packages, or what holds a list of instances."""
-    elements = [e for root in space.roots for e in root.walk() if e.tag == "InternalElement"]
-    lists = [e for e in elements if space.is_named(e, ("InstanceList",))]
+    elements = (e for root in space.roots for e in root.inside())
     seen: set[int] = set()
-    for one in lists:
+    for one in elements:
+        if not space.is_named(one, ("InstanceList",)):
+            continue
         holder = one.parent or one
         while holder.parent is not None and holder.parent.tag == "InternalElement":
             if holder.get("RefBaseSystemUnitPath").endswith(_PACKAGE):
@@ -91,11 +92,12 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
             " Export each alone"
         )
     symbols, connections = read_pictures(space, parts)
+    version = element.attribute("Version")
     return Package(
         file=path.name,
         name=space.name(element),
         title=element.texts.get("Description", ""),
-        version=element.texts.get("Version") or _text(element, "Version"),
+        version=element.texts.get("Version") or (version.texts.get("Value", "") if version else ""),
         writer=_writer(space.roots),
         tags=tags,
         servers=servers or (Server(name="", endpoint=""),),
@@ -139,12 +141,6 @@ def _twice(space: Space) -> Iterator[Oddity]:
             text=text,
             remedy="what refers to it is left out; give each element an id of its own",
         )
-
-
-def _text(element: Element, name: str) -> str:
-    return next(
-        (a.texts.get("Value", "") for a in element.of("Attribute") if a.get("Name") == name), ""
-    )
 
 
 def _writer(roots: Sequence[Element]) -> str:

@@ -35,6 +35,9 @@ class _Box:
         dy = max(self.y - y, 0.0, y - self.y - self.height)
         return float((dx * dx + dy * dy) ** 0.5)
 
+    def is_near(self, x: float, y: float) -> bool:
+        return self.distance(x, y) <= limits.NEAR_SYMBOL * min(self.width, self.height)
+
 
 def read_pictures(
     space: Space, parts: Sequence[Element]
@@ -43,8 +46,8 @@ def read_pictures(
     symbols: list[Symbol] = []
     connections: list[Connection] = []
     for part in parts:
-        for picture in part.walk():
-            if picture.tag == "InternalElement" and space.is_a(picture, _PICTURES):
+        for picture in part.inside():
+            if space.is_a(picture, _PICTURES):
                 shown, joined = _picture(space, picture)
                 symbols += shown
                 connections += joined
@@ -52,11 +55,8 @@ def read_pictures(
 
 
 def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connection]]:
-    things = [
-        e
-        for e in picture.walk()
-        if e.tag == "InternalElement" and e is not picture and not space.passes(e, _PORTS)
-    ]
+    inside = (e for e in picture.inside() if e is not picture)
+    things = [e for e in inside if not space.passes(e, _PORTS)]
     pipes = [e for e in things if space.is_a(e, _PIPES)]
     drawn = {id(e): e for e in things if not space.passes(e, _LINES)}
     named = _names(space, drawn)
@@ -88,12 +88,8 @@ def _names(space: Space, drawn: Mapping[int, Element]) -> dict[int, str]:
 
 
 def _symbol(element: Element, name: str) -> Symbol:
-    texts = _texts(element)
+    texts = element.values()
     return Symbol(name=name, code=texts.get(_CODE, "").strip(), tag=texts.get("refid", "").lower())
-
-
-def _texts(element: Element) -> dict[str, str]:
-    return {a.get("Name").lower(): a.texts.get("Value", "") for a in element.of("Attribute")}
 
 
 def _links(
@@ -131,25 +127,21 @@ def _joined(
     links: Sequence[tuple[int, Element]],
 ) -> Iterator[Connection]:
     """Symbols at the ends of a pipe: linked ones, and where an end has no link the nearest."""
-    path = _edge_path(_texts(pipe).get("edgepath", ""))
+    path = _edge_path(pipe.values().get("edgepath", ""))
     ends = {named[key]: True for key, _ in links if key in named}
     through = [named[key] for key, _ in links if key in named]
     if len(through) < 2 and path:
         for x, y in (path[0], path[-1]):
             near = min(boxes, key=lambda name: boxes[name].distance(x, y), default=None)
-            if near is not None and _near(boxes[near], x, y):
+            if near is not None and boxes[near].is_near(x, y):
                 ends.setdefault(near, False)
     for one, other in itertools.pairwise(ends):
         linked = ends[one] and ends[other]
         yield Connection(ends=(one, other), linked=linked, pipe=space.name(pipe))
 
 
-def _near(box: _Box, x: float, y: float) -> bool:
-    return box.distance(x, y) <= limits.NEAR_SYMBOL * min(box.width, box.height)
-
-
 def _box(element: Element) -> _Box | None:
-    texts = _texts(element)
+    texts = element.values()
     try:
         x, y = float(texts["x"]), float(texts["y"])
     except (KeyError, ValueError):

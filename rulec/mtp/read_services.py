@@ -22,13 +22,13 @@ def read_services(
     """Services in the order of the files."""
     by_reference = {tag.reference: tag for tag in tags if tag.reference}
     for part in parts:
-        for element in part.walk():
-            if element.tag == "InternalElement" and space.is_a(element, _SERVICES):
+        for element in part.inside():
+            if space.is_a(element, _SERVICES):
                 yield _service(space, element, by_reference, odd)
 
 
 def _service(space: Space, element: Element, tags: Mapping[str, Tag], odd: list[Oddity]) -> Service:
-    inside = [e for e in element.walk() if e.tag == "InternalElement"]
+    inside = list(element.inside())
     parameters = {
         id(e): _parameter(space, e, tags, odd) for e in inside if space.passes(e, _PARAMETER)
     }
@@ -47,7 +47,7 @@ def _procedure(
     parameters: Mapping[int, Parameter],
     by_id: Mapping[str, Parameter],
 ) -> Procedure:
-    texts = {a.get("Name").lower(): a.texts.get("Value", "") for a in element.of("Attribute")}
+    texts = element.values()
     own = [parameters[id(e)] for e in element.walk() if id(e) in parameters]
     asked = texts.get("requiredparameters", "").lower().split()[: limits.MOST_LISTED]
     return Procedure(

@@ -23,8 +23,8 @@ def read_tags(
     space: Space, package: Element, items: Mapping[int, Node | None], odd: list[Oddity]
 ) -> Iterator[Tag]:
     """Tags of a module, in the order of the file. Raises `MtpRefused` for names that are none."""
-    for one in package.walk():
-        if one.tag == "InternalElement" and space.is_named(one, _LISTS):
+    for one in package.inside():
+        if space.is_named(one, _LISTS):
             for element in _leaves(one):
                 yield _tag(space, element, items, odd)
 

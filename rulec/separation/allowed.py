@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -15,31 +15,9 @@ from rulec.study.points import range_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class InputLimits:
-    """Of one input, as its sensor shows it: lowest, highest, largest rate per second; seconds for
-    which it is held at least; whether to change it costs product."""
-
-    lowest: float
-    highest: float
-    rate: float
-    hold: float
-    costs: bool
-
-
-@dataclass(frozen=True)
-class PlantLimits:
-    """Inputs that may be moved, modules whose change of flow costs product, and from where to where
-    readings must stay, SI."""
-
-    inputs: Mapping[str, InputLimits]
-    costly: frozenset[str]
-    readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Range:
     """How an input may be moved: between two values as its sensor shows them, at `rate` per second
-    at most, and for `hold` seconds at least."""
+    at most, and for `hold` seconds at least; whether that costs product."""
 
     signal: SignalSpec
     lowest: float
@@ -96,53 +74,35 @@ class Allowed:
     readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def allowed_of(ruleset: Ruleset, given: PlantLimits | None = None) -> Allowed:
+def allowed_of(ruleset: Ruleset, given: Allowed | None = None) -> Allowed:
     """Ranges of the inputs: of their sensors, calibrated, and as a file of limits has them.
 
     Where there is a file, what it does not name stays as it is. Where there is none, an input that
     was not calibrated stays near its reference.
     """
     named = {} if given is None else given.inputs
+    signals = (ruleset.signal_by_id[name] for name in ruleset.simulation.given)
     inputs = {
         signal.id: made
-        for signal, part in _movable(ruleset, given is not None, named)
-        if (made := _range(signal, part)) is not None
+        for signal in signals
+        if signal.is_input and (given is None or signal.id in named)
+        if (made := _range(signal, named.get(signal.id))) is not None
     }
-    if given is None:
-        return Allowed(inputs)
-    return Allowed(inputs, given.costly, given.readings)
+    return Allowed(inputs) if given is None else replace(given, inputs=inputs)
 
 
-def _movable(
-    ruleset: Ruleset, by_file: bool, named: Mapping[str, InputLimits]
-) -> Iterator[tuple[SignalSpec, InputLimits | None]]:
-    for name in ruleset.simulation.given:
-        signal = ruleset.signal_by_id[name]
-        if signal.is_input and (not by_file or name in named):
-            yield signal, named.get(name)
-
-
-def _range(signal: SignalSpec, part: InputLimits | None) -> Range | None:
+def _range(signal: SignalSpec, part: Range | None) -> Range | None:
     """None where nothing is left of the range."""
     low, high = _of_plant(signal, part is not None)
     if not high > low:
         return None
     # A negative factor would turn the ends round.
     lowest, highest = sorted((signal.shown(low), signal.shown(high)))
-    if part is not None:
-        lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
-    if not highest > lowest:
-        return None
     if part is None:
         return Range(signal=signal, lowest=lowest, highest=highest)
-    return Range(
-        signal=signal,
-        lowest=lowest,
-        highest=highest,
-        rate=part.rate,
-        hold=max(part.hold, limits.STEP_SECONDS),
-        costs=part.costs,
-    )
+    lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
+    hold = max(part.hold, limits.STEP_SECONDS)
+    return replace(part, lowest=lowest, highest=highest, hold=hold) if highest > lowest else None
 
 
 def _of_plant(signal: SignalSpec, by_file: bool) -> tuple[float, float]:

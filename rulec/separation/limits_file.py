@@ -14,10 +14,10 @@ from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Refused, did_you_mean
 from rulec.language.reader import Reader
 from rulec.language.units import UNKNOWN, Unit
-from rulec.separation.allowed import InputLimits, PlantLimits
+from rulec.separation.allowed import Allowed, Range
 
 
-def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
+def read_limits(path: Path, ruleset: Ruleset) -> Allowed:
     """Read the limits of a plant; raises `Refused` with every mistake in the file."""
     document, units = read_alone(path, "limits")
     reader = Reader(document, table_of(units, []), [])
@@ -35,10 +35,10 @@ def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
     readings = _readings(reader, ruleset)
     if reader.found:
         raise Refused(reader.found)
-    return PlantLimits(inputs, frozenset(modules), readings)
+    return Allowed(inputs, frozenset(modules), readings)
 
 
-def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, InputLimits]:
+def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, Range]:
     known = {s.id: s for s in ruleset.signals if s.is_input and s.id in ruleset.simulation.given}
     read = {}
     for name, part in reader.document.data["inputs"].items():
@@ -90,7 +90,7 @@ def _unit(reader: Reader, path: tuple[str, str], signal: SignalSpec) -> Unit | N
 
 def _one(
     reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
-) -> InputLimits | None:
+) -> Range | None:
     """The limits of an input in the unit that its sensor shows; None where they are wrong."""
     unit = _unit(reader, path, signal)
     if unit is None:
@@ -108,7 +108,8 @@ def _one(
         if bound is not None and highest < signal.shown(bound):
             _outside(reader, path, signal, "begins", bound)
             return None
-    return InputLimits(
+    return Range(
+        signal=signal,
         lowest=lowest,
         highest=highest,
         rate=part.get("rate", math.inf) * unit.factor / signal.factor,

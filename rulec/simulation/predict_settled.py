@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import Equations, SimulationRefused
 from rulec.simulation.other_points import other_point
-from rulec.simulation.prediction import Injected, Prediction, recorded_of, rows
+from rulec.simulation.prediction import Injected, Prediction, beyond_ends, recorded_of, rows
 from rulec.simulation.shut_off import nearly_shut, without_flow
 from rulec.simulation.simulate import Simulated, simulate_with
 
@@ -154,13 +154,10 @@ def _beyond_sensors(equations: Equations, values: Mapping[str, Array]) -> Iterat
     """Predicted readings that the sensor cannot show, or that diagnosis would not trust."""
     for name in equations.predicted:
         signal = equations.ruleset.signal_by_id[name]
-        for limit, beyond, word in (
-            (signal.lowest, values[name] < (signal.lowest or 0.0), "below its sensor's range"),
-            (signal.highest, values[name] > (signal.highest or 0.0), "above its sensor's range"),
-            (signal.minimum, values[name] < (signal.minimum or 0.0), "below its minimum"),
-        ):
-            if limit is not None and beyond.any():
-                yield f"{rows(beyond)}: {name} is predicted {word}"
+        for beyond, word, _ in beyond_ends(signal, values[name]):
+            yield f"{rows(beyond)}: {name} is predicted {word} its sensor's range"
+        if signal.minimum is not None and (below := values[name] < signal.minimum).any():
+            yield f"{rows(below)}: {name} is predicted below its minimum"
 
 
 def _more_than_one(

@@ -17,8 +17,15 @@ from rulec_runtime.simulation.balances import Balances, RanAway
 
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 from rulec.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
-from rulec.simulation.prediction import Injected, Prediction, recorded_of, rows, within_range
-from rulec.simulation.run import Run, course, run_of
+from rulec.simulation.prediction import (
+    Injected,
+    Prediction,
+    beyond_ends,
+    recorded_of,
+    rows,
+    within_range,
+)
+from rulec.simulation.run import course, run_of
 
 SHOWN = "shown:"
 DEGREE = "x."
@@ -133,7 +140,13 @@ def _stored(
     for file, start in zip(files, own, strict=True):
         last = first + len(file.time)
         run = run_of(file, {n: inputs[n][first:last] for n in every}, held, told)
-        found.append(_integrated(ruleset, {**dynamics.values, **start}, balances, file, run))
+        try:
+            found.append(course(balances, run, {**dynamics.values, **start}))
+        except RanAway:
+            raise SimulationRefused(
+                f"{file.path}: a state of {ruleset.plant} grows beyond all bounds; check the "
+                "values of its modules, and the unit of the given columns"
+            ) from None
         first = last
     shown = np.concatenate(found)
     values = {name: shown[:, i] for i, name in enumerate(names)}
@@ -142,23 +155,6 @@ def _stored(
     return Prediction(
         given=tuple(given), values=values, whole=whole, notes=tuple(told), limited=names
     )
-
-
-def _integrated(
-    ruleset: Ruleset,
-    values: Mapping[str, float],
-    balances: Balances,
-    file: RecordingFile,
-    run: Run,
-) -> Array:
-    """What is shown in the rows of a file, shape (rows, outputs)."""
-    try:
-        return course(balances, run, values)
-    except RanAway:
-        raise SimulationRefused(
-            f"{file.path}: a state of {ruleset.plant} grows beyond all bounds; check the values "
-            "of its modules, and the unit of the given columns"
-        ) from None
 
 
 def _asked(ruleset: Ruleset, dynamics: Dynamics, files: Sequence[RecordingFile]) -> set[str]:
@@ -177,12 +173,8 @@ def _beyond_sensors(ruleset: Ruleset, values: Mapping[str, Array]) -> Iterator[s
     """Readings that their sensors show as an end of their range."""
     for name, value in values.items():
         signal = ruleset.signal_by_id[name]
-        for limit, beyond, word in (
-            (signal.lowest, value < (signal.lowest or 0.0), "below"),
-            (signal.highest, value > (signal.highest or 0.0), "above"),
-        ):
-            if limit is not None and beyond.any():
-                yield (
-                    f"{rows(beyond)}: {name} would be {word} its sensor's range, which then shows "
-                    f"{signal.shown(limit):.4g} {signal.unit}"
-                )
+        for beyond, word, end in beyond_ends(signal, value):
+            yield (
+                f"{rows(beyond)}: {name} would be {word} its sensor's range, which then shows "
+                f"{signal.shown(end):.4g} {signal.unit}"
+            )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import SimulationRefused
@@ -26,7 +26,7 @@ class Injected:
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """What a model says of a recording of n rows.
+    """What a model says of a recording of n rows; of perfect sensors, before `sense`.
 
     Attributes
     ----------
@@ -71,6 +71,14 @@ def within_range(
     for name in names:
         result[name] = np.clip(result[name], *ruleset.signal_by_id[name].ends)
     return result
+
+
+def beyond_ends(signal: SignalSpec, values: Array) -> Iterator[tuple[np.ndarray, str, float]]:
+    """Where readings leave the range of their sensor: flags, at which end, and that end, SI."""
+    low, high = signal.ends
+    for beyond, word, end in ((values < low, "below", low), (values > high, "above", high)):
+        if beyond.any():
+            yield beyond, word, end
 
 
 def rows(flags: np.ndarray) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import ABSURD, PAUSE
 from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.recordings.thin import filled
 from rulec_runtime.simulation.balances import Balances
 
 from rulec import limits
@@ -59,7 +60,7 @@ def run_of(
             notes.append(
                 f"{file.path.name}: {rows(blank)}: {name} has no reading; the last one counts on"
             )
-    columns = [_carried(values[order]) for values in inputs.values()]
+    columns = [filled(values[order]) for values in inputs.values()]
     whole = np.column_stack(columns) if columns else np.empty((len(order), 0))
     return Run(len(file.time), order, time, whole, held)
 
@@ -99,13 +100,6 @@ def _gaps(time: Array) -> NDArray[np.bool_]:
 
 def _interval(steps: Array) -> float:
     return float(np.median(steps[steps > 0])) if np.any(steps > 0) else np.inf
-
-
-def _carried(values: Array) -> Array:
-    """The last reading where one is missing; before the first one, the first."""
-    there = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))
-    return values[np.where(last < 0, int(np.argmax(there)), last)]
 
 
 def _bridged(run: Run) -> tuple[Array, Array, NDArray[np.intp]]:

@@ -16,18 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.simulation.equations import (
-    Equations,
-    SimulationRefused,
-    StepEquations,
-    equations_of,
-)
+from rulec.simulation.equations import Equations, SimulationRefused, StepEquations
 from rulec.simulation.newton import Index, Systems, follow
 from rulec.simulation.operating_points import OperatingPoints
-
-__all__ = ["Simulated", "SimulationRefused", "simulate", "simulate_with"]
 
 Given = Mapping[str, Array | float]
 
@@ -59,8 +51,13 @@ class Simulated:
         return self._course.why(sample) if self.failed[sample] >= 0 else ""
 
 
-def simulate(
-    ruleset: Ruleset, given: Given, degrees: Given, offsets: Given | None = None
+def simulate_with(
+    equations: Equations,
+    given: Given,
+    degrees: Given,
+    offsets: Given | None = None,
+    solve: Solver = follow,
+    start: Given | None = None,
 ) -> Simulated:
     """Find the readings of a plant.
 
@@ -71,27 +68,13 @@ def simulate(
         shows, also where a fault makes it wrong. Where it is NaN, what hangs on it is not found.
     degrees : per fault id its degree, shape (n,) or a number. Several faults may act at once.
     offsets : per observer id how far its law is off the truth, m3/s.
+    solve : `newton.follow`, or what behaves alike; it starts from the reference point.
+    start : readings to start from instead, shape (n,), SI.
 
     Raises
     ------
     SimulationRefused
-        The plant cannot be simulated, or a name or number is not one of this plant.
-    """
-    return simulate_with(equations_of(ruleset), given, degrees, offsets)
-
-
-def simulate_with(
-    equations: Equations,
-    given: Given,
-    degrees: Given,
-    offsets: Given | None = None,
-    solve: Solver = follow,
-    start: Given | None = None,
-) -> Simulated:
-    """As `simulate`, where the equations of the plant are known already.
-
-    `solve` is `newton.follow` or behaves alike; it starts from the reference point, or from
-    readings in `start`, shape (n,).
+        A name or number is not one of this plant.
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)

@@ -14,7 +14,7 @@ from rulec_runtime.report.text import safe
 
 from rulec.study.campaign import Settings
 from rulec.study.points import Points
-from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences, verdict
+from rulec.study.summary import LEGEND, TITLES, figures_of, per_type, percent, sentences, verdict
 from rulec.study.tally import Cell, Tally
 
 
@@ -50,18 +50,12 @@ def study_page(
 
 
 def _tables(types: Mapping[str, str], counts: Tally) -> Iterator[str]:
-    for kind in dict.fromkeys(types.values()):
-        rows = [cells for of, cells in rows_of(counts).items() if of.type == kind]
-        if rows:
-            members = ", ".join(name for name, type_ in types.items() if type_ == kind)
-            legend = f'<p class="soft">{safe(LEGEND)}</p>'
-            name = f"{kind} ({members})"
-            yield section(safe(name), _table(name, rows) + legend)
-
-
-def _table(name: str, rows: Sequence[Sequence[Cell]]) -> str:
     of = columns("fault", *(f".{title}" for title in TITLES))
-    return table(name, of, (_row(cell) for cells in rows for cell in cells))
+    legend = f'<p class="soft">{safe(LEGEND)}</p>'
+    for kind, members, rows in per_type(counts, types):
+        name = f"{kind} ({members})"
+        made = table(name, of, (_row(cell) for cells in rows for cell in cells))
+        yield section(safe(name), made + legend)
 
 
 def _row(cell: Cell) -> list[str]:

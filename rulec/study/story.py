@@ -13,7 +13,7 @@ from rulec_runtime.output.terminal import styled
 
 from rulec.study.campaign import Settings
 from rulec.study.points import Points
-from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
+from rulec.study.summary import LEGEND, TITLES, figures_of, per_type, percent, sentences
 from rulec.study.tally import Cell, Tally
 from rulec.study.without import show_without, without_each
 
@@ -32,12 +32,9 @@ def show(
     held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
     if held:
         out.print(f"- No equation determines {', '.join(held)}: varied like inputs.")
-    for kind in dict.fromkeys(types.values()):
-        rows = {k: cells for k, cells in rows_of(counts).items() if k.type == kind}
-        if rows:
-            members = ", ".join(name for name, type_ in types.items() if type_ == kind)
-            out.print(styled("\n[bold]{}[/] ({})", kind, members))
-            out.print(_table(list(rows.values())))
+    for kind, members, rows in per_type(counts, types):
+        out.print(styled("\n[bold]{}[/] ({})", kind, members))
+        out.print(_table(rows))
     out.print(styled("[dim]{}[/]", LEGEND))
     show_without(out, ruleset, without_each(ruleset))
 

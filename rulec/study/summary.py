@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.report.text import counted
 
@@ -26,6 +26,15 @@ def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
     for cell in tally.cells:
         rows.setdefault(cell.fault, []).append(cell)
     return {kind: sorted(cells, key=lambda c: c.degree) for kind, cells in rows.items()}
+
+
+def per_type(tally: Tally, types: Mapping[str, str]) -> Iterator[tuple[str, str, list[list[Cell]]]]:
+    """Per module type with faults its name, its modules and its rows."""
+    every = rows_of(tally)
+    for kind in dict.fromkeys(types.values()):
+        rows = [cells for of, cells in every.items() if of.type == kind]
+        if rows:
+            yield kind, ", ".join(name for name, type_ in types.items() if type_ == kind), rows
 
 
 def reliable_from(cells: Sequence[Cell]) -> float | None:

@@ -15,8 +15,19 @@ EQUAL = 1e-12
 N = 1500
 
 
-def compare(plant: str, module: str) -> None:
-    """Parse the blocks of a module and run them."""
+@pytest.mark.parametrize(
+    ("plant", "module"),
+    [
+        ("abc", "C"),
+        ("wastewater-lab", "pump1"),
+        pytest.param("abc", "A", marks=pytest.mark.prove),
+        pytest.param("mixing-rig", "E", marks=pytest.mark.prove),
+        pytest.param("zema-hydraulic", "main", marks=pytest.mark.prove),
+        pytest.param("hsy-pumping", "P11", marks=pytest.mark.prove),
+    ],
+)
+def test_structured_text_is_the_plan(plant: str, module: str) -> None:
+    """Parse the blocks of a module and run them; the parser is slow, so large ones are proved."""
     ruleset = compiled(plant)
     (code,) = (c for c in codes(plant) if c.module == module)
     text = blocks(code)
@@ -33,19 +44,3 @@ def compare(plant: str, module: str) -> None:
         assert gap < EQUAL
         assert 0 == flags
         assert compared > N
-
-
-@pytest.mark.parametrize(("plant", "module"), [("abc", "C"), ("wastewater-lab", "pump1")])
-def test_structured_text_is_the_plan(plant: str, module: str) -> None:
-    """Modules small enough for the parser, which is slow."""
-    compare(plant, module)
-
-
-@pytest.mark.prove
-@pytest.mark.parametrize(
-    ("plant", "module"),
-    [("abc", "A"), ("mixing-rig", "E"), ("zema-hydraulic", "main"), ("hsy-pumping", "P11")],
-)
-def test_large_modules_too(plant: str, module: str) -> None:
-    """Pumps of all kinds."""
-    compare(plant, module)

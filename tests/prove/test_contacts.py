@@ -12,7 +12,8 @@ import pytest
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.contacts import Judged, figures, judge, why
 from rulec.prove.truth.contacts import CLASSES, KINDS, MODULE, ContactAnswer, Planned, planned
-from rulec.simulation.simulate import simulate
+from rulec.simulation.equations import equations_of
+from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, plain_yaml
 from tests.test_truth_same_bytes import digest_of
 
@@ -55,7 +56,7 @@ def test_module_types_say_the_ordinary_laws(kind: str, tmp_path: Path) -> None:
     shown = {s.id: (s.factor, s.offset) for s in rules.signals}
     given = {f"{MODULE}.{name}": case.true[name][:5] for name in made.ranges}
     si = {id_: values * shown[id_][0] + shown[id_][1] for id_, values in given.items()}
-    found = simulate(rules, si, {}).values
+    found = simulate_with(equations_of(rules), si, {}).values
     typical = {n: p["value"] for n, p in made.stated["parameters"].items()}
     values = typical | {name: value for name, (value, _) in case.sheet.items()}
     at = {name: case.true[name][:5] for name in case.true}

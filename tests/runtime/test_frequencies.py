@@ -34,8 +34,9 @@ from rulec_runtime.report.wording import actions, headline, why_first
 
 from rulec.export.play import played, results_csv
 from rulec.passes.pipeline import compile_plant
+from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors, sense
-from rulec.simulation.simulate import simulate
+from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
 
@@ -86,7 +87,7 @@ COURSES = {"step": TIME >= 60.0, "ramp": np.clip((TIME - 60.0) / 150.0, 0.0, 1.0
 
 def recorded(rules: Ruleset, fault: str, course: str) -> Recording:
     """A tenth of the flow is lost, or not shown, in the end."""
-    found = simulate(rules, {}, {fault: 0.1 * COURSES[course]})
+    found = simulate_with(equations_of(rules), {}, {fault: 0.1 * COURSES[course]})
     values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
     segment = np.zeros(SAMPLES, dtype=int)
     return Recording(time=TIME, values=values, segment=segment, missing=(), notes=())

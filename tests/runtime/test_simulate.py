@@ -17,7 +17,7 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove import truth
 from rulec.simulation.equations import Equations, SimulationRefused, equations_of
 from rulec.simulation.sensing import SensorErrors, sense
-from rulec.simulation.simulate import simulate, simulate_with
+from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si
 
@@ -78,7 +78,7 @@ def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
         name: rules.signal_by_id[name].reference * random.uniform(0.9, 1.1, 20)
         for name in equations(plant).given
     }
-    simulated = simulate(rules, given, {})
+    simulated = simulate_with(equations_of(rules), given, {})
     out = evaluate(rules, simulated.values)
     largest = max(float(np.max(np.abs(out[f"R:{r.id}"]))) for r in rules.residuals)
     assert largest < 1e-10 * max(float(np.max(q)) for q in simulated.flows.values())
@@ -99,17 +99,17 @@ def test_no_operating_point() -> None:
     """A pump too slow against the other one; its neighbours in the batch are as alone."""
     rules = ruleset("abc-centrifugal")
     speeds = rules.signal_by_id["A.n"].reference * np.array([1.0, 0.3, 0.9])
-    together = simulate(rules, {"A.n": speeds}, {"B.clogging": 0.2})
+    together = simulate_with(equations_of(rules), {"A.n": speeds}, {"B.clogging": 0.2})
     assert [True, False, True] == together.solved.tolist()
     assert "no operating point at B.clogging 0.2, A.n 795 rpm, B.n 900 rpm: " in together.why(1)
     assert np.isnan(together.values["A.dp"][1])
-    alone = simulate(rules, {"A.n": speeds[2:]}, {"B.clogging": 0.2})
+    alone = simulate_with(equations_of(rules), {"A.n": speeds[2:]}, {"B.clogging": 0.2})
     assert alone.values["A.dp"][0] == together.values["A.dp"][2]
 
 
 def test_all_flow_lost() -> None:
     """A pump that loses everything carries no flow, which is no operating point."""
-    simulated = simulate(ruleset("abc"), {}, {"A.leakage": 1.0})
+    simulated = simulate_with(equations_of(ruleset("abc")), {}, {"A.leakage": 1.0})
     assert [False] == simulated.solved.tolist()
     assert "A carries" in simulated.why(0)
 
@@ -117,7 +117,7 @@ def test_all_flow_lost() -> None:
 def test_laws_may_be_off() -> None:
     """An offset is how far the truth lies above what an observer says."""
     rules = ruleset("abc")
-    simulated = simulate(rules, {}, {}, {"A.pump": 1e-6})
+    simulated = simulate_with(equations_of(rules), {}, {}, {"A.pump": 1e-6})
     out = evaluate(rules, simulated.values)
     assert simulated.flows["A"] == pytest.approx(out["q:A.pump"] + 1e-6, rel=1e-12)
     assert simulated.flows["A"] == pytest.approx(out["q:A.plant"], rel=1e-12)
@@ -129,7 +129,7 @@ def test_readings_that_nothing_determines_are_given() -> None:
     assert ("main.dp", "main.T") == equations_of(rules).given
     assert ("main.P_el", "main.Q") == equations_of(rules).predicted
     pressures = np.array([100e5, 160e5])
-    simulated = simulate(rules, {"main.dp": pressures}, {"main.leakage": 0.1})
+    simulated = simulate_with(equations_of(rules), {"main.dp": pressures}, {"main.leakage": 0.1})
     assert pressures.tolist() == simulated.values["main.dp"].tolist()
     assert np.all(np.diff(simulated.values["main.P_el"]) > 0)
 
@@ -175,7 +175,9 @@ def test_steps_are_as_small_as_they_can_be() -> None:
 def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
     """Where the speed of one of two plants side by side is missing, the other is predicted."""
     speeds = np.array([16.0, np.nan, 16.0])
-    simulated = simulate(ruleset("hsy-pumping"), {"P11.f": 49.0, "P12.f": speeds * 49 / 16}, {})
+    simulated = simulate_with(
+        equations_of(ruleset("hsy-pumping")), {"P11.f": 49.0, "P12.f": speeds * 49 / 16}, {}
+    )
     assert [True, False, True] == simulated.solved.tolist()
     assert "" == simulated.why(1)
     assert [True, False, True] == np.isfinite(simulated.values["P12.P_el"]).tolist()
@@ -196,7 +198,7 @@ def test_a_reading_that_is_not_given_costs_its_own_part_alone() -> None:
 def test_bad_arguments(given: dict[str, Array], degrees: dict[str, float], message: str) -> None:
     """Wrong names and numbers are named."""
     with pytest.raises(SimulationRefused) as refused:
-        simulate(ruleset("abc"), given, degrees)
+        simulate_with(equations_of(ruleset("abc")), given, degrees)
     assert str(refused.value).startswith(message)
 
 

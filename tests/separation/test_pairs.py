@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rulec.limits import SEPARATED, STEP_DEGREES
-from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
+from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.distance import Case, FaultMeasure
 from rulec.separation.pairs import separate_pairs
 from rulec.simulation.equations import equations_of
@@ -24,8 +24,8 @@ def test_one_step_tells_all_pairs_of_the_small_plant_apart() -> None:
 def test_nothing_is_proposed_where_nothing_may_be_moved() -> None:
     """Limits so narrow that no point differs clearly from the present one."""
     ruleset = compiled("abc")
-    narrow = InputLimits(lowest=899, highest=901, rate=1, hold=0, costs=False)
-    allowed = allowed_of(ruleset, PlantLimits({"B.n": narrow}, frozenset()))
+    narrow = Range(signal=ruleset.signal_by_id["B.n"], lowest=899, highest=901, rate=1)
+    allowed = allowed_of(ruleset, Allowed({"B.n": narrow}, frozenset()))
     first = next(p for p in separate_pairs(ruleset, allowed) if not p.is_apart)
     assert first.proposal.changes == {}
     assert first.proposal.apart == first.proposal.here

@@ -11,7 +11,7 @@ import pytest
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
 from rulec.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
-from rulec.separation.allowed import InputLimits, PlantLimits, Range, allowed_of
+from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from tests.conftest import compiled
 
@@ -33,7 +33,7 @@ def _measure(random: np.random.Generator, ruleset: Ruleset, rows: int) -> Measur
     return measure
 
 
-def _limits(random: np.random.Generator, ruleset: Ruleset) -> PlantLimits | None:
+def _limits(random: np.random.Generator, ruleset: Ruleset) -> Allowed | None:
     """Limits of some inputs, some of them far outside of the plant's range; or none."""
     if random.random() < 0.2:
         return None
@@ -42,7 +42,8 @@ def _limits(random: np.random.Generator, ruleset: Ruleset) -> PlantLimits | None
         if random.random() < 0.7:
             reference = ruleset.signal_by_id[name].shown(ruleset.signal_by_id[name].reference)
             lowest, highest = np.sort(reference * random.uniform(0.0, 2.0, 2))
-            inputs[name] = InputLimits(
+            inputs[name] = Range(
+                signal=ruleset.signal_by_id[name],
                 lowest=float(lowest),
                 highest=float(highest),
                 rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
@@ -50,7 +51,7 @@ def _limits(random: np.random.Generator, ruleset: Ruleset) -> PlantLimits | None
                 costs=bool(random.random() < 0.3),
             )
     costly = [m for m in ruleset.modules if random.random() < 0.2]
-    return PlantLimits(inputs, frozenset(costly))
+    return Allowed(inputs, frozenset(costly))
 
 
 def _ranged(random: np.random.Generator, ruleset: Ruleset) -> Ruleset:
@@ -70,7 +71,7 @@ def _ranged(random: np.random.Generator, ruleset: Ruleset) -> Ruleset:
 
 def _breaches(
     ruleset: Ruleset,
-    given: PlantLimits | None,
+    given: Allowed | None,
     present: dict[str, float],
     proposal: Proposal,
 ) -> list[str]:
@@ -104,7 +105,7 @@ def _breaches(
     return found
 
 
-def _bounds(signal: SignalSpec, given: PlantLimits | None) -> list[tuple[float, float]]:
+def _bounds(signal: SignalSpec, given: Allowed | None) -> list[tuple[float, float]]:
     """Every range that a value as shown must lie in, worked out anew."""
     pairs = [(signal.lowest, signal.highest), (signal.valid_from, signal.valid_to)]
     ends = [(signal.shown(a), signal.shown(b)) for a, b in pairs if a is not None and b is not None]
@@ -150,8 +151,9 @@ def test_levels_are_easily_set_and_inside(lowest: float, highest: float) -> None
 def test_step_that_costs_no_product_comes_first() -> None:
     """Where two steps tell the faults apart, the cheap one is taken though it is weaker."""
     ruleset = compiled("abc")
+    signals = ruleset.signal_by_id
     limits = {
-        name: InputLimits(lowest=600, highest=1000, rate=10, hold=0, costs=name == "A.n")
+        name: Range(signal=signals[name], lowest=600, highest=1000, rate=10, costs=name == "A.n")
         for name in ("A.n", "B.n")
     }
     present = {"A.n": 900.0, "B.n": 900.0}
@@ -160,10 +162,10 @@ def test_step_that_costs_no_product_comes_first() -> None:
         far = [20.0 if "A.n" in p else 5.0 if p else 1.0 for p in points]
         return Looked(np.array([far]), {})
 
-    allowed = allowed_of(ruleset, PlantLimits(limits, frozenset()))
+    allowed = allowed_of(ruleset, Allowed(limits, frozenset()))
     proposal = propose(allowed, present, measure)
     assert list(proposal.changes) == ["B.n"]
     assert proposal.costs == ()
     assert proposal.apart == (5.0,)
-    only = allowed_of(ruleset, PlantLimits({"A.n": limits["A.n"]}, frozenset()))
+    only = allowed_of(ruleset, Allowed({"A.n": limits["A.n"]}, frozenset()))
     assert propose(only, present, measure).costs == ("A.n",)

@@ -26,7 +26,7 @@ from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.refused import ExperimentRefused
 from rulec.mismatch.search.settled.candidate_sets import Again, refitted_again
-from rulec.separation.allowed import PlantLimits, allowed_of
+from rulec.separation.allowed import Allowed, allowed_of
 
 NO_RANGES = (
     "no input was changed in the recording, so how far one may be changed is not known; give "
@@ -44,7 +44,7 @@ def planned(
     most: int,
     seconds: float,
     *,
-    given: PlantLimits | None = None,
+    given: Allowed | None = None,
 ) -> Experiment:
     """The steps that best tell apart what stands, and such as cover what may be set; in a given
     time, s, at most, and within limits that are given, or else within what was recorded.

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.choose import best_within
 from rulec.mismatch.experiment.foretell import Foretold, Places
 from rulec.mismatch.experiment.points import Feasible, Reach, feasible, places_in, reach_of
-from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
+from rulec.separation.allowed import Allowed, Range, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 LIMITS = 80
@@ -23,14 +23,15 @@ ROUNDING = 1e-9
 """Share of a value that is lost between units."""
 
 
-def _limits(random: np.random.Generator, system: System) -> PlantLimits:
+def _limits(random: np.random.Generator, system: System) -> Allowed:
     """Limits of some inputs and of one reading, some of them far outside of what was recorded."""
     inputs = {}
     for signal in system.ruleset.signals:
         if signal.is_input and random.random() < 0.8:
             reference = signal.shown(signal.reference)
             lowest, highest = np.sort(reference * random.uniform(0.3, 1.7, 2))
-            inputs[signal.id] = InputLimits(
+            inputs[signal.id] = Range(
+                signal=signal,
                 lowest=float(lowest),
                 highest=float(highest),
                 rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
@@ -39,7 +40,7 @@ def _limits(random: np.random.Generator, system: System) -> PlantLimits:
             )
     name = str(random.choice([s.id for s in system.ruleset.signals if not s.is_input]))
     ends = np.sort(system.ruleset.signal_by_id[name].reference * random.uniform(0.2, 2.0, 2))
-    return PlantLimits(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
+    return Allowed(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
 
 
 def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Foretold]:
@@ -63,7 +64,7 @@ def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places)
 
 
 def _breaches(
-    ruleset: Ruleset, given: PlantLimits, told: list[Foretold], found: Feasible, place: int
+    ruleset: Ruleset, given: Allowed, told: list[Foretold], found: Feasible, place: int
 ) -> list[str]:
     """What is wrong with a place that may be proposed, each limit looked up anew."""
     breaches = []

@@ -11,7 +11,8 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
-from rulec.simulation.simulate import simulate
+from rulec.simulation.equations import equations_of
+from rulec.simulation.simulate import simulate_with
 from tests.runtime.mismatch.made import (
     alone,
     opened,
@@ -35,7 +36,7 @@ def quiet(plant: str) -> Recording:
     """Readings by the simulation, without any noise."""
     rules, _ = opened(plant)
     given = tour(rules, SAMPLES, 0.8, 1.1)
-    found = simulate(rules, given, {})
+    found = simulate_with(equations_of(rules), given, {})
     assert found.solved.all()
     n = np.arange(SAMPLES, dtype=float)
     return Recording(
@@ -60,7 +61,7 @@ def test_recordings_made_here_are_those_of_the_simulation() -> None:
     rules, builder = opened("abc")
     given = tour(rules, 60)
     found = solved(rules, builder, given)
-    expected = simulate(rules, given, {}).values
+    expected = simulate_with(equations_of(rules), given, {}).values
     for name, values in expected.items():
         assert values == pytest.approx(found[name], rel=1e-12), name
 

@@ -1,0 +1,91 @@
+"""Names for the values of a plan, which knows none.
+
+Constants have the names of the parameters that they are. Parts of an equation have those that the
+equation gives them: the first operations of the plan are its own, so both are walked together from
+the top, and where the equation has a name, the plan has a number.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator, Mapping
+from math import isclose
+
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import ObserverSpec, ParameterSpec, Ruleset
+from rulec_runtime.recordings.reading_unit import parse_unit
+
+from rulec import limits
+from rulec.export.identifiers import Identifiers
+from rulec.export.program import Parameter
+
+OPERATORS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"}
+
+
+def named_constants(
+    ruleset: Ruleset, module: str, constants: Iterable[float], names: Identifiers
+) -> tuple[Parameter, ...]:
+    """Those constants that are one parameter of the module, and no other one."""
+    known = list(_values(ruleset, module))
+    found = []
+    for value in constants:
+        same = [p for p, si in known if isclose(si, value, rel_tol=limits.SAME_CONSTANT)]
+        if len(same) == 1 and abs(value) != 1.0 and value != 0.0:
+            short = same[0].id.partition(".")[2]
+            found.append(Parameter(names.new(short), value, _text(same[0])))
+    return tuple(found)
+
+
+def _values(ruleset: Ruleset, module: str) -> Iterator[tuple[ParameterSpec, float]]:
+    """Parameters of a module with their values in SI."""
+    for parameter in ruleset.parameters:
+        if parameter.id.startswith(f"{module}."):
+            unit = parse_unit(parameter.unit, ruleset.units)
+            factor, offset = (1.0, 0.0) if unit is None else (unit.factor, unit.offset)
+            yield parameter, parameter.value * factor + offset
+
+
+def _text(parameter: ParameterSpec) -> str:
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.value:.6g}{unit}, {parameter.origin}"
+
+
+def hints_of(plan: Plan, observer: ObserverSpec, given: Mapping[int, str]) -> dict[int, str]:
+    """Names by number of value; `given` are names of readings and constants in the equation."""
+    text = observer.equation.partition(" = ")[2]
+    found: dict[int, str] = {}
+    try:
+        tree = ast.parse(text, mode="eval").body
+    except (SyntaxError, RecursionError, MemoryError):
+        return found
+    _walk(plan, tree, plan.outputs[f"q:{observer.id}"], given, found)
+    return found
+
+
+def _walk(
+    plan: Plan, tree: ast.expr, number: int, given: Mapping[int, str], found: dict[int, str]
+) -> bool:
+    """Enter names below a value; False where equation and plan are not of one form."""
+    if isinstance(tree, ast.Name):
+        if number >= plan.first_operation:
+            found[number] = tree.id
+            return True
+        return given.get(number) == tree.id
+    if number < plan.first_operation:
+        return False
+    name, a, b = plan.operations[number - plan.first_operation]
+    match tree:
+        case ast.Call(func=ast.Name(id=function), args=[argument]) if function == name:
+            return _walk(plan, argument, a, given, found)
+        case ast.BinOp(left=left, op=operator, right=right) if (
+            OPERATORS.get(type(operator)) == name
+        ):
+            orders = [(a, b), (b, a)] if name in ("add", "mul") else [(a, b)]
+            for first, second in orders:
+                trial = dict(found)
+                if _walk(plan, left, first, given, trial) and _walk(
+                    plan, right, second, given, trial
+                ):
+                    found.update(trial)
+                    return True
+    return False
