@@ -100,7 +100,7 @@ def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind
 def title_of(seen: Detectability) -> str:
     """What an effect is, and where.
 
-    >>> title_of(Seen(id="B.slip@Q_geo", title="Slip in B"))
+    >>> title_of(Detectability(id="B.slip@Q_geo", title="Slip in B"))
     'Slip in B, at Q_geo'
     """
     place = seen.id.partition("@")[2]
@@ -110,7 +110,8 @@ def title_of(seen: Detectability) -> str:
 def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
     """One effect as a row of the table.
 
-    >>> cells(Seen(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3), 200)
+    >>> leak = Detectability(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3)
+    >>> cells(leak, 200)
     ('Leak in A', '10 %', '3 of 200', 'no size', '')
     """
     unit = "" if seen.unit == "1" else f" {seen.unit}"

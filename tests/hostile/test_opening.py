@@ -51,7 +51,6 @@ BESIDE = {
     "runtime/rulec_runtime/live/journal/database.py": "a file that was looked into",
     "runtime/rulec_runtime/live/journal/mqtt_out.py": "a file that was looked into",
     "runtime/rulec_runtime/live/sources/mqtt.py": "files that were found to be regular",
-    "runtime/rulec_runtime/live/journal/lines.py": "the null device",
     "runtime/rulec_runtime/commands/frame.py": "the null device",
     "runtime/rulec_runtime/live/journal/watcher.py": "what the system says of itself",
     "runtime/rulec_runtime/live/view/keys.py": "the terminal",

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from rulec_runtime.contract.file_form import AS_SEEN
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.isolate import residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
 from rulec.algebra.continuity import flows_by_continuity
 from rulec.knowledge.knowledge import Knowledge

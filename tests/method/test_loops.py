@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import yaml
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.isolate import isolate, residual_basis
+from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
 from rulec.commands.matrix import json_form
 from rulec.passes.pipeline import compile_plant

@@ -346,8 +346,8 @@ def power_words(power: SelfProof) -> Iterator[str]:
 def _replayed(seen: Detectability, replays: int) -> str:
     """How often an effect is told, from which size on, and what else is.
 
-    >>> own = Seen(id="a", title="A", size=0.12, unit="bar", told=187, found=True, usual=0.05,
-    ...     told_usual=40, seen_from=0.08, other={"B": 3})
+    >>> own = Detectability(id="a", title="A", size=0.12, unit="bar", told=187, found=True,
+    ...     usual=0.05, told_usual=40, seen_from=0.08, other={"B": 3})
     >>> _replayed(own, 200)[:84]
     'told in 187 of 200 at the size found (0.12 bar), in 40 at its usual size (0.05 bar);'
     >>> _replayed(own, 200)[85:]
