@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import spread_about
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
@@ -14,7 +16,6 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
 from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search import limits
-from rulec.mismatch.search.knots import clipped, levels_of
 from rulec.mismatch.search.periods import degree_course
 from rulec.mismatch.search.time_varying import spot_of
 
@@ -24,7 +25,7 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-    levels = levels_of(suspect.course[known], suspect.weight[known])
+    levels = _levels_of(suspect.course[known], suspect.weight[known])
     # Held-out points lie between those that are known; outside of all the course stays.
     at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
     segment = np.minimum(at.astype(int), len(levels) - 1)
@@ -57,6 +58,45 @@ def switched_course(fitted: Fitted, spot: Spot, on: NDArray[np.bool_]) -> Initia
         gain=0.0,
         course=course,
     )
+
+
+def _levels_of(course: Array, weight: Array) -> Array:
+    """Knots of a course that passes from one to the next: as many as pay for themselves.
+
+    Source: Schwarz 1978, with free scale.
+    """
+    n, near = len(course), _clipped(course)
+    best: tuple[float, Array] | None = None
+    for count, levels, table in _knotted(course, weight):
+        left = float(np.sum(weight * (near - table @ levels) ** 2))
+        cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
+        if best is None or cost < best[0]:
+            best = (cost, levels)
+    assert best is not None
+    return best[1]
+
+
+def _knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
+    """Numbers of knots, their values, and how much of each there is at every point."""
+    n, root = len(course), np.sqrt(weight)
+    # One point far off must not draw the course to it.
+    near = _clipped(course)
+    for count in limits.LATENT_KNOTS:
+        if count > max(n // limits.KNOT_POINTS, 2):
+            break
+        at = np.linspace(0.0, count - 1.0, n)
+        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
+        yield count, np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0], table
+
+
+def _clipped(values: Array) -> Array:
+    """One odd point is no course."""
+    middle = float(np.median(values))
+    spread = spread_about(values, middle) or float(np.std(values))
+    near: Array = np.clip(
+        values, middle - limits.KNOT_ODD * spread, middle + limits.KNOT_ODD * spread
+    )
+    return near
 
 
 def _candidate(spot: Spot) -> Candidate:
@@ -115,7 +155,7 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
         return Reconstruction(spot, system.data.time, level)
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
-    values = level[known] + clipped(rest[known])
+    values = level[known] + _clipped(rest[known])
     smooth = _smoothed(values, weight[known], len(known) // (6 * limits.LATENT_KNOTS[-1]))
     return Reconstruction(spot, system.data.time[known], smooth)
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.knowledge.degree_unit import has_no_zero
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.extent import span, zero_is_arbitrary
 from rulec.mismatch.evidence.steady.screen import references, starts
 from rulec.mismatch.evidence.steady.system import System
 
@@ -87,5 +87,22 @@ def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:
 def _without_zero(system: System, candidate: Candidate) -> str | None:
     """The reading that a candidate puts right, if its zero is arbitrary."""
     signal = f"{candidate.module}.{candidate.place}"
-    known = signal in system.shared and zero_is_arbitrary(system, signal)
+    known = signal in system.shared and _zero_is_arbitrary(system, signal)
     return signal if known else None
+
+
+def _zero_is_arbitrary(system: System, signal: str) -> bool:
+    """Is the zero of a signal where somebody put it? A share of a temperature means nothing: 5 % of
+    20 degC would be 15 kelvin."""
+    module, _, name = signal.partition(".")
+    plant = system.builder.network.plant
+    return has_no_zero(plant.modules[module].type.signals[name], plant.knowledge.units)
+
+
+def span(system: System, signal: str) -> float:
+    """What a sensor can show, SI, or where nobody says it, what it showed."""
+    low, high = system.ruleset.signal_by_id[signal].ends
+    if np.isfinite(high - low):
+        return high - low
+    values = system.data.values[signal]
+    return float(np.nanmax(values) - np.nanmin(values))

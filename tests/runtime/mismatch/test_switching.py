@@ -14,7 +14,8 @@ from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import HiddenDriver
 from rulec.mismatch.search.settled.candidate_sets import refitted_again, standing_of
-from rulec.mismatch.search.settled.sets import Posterior, explain, with_terms
+from rulec.mismatch.search.settled.nameless import terms
+from rulec.mismatch.search.settled.sets import Posterior, begun, explain, join_terms
 from rulec.mismatch.search.settled.switching import Switching, price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
@@ -27,6 +28,15 @@ def rows_of(group: str, effect: str, folder: Path) -> Rows:
     return rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
 
 
+def with_terms(rows: Rows, place: str) -> Posterior:
+    """Terms without a name at a place alone."""
+    search = begun(rows)
+    spots = {s.id for s in rows.system.builder.spots if f"{s.module}.{s.place}" == place}
+    every = terms(search.settled, search.models[frozenset()])
+    join_terms(search, frozenset(), [t for t in every if t.spot in spots])
+    return search.posterior()
+
+
 def share(found: Posterior, mark: str) -> float:
     """Probability that a set has a name with some mark."""
     return sum(p for names, p in found.sets.items() if any(mark in name for name in names))
@@ -36,7 +46,7 @@ def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
     """Of all terms at the place, the one with memory gains most. No experiment is planned with it:
     what it does at other set points is not known."""
     rows = rows_of("unnamed", "play", tmp_path)
-    found = with_terms(rows, {"A.loss"})
+    found = with_terms(rows, "A.loss")
     (term,) = found.models[found.best].terms
     assert "a law with memory" in term.basis.says
     standing = standing_of(found)
@@ -45,7 +55,7 @@ def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
 
 
 def test_a_driver_that_turns_is_told_as_a_course(tmp_path: Path) -> None:
-    found = with_terms(rows_of("unrecorded", "friction-warm", tmp_path), {"A.P_law"})
+    found = with_terms(rows_of("unrecorded", "friction-warm", tmp_path), "A.P_law")
     assert share(found, "~time") > 0.9
 
 

@@ -17,6 +17,7 @@ from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinn
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.coarse_steps import coarse_step
+from rulec.mismatch.evidence.rows_used import HELD_OUT, SEARCHED, counted_rows, unread
 from rulec.mismatch.evidence.samples import (
     ESTIMATION,
     HELDOUT,
@@ -26,6 +27,7 @@ from rulec.mismatch.evidence.samples import (
     digest_of,
     inside_of,
 )
+from rulec.mismatch.result import Evidence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +130,24 @@ def _resolution(values: Array, signal: SignalSpec) -> float:
     """Standard deviation of a reading's steps, however coarse."""
     u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
     return coarse_step(values, u) / float(np.sqrt(12.0)) or resolution(values, signal)
+
+
+def stored_evidence(recording: Recording, record: Record) -> tuple[Evidence, ...]:
+    """Count the rows of a recording."""
+    used: list[str] = []
+    unused = unread(recording)
+    rows = zip(record.sample.tolist(), record.read.tolist(), record.odd.tolist(), strict=True)
+    for sample, there, strange in rows:
+        if sample < 0:
+            unused.append("too few rows at the end for a mean")
+        elif there:
+            what = HELD_OUT if record.part[sample] == HELDOUT else SEARCHED
+            used.append(f"{what}; a reading is set aside" if strange else what)
+        elif strange:
+            unused.append("readings stand still, or jump for one row")
+        else:
+            unused.append("no reading to compare with; the simulation runs through")
+    return counted_rows(used, unused)
 
 
 def lacking(recording: Recording, ruleset: Ruleset) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -200,16 +200,6 @@ def _ends(found: Sequence[Found]) -> np.ndarray:
     return np.unique(
         [end for span in spans for end in (span.since, np.nextafter(span.until, np.inf))]
     )
-
-
-def with_terms(every: Rows, places: Collection[str]) -> Posterior:
-    """Terms without a name at some places alone: how likely what has no name is there."""
-    search = begun(every)
-    spots = {s.id for s in every.system.builder.spots if f"{s.module}.{s.place}" in places}
-    every_term = terms(search.settled, search.models[frozenset()])
-    here = [t for t in every_term if t.spot in spots]
-    join_terms(search, frozenset(), here)
-    return search.posterior()
 
 
 def explain(every: Rows, progress: Progress) -> Posterior:
