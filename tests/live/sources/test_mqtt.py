@@ -153,6 +153,20 @@ def test_forms_of_messages(
     assert taken.times[0] == pytest.approx(expected, abs=5 if stamp is None else 1e-3)
 
 
+def test_a_map_states_the_key_of_stamps_and_the_name_of_the_watch(
+    abc: Ruleset, tmp_path: Path
+) -> None:
+    """Then no other key is a stamp, and the broker keeps what comes while the watch is away."""
+    text = "time: measured\nclient: hall-1\nsignals: {A.dp: {topic: t, unit: bar}}\n"
+    source, taken = without_broker(abc, tmp_path, text)
+    source.receive("t", json.dumps({"value": 1.5, "measured": 1.79e9, "time": 1.0}).encode())
+    taken.until(lambda t: t.rows)
+    source.close()
+    assert taken.times[0] == pytest.approx(1.79e9, abs=1e-3)
+    client = source._client
+    assert (client._client_id, client._clean_session) == (b"hall-1", False)
+
+
 def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> None:
     """Twice and late are left out and told once; what falls silent has no reading."""
     text = "interval: 0.2\nstale: 0.5\nsignals: {A.dp: t/dp, A.n: t/n}\n"

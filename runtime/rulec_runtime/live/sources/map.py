@@ -66,12 +66,17 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceMap:
-    """Channels and servers; `interval` from row to row and `stale` in s."""
+    """Channels and servers; `interval` from row to row and `stale` in s.
+
+    Of MQTT alone: `time` is the key of the stamp, `client` the name that the broker knows us by.
+    """
 
     channels: tuple[Channel, ...]
     servers: tuple[Server, ...]
     interval: float
     stale: float
+    time: str = ""
+    client: str = ""
 
 
 _KEYS = ("endpoint", "interval", "stale", "signals", "servers", *ACCESS)
@@ -81,7 +86,7 @@ _OF_SIGNAL = ("unit", "scale", "offset", "server")
 def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> SourceMap:
     """Read a map; `endpoint` replaces the one it states. Raises `SourceRefused`."""
     whole = read_entries(path, kind.extra)
-    entries = whole.items(_KEYS)
+    entries = whole.items((*_KEYS, *(("time", "client") if kind is MQTT else ())))
     servers = _servers(path, kind, entries, endpoint)
     if "signals" not in entries:
         raise whole.refused(f"the map needs 'signals:' with entries '<signal>: <{kind.address}>'")
@@ -99,6 +104,8 @@ def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> So
         servers=tuple(s for s in servers.values() if s.name in used),
         interval=_number(entries, "interval", limits.INTERVAL, limits.SHORTEST_INTERVAL),
         stale=_number(entries, "stale", limits.STALE, limits.SHORTEST_INTERVAL),
+        time=entries["time"].text() if "time" in entries else "",
+        client=entries["client"].text() if "client" in entries else "",
     )
 
 

@@ -76,7 +76,8 @@ class Mqtt:
     def _connecting(self) -> paho.Client:
         server = self._source.servers[0]
         access, parts = server.access, urlsplit(server.endpoint)
-        client = paho.Client(CallbackAPIVersion.VERSION2)
+        known = self._source.client
+        client = paho.Client(CallbackAPIVersion.VERSION2, client_id=known, clean_session=not known)
         if parts.scheme == "mqtts":
             try:
                 client.tls_set(
@@ -162,7 +163,7 @@ class Mqtt:
             if binary:
                 self._sparkplugged(self._sparkplug.heard(topic, payload))
             elif channels is not None:
-                self._found(values_of(payload, channels))
+                self._found(values_of(payload, channels, self._source.time))
         except BadPayload as bad:
             # Topics of a subscription with wildcards are the sender's words, as many as it likes.
             key = topic if channels is not None else "sparkplug"

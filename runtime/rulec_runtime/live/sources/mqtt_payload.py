@@ -13,7 +13,7 @@ from rulec_runtime.live.sources.map import Channel
 from rulec_runtime.output.json_file import Damaged, parse_json
 
 STAMPS = ("time", "timestamp", "ts", "t")
-"""Keys of a stamp, tried in this order."""
+"""Keys of a stamp, tried in this order where the map states none."""
 
 
 class BadPayload(ValueError):
@@ -29,7 +29,9 @@ class Value:
     bad: str = ""
 
 
-def values_of(payload: bytes, channels: Sequence[Channel]) -> list[tuple[Channel, Value]]:
+def values_of(
+    payload: bytes, channels: Sequence[Channel], stamp_key: str = ""
+) -> list[tuple[Channel, Value]]:
     """What a message says of the channels of its topic. Raises `BadPayload`.
 
     Forms: a bare number; ``{"value", "timestamp", "quality"}``; an object with a number, or such
@@ -47,16 +49,17 @@ def values_of(payload: bytes, channels: Sequence[Channel]) -> list[tuple[Channel
         raise BadPayload("it is not JSON") from None
     parts = _metrics(data) if isinstance(data, dict) else {}
     found = []
-    whole = _stamp(data) if isinstance(data, dict) else None
+    keys = (stamp_key,) if stamp_key else STAMPS
+    whole = _stamp(data, keys) if isinstance(data, dict) else None
     for channel in channels:
         if not channel.name:
-            found.append((channel, _value(data, whole)))
+            found.append((channel, _value(data, keys, whole)))
         elif not isinstance(data, dict):
             raise BadPayload("an object with names is needed")
         elif channel.name in parts:
-            found.append((channel, _value(parts[channel.name], whole)))
+            found.append((channel, _value(parts[channel.name], keys, whole)))
         elif "metrics" not in data and channel.name in data:
-            found.append((channel, _value(data[channel.name], whole)))
+            found.append((channel, _value(data[channel.name], keys, whole)))
     if not found:
         raise BadPayload("none of the names of the map stands in it")
     return found
@@ -71,9 +74,9 @@ def _metrics(data: dict[str, Any]) -> dict[str, Any]:
     return {m["name"]: m for m in named if isinstance(m.get("name"), str)}
 
 
-def _value(data: Any, whole: float | None) -> Value:
+def _value(data: Any, keys: Sequence[str], whole: float | None) -> Value:
     if isinstance(data, dict):
-        stamp = _stamp(data)
+        stamp = _stamp(data, keys)
         stamp = whole if stamp is None else stamp
         bad = "" if is_good(data.get("quality")) and not data.get("is_null") else "bad quality"
         number = _number(data.get("value"))
@@ -104,9 +107,9 @@ def is_good(quality: Any) -> bool:
     return False
 
 
-def _stamp(data: dict[str, Any]) -> float | None:
+def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
     """Seconds since 1970 of a number of s, ms, us or ns, or of a date of ISO 8601."""
-    for key in STAMPS:
+    for key in keys:
         found = data.get(key)
         if isinstance(found, bool) or found is None:
             continue
