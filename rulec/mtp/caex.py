@@ -1,7 +1,7 @@
-"""CAEX (IEC 62424, versions 2.15 and 3.0) as a tree with lines; hostile XML is refused.
+"""Parse CAEX (IEC 62424, versions 2.15 and 3.0) into a tree with line numbers; refuse hostile XML.
 
-Elements are known by their local names, since 2.15 has no XML namespace and 3.0 has one. Of class
-libraries only who is derived from whom is kept: they are most of a file.
+Elements go by their local names, since 2.15 has no XML namespace and 3.0 has one. Of the class
+libraries, which are most of a file, only the inheritance is kept.
 """
 
 from __future__ import annotations
@@ -20,13 +20,12 @@ _KEPT = {
     "AdditionalInformation", "WriterHeader",
 }  # fmt: skip
 _TEXTS = {"Value", "DefaultValue", "Description", "Version", "WriterName", "WriterVendor"}
-_CLASSES = "SystemUnitClassLib"
 _CLASS = "SystemUnitClass"
 
 
 @dataclass(slots=True)
 class Element:
-    """An element that is kept; `texts` holds the text of children that have nothing but text."""
+    """An element that is kept; `texts` holds the text of children that contain only text."""
 
     tag: str
     attributes: dict[str, str]
@@ -39,19 +38,19 @@ class Element:
         return self.attributes.get(name, "").strip()
 
     def of(self, tag: str) -> Iterator[Element]:
-        """Children of a tag."""
+        """Children with a tag."""
         return (child for child in self.children if child.tag == tag)
 
     def attribute(self, name: str) -> Element | None:
-        """Its first attribute of a name."""
+        """Its first attribute with a name."""
         return next((a for a in self.of("Attribute") if a.get("Name") == name), None)
 
     def values(self) -> dict[str, str]:
-        """Values of its attributes by their names in lower case."""
+        """Values of its attributes by lower-case name."""
         return {a.get("Name").lower(): a.texts.get("Value", "") for a in self.of("Attribute")}
 
     def inside(self) -> Iterator[Element]:
-        """Internal elements among this element and all below it, in the order of the file."""
+        """Internal elements of `walk`."""
         return (element for element in self.walk() if element.tag == "InternalElement")
 
     def walk(self) -> Iterator[Element]:
@@ -65,7 +64,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Caex:
-    """A file: its root, and per class of its libraries the class that it is derived from."""
+    """A file: its root, the base of each class of its libraries, and how many elements it keeps."""
 
     root: Element
     bases: dict[str, str]
@@ -73,10 +72,7 @@ class Caex:
 
 
 def read_caex(member: Member, most: int) -> Caex:
-    """Parse one file of `most` elements that are kept; `kept` counts them.
-
-    Raises `MtpRefused` with the place of what is wrong.
-    """
+    """Parse one file that keeps at most `most` elements. Raises `MtpRefused` with the place."""
     data, label = member.data, member.label
     if not data.strip():
         raise MtpRefused(f"{label}: the file is empty; export it again")
@@ -101,7 +97,7 @@ def read_caex(member: Member, most: int) -> Caex:
 
 
 class _Reader:
-    """Handlers of the parser, and what they have built so far."""
+    """Handlers of the parser, and what they have built."""
 
     def __init__(self, label: str, most: int) -> None:
         self.parser = expat.ParserCreate("utf-8")
@@ -117,7 +113,7 @@ class _Reader:
         self._label, self._most = label, most
         self._depth = self._elements = 0
         self._skipped = 0
-        """Depth from which on nothing is kept; 0 where all is."""
+        """Depth below which nothing is kept; 0 where everything is."""
         self._here: Element | None = None
         self._of = ""
         self._parts: list[str] = []
@@ -151,7 +147,7 @@ class _Reader:
             self._keep(tag, attributes)
         else:
             self._skipped = self._depth
-            if tag == _CLASSES:
+            if tag == "SystemUnitClassLib":
                 self._classes = [attributes.get("Name", "")]
 
     def _keep(self, tag: str, attributes: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""From a file to the bytes of its AutomationML files. Nothing is ever unpacked onto the disk."""
+"""Read the AutomationML files of a container. Nothing is ever unpacked onto the disk."""
 
 from __future__ import annotations
 
@@ -14,26 +14,20 @@ from rulec_runtime.output.open_file import begin_of
 from rulec.mtp import limits
 from rulec.mtp.refused import MtpRefused
 
-_ZIP = b"PK"
-_AML = (".aml",)
-_OTHERS = (".xml", ".caex")
-_BESIDE = "._"
-"""How the names of files begin that a Mac puts beside those of a container."""
-
 
 @dataclass(frozen=True)
 class Member:
-    """One AutomationML file; `label` is how messages call it."""
+    """One AutomationML file; `label` is its name in messages."""
 
     label: str
     data: bytes
 
 
 def read_members(path: Path) -> list[Member]:
-    """AutomationML files of a .mtp, .zip or .aml file, in the order of their names.
+    """AutomationML files of a .mtp, .zip or .aml file, sorted by name.
 
-    Raises `MtpRefused` where there is none, or where the container is damaged or hostile, and
-    OSError where the file cannot be read.
+    Raises `MtpRefused` if there is none or the container is damaged or hostile, and OSError if
+    the file cannot be read.
     """
     data = begin_of(path, limits.LARGEST_FILE + 1)
     name = path.name
@@ -44,7 +38,7 @@ def read_members(path: Path) -> list[Member]:
         )
     if not data:
         raise MtpRefused(f"{name}: the file is empty; export it again")
-    if not data.startswith(_ZIP):
+    if not data.startswith(b"PK"):
         return [Member(name, data)]
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -63,7 +57,8 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         )
     for entry in entries:
         _check_path(entry, name)
-    wanted = [e for e in entries if _is_of(e, _AML)] or [e for e in entries if _is_of(e, _OTHERS)]
+    wanted = [e for e in entries if _ends(e, ".aml")]
+    wanted = wanted or [e for e in entries if _ends(e, ".xml", ".caex")]
     if len(wanted) > limits.MOST_MANIFESTS:
         raise MtpRefused(
             f"{name}: {len(wanted)} XML files in it, more than {limits.MOST_MANIFESTS}; export one "
@@ -87,18 +82,18 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         yield Member(label, data)
 
 
-def _is_of(entry: zipfile.ZipInfo, endings: tuple[str, ...]) -> bool:
+def _ends(entry: zipfile.ZipInfo, *endings: str) -> bool:
     file = _plain(entry.filename).rpartition("/")[2]
-    return file.lower().endswith(endings) and not file.startswith(_BESIDE) and not entry.is_dir()
+    # macOS adds files that begin with "._" to a container.
+    return file.lower().endswith(endings) and not file.startswith("._") and not entry.is_dir()
 
 
 def _plain(filename: str) -> str:
-    """Path inside the container with the separators that everybody uses."""
     return filename.replace("\\", "/")
 
 
 def _check_path(entry: zipfile.ZipInfo, name: str) -> None:
-    """Names that would lead out of the container: no honest tool writes them."""
+    """Refuse names that lead out of the container: no honest tool writes them."""
     plain = _plain(entry.filename)
     if plain.startswith("/") or ":" in plain.split("/")[0] or ".." in plain.split("/"):
         raise MtpRefused(
@@ -110,7 +105,7 @@ def _check_path(entry: zipfile.ZipInfo, name: str) -> None:
 
 
 def _unpacked(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, label: str, left: int) -> bytes:
-    """Content of a member, as far as it keeps to the limits; its header may say anything."""
+    """Content of a member within the limits; its header cannot be trusted."""
     if entry.flag_bits & 1:
         raise MtpRefused(f"{label}: it is encrypted; export it without a password")
     most = min(left, limits.LARGEST_RATIO * max(entry.compress_size, 1))

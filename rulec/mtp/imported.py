@@ -1,4 +1,4 @@
-"""From files to modules: what was found, what is odd, and the files that are written."""
+"""Import modules from files: what was found, what is odd, and the files to write."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rulec.mtp.units import unit_of
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Found and present: `online` units can be read from the controller alone."""
+    """Counts of what was found and what is present; `online` units only the controller holds."""
 
     tags: int
     tags_present: int
@@ -35,7 +35,7 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class Imported:
-    """A module: `name` is that of its type."""
+    """A module; `name` is the name of its type."""
 
     name: str
     package: Package
@@ -47,10 +47,10 @@ class Imported:
 def import_files(
     paths: Iterable[Path], knowledge: Knowledge, online: str | None = None
 ) -> tuple[list[Imported], list[tuple[Path, str]]]:
-    """Modules of all files, with names of their own, and the files that are refused, with why.
+    """Modules of all files under unique names, and the refused files with reasons.
 
-    `online` says where units and ranges are read that the files leave to controllers: at an
-    endpoint, at those that the files name (empty), or nowhere (None).
+    `online` is where to read units and ranges that the files leave to controllers: at an endpoint,
+    at those that the files name (empty), or nowhere (None).
     """
     found: list[Imported] = []
     refused: list[tuple[Path, str]] = []
@@ -86,7 +86,7 @@ def _imported(package: Package, knowledge: Knowledge, taken: set[str]) -> Import
 
 
 def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge) -> Counts:
-    """A tag is found if its class is known, a unit if its code is, a node if its id is."""
+    """A tag counts as found if its class is known, a unit if its code is, a node if its id is."""
     attributes = [(n, a) for tag in package.tags for n, a in tag.attributes.items()]
     units = [a for n, a in attributes if n.endswith("Unit") and (a.known or a.refers)]
     known = [bool(unit_of(a, knowledge.units).text) for a in units]
@@ -107,14 +107,14 @@ def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge)
 
 
 def files_of(modules: Sequence[Imported]) -> Mapping[str, str]:
-    """Text of each file to be written, by its path below the folder."""
+    """Text of each file to write, by its path below the folder."""
     files = {f"modules/{m.name}.yaml": skeleton(m.package, m.name, m.readings) for m in modules}
     files["map.yaml"] = source_map({m.name: (m.package, m.readings) for m in modules})
     return files
 
 
 def machine_form(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Any:
-    """All that was found, for programs."""
+    """All results in JSON form."""
     return {
         "modules": [_module(m) for m in modules],
         "refused": [{"file": str(path), "why": why} for path, why in refused],

@@ -1,73 +1,71 @@
-"""Numbers that decide what of a Module Type Package is read, each with its origin."""
+"""Limits on reading a Module Type Package, each with its origin."""
 
 # Containers
 
 LARGEST_FILE = 32 << 20
-"""Bytes of a file that is read at most. Origin: assumed; forty times the largest of ten real
-ones."""
+"""Most bytes of a file. Origin: assumed; forty times the largest of ten real ones."""
 
 LARGEST_UNPACKED = 32 << 20
-"""Bytes that the XML files of one container may unpack to. Origin: assumed; as `LARGEST_FILE`."""
+"""Most bytes of the unpacked XML files of a container. Origin: assumed; as `LARGEST_FILE`."""
 
 LARGEST_RATIO = 200
-"""Bytes unpacked per byte packed at most. Origin: assumed; real ones pack to a twentieth at best,
-and deflate ends at 1032."""
+"""Most unpacked bytes per packed byte. Origin: assumed; real ones reach 20, deflate 1032."""
 
 MOST_MEMBERS = 2000
-"""Members of a container at most. Origin: assumed; real ones have up to three, and pictures."""
+"""Most members of a container. Origin: assumed; real ones have up to three, and pictures."""
 
 MOST_MANIFESTS = 50
-"""XML files of a container at most. Origin: assumed; as `MOST_MEMBERS`."""
+"""Most XML files of a container. Origin: assumed; as `MOST_MEMBERS`."""
 
 # XML
 
 DEEPEST = 60
-"""Elements inside one another at most. Origin: assumed; real files have up to ten."""
+"""Deepest nesting of elements. Origin: assumed; real files have up to ten."""
 
 MOST_ELEMENTS = 1_000_000
-"""Elements of one file at most. Origin: assumed; real files have up to 20,000."""
+"""Most elements of one file. Origin: assumed; real files have up to 20,000."""
 
 MOST_KEPT = 200_000
-"""Elements of a container that are kept at most, without class libraries. Origin: assumed; memory,
-100 MB."""
+"""Most elements kept of a container, without class libraries. Origin: assumed; memory, 100 MB."""
 
 LONGEST_TEXT = 1 << 16
-"""Characters of one value or attribute at most. Origin: assumed; real ones have some hundred."""
+"""Most characters of a value or attribute. Origin: assumed; real ones have some hundred."""
 
 LONGEST_NAME = 300
-"""Characters of a name, an identifier or a unit at most. Origin: assumed; five times the longest of
+"""Most characters of a name, an identifier or a unit. Origin: assumed; five times the longest of
 ten real files."""
 
-# What is made of it
+# Output
 
 LONGEST_SIGNAL = 40
-"""Characters of the name of a signal or of a module in a plant at most. Origin: standard,
+"""Most characters of the name of a signal, or of a module in a plant. Origin: standard,
 kb/schema/module.schema.json, with one letter to spare."""
 
 LONGEST_MODULE = 60
-"""Characters of the name of a module type at most. Origin: standard, kb/schema/module.schema.json,
+"""Most characters of the name of a module type. Origin: standard, kb/schema/module.schema.json,
 with one letter to spare."""
 
 MOST_TOLD = 5
-"""Oddities of one kind that are shown of a file; the others are counted. Origin: assumed."""
+"""Most oddities of one kind shown per file; the others are counted. Origin: assumed."""
 
 MOST_TAGS = 20_000
-"""Tags of a module at most. Origin: assumed; real ones have up to some hundred."""
+"""Most tags of a module. Origin: assumed; real ones have up to some hundred."""
 
 MOST_DRAWN = 1000
-"""Symbols, or pipes, of a picture up to which it is looked where pipes end. Origin: assumed."""
+"""Most symbols, or pipes, of a picture for which pipe ends are matched to symbols by distance.
+Origin: assumed."""
 
 MOST_LISTED = 2000
-"""Tags, services or connections that a skeleton lists at most. Origin: assumed; the file stays
-shorter than a YAML file may be."""
+"""Most tags, services or connections listed in a skeleton. Origin: assumed; keeps the file within
+the size limit of YAML files."""
 
 NEAR_SYMBOL = 0.5
-"""How far the end of a pipe may lie from the edge of a symbol to lead there, as a share of the
-symbol's smaller side. Origin: assumed; in real pictures pipes end within the box or a few pixels
-off."""
+"""Largest distance from the end of a pipe to the edge of the symbol that it joins, as a share of
+the symbol's smaller side. Origin: assumed; in real pictures pipes end within the box or a few
+pixels off."""
 
 # Asking the controller
 
 ONLINE = 20.0
-"""Seconds in which a server must have answered for all units and ranges. Origin: assumed; some
-hundred values need a few requests."""
+"""Seconds within which a server must return all units and ranges. Origin: assumed; some hundred
+values need a few requests."""

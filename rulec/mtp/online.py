@@ -1,4 +1,4 @@
-"""Units and ranges that a package leaves to its controller, read from there."""
+"""Read from the controller the units and ranges that a package leaves to it."""
 
 from __future__ import annotations
 
@@ -18,31 +18,28 @@ _ASKED = ("Unit", "SclMin", "SclMax")
 
 
 def read_online(package: Package, endpoint: str) -> Package:
-    """The package with the values that its servers hold now; what fails is told as odd.
+    """The package with the current values of its servers; failures become oddities.
 
-    `endpoint` replaces the one that the file names, if it is not empty. Raises `SourceRefused`
-    where the package that speaks OPC UA is not installed.
+    `endpoint`, if not empty, replaces the one in the file. Raises `SourceRefused` if the OPC UA
+    package is not installed.
     """
     extra("asyncua", "opcua")
     values: dict[str, str] = {}
     odd: list[Oddity] = []
     for server in package.servers:
-        asked = _asked(package.tags, server.name)
+        asked = list(
+            dict.fromkeys(
+                a.node.id
+                for tag in package.tags
+                for name, a in tag.attributes.items()
+                if name.endswith(_ASKED) and a.node is not None and a.node.server == server.name
+            )
+        )
         address = endpoint or server.endpoint
         if asked and address:
             values |= _read(package, address, asked, odd)
     tags = tuple(_with(tag, values) for tag in package.tags)
     return replace(package, tags=tags, odd=(*package.odd, *odd))
-
-
-def _asked(tags: Sequence[Tag], server: str) -> list[str]:
-    nodes = {
-        a.node.id: None
-        for tag in tags
-        for name, a in tag.attributes.items()
-        if name.endswith(_ASKED) and a.node is not None and a.node.server == server
-    }
-    return list(nodes)
 
 
 def _read(
@@ -54,25 +51,19 @@ def _read(
     try:
         found = read_once(source, asked, limits.ONLINE)
     except ConnectionError as error:
-        odd.append(
-            Oddity(
-                kind="servers that do not answer",
-                place=package.file,
-                text=f"{address}: {error}",
-                remedy="where it has another address, import the file alone with --online ADDRESS",
-            )
-        )
+        remedy = "where it has another address, import the file alone with --online ADDRESS"
+        text = f"{address}: {error}"
+        odd.append(Oddity("servers that do not answer", package.file, text, remedy))
         return {}
-    lacking = [node for node, text in zip(asked, found, strict=True) if not _usable(text)]
-    for node in lacking:
-        text = f"{address}: {node} has no value"
-        remedy = "look it up in the server, and write what it says into the skeleton"
-        odd.append(Oddity(kind="values not there", place=package.file, text=text, remedy=remedy))
-    return {node: text for node, text in zip(asked, found, strict=True) if _usable(text)}
-
-
-def _usable(text: str) -> bool:
-    return 0 < len(text) <= limits.LONGEST_NAME and all(map(is_shown, text))
+    values = {}
+    for node, value in zip(asked, found, strict=True):
+        if 0 < len(value) <= limits.LONGEST_NAME and all(map(is_shown, value)):
+            values[node] = value
+        else:
+            text = f"{address}: {node} has no value"
+            remedy = "look it up in the server, and write what it says into the skeleton"
+            odd.append(Oddity("values not there", package.file, text, remedy))
+    return values
 
 
 def _with(tag: Tag, values: Mapping[str, str]) -> Tag:

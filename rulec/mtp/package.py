@@ -10,7 +10,7 @@ from rulec.mtp.refused import Oddity
 
 @dataclass(frozen=True, kw_only=True)
 class Node:
-    """A node of an OPC UA server: `id` as a source map has it, `access` as the file has it."""
+    """A node of an OPC UA server: `id` as a source map writes it, `access` as the file does."""
 
     id: str
     access: str
@@ -19,10 +19,9 @@ class Node:
 
 @dataclass(frozen=True, kw_only=True)
 class Attribute:
-    """An attribute of a data assembly: a fixed text, or a node with perhaps a default value.
+    """An attribute of a data assembly: a fixed text, or a node that may have a default value.
 
-    `text` of a node is what was read there. `dangling` is set where it refers to something that
-    the file does not hold.
+    `text` of a node is the value read from it. `dangling`: it refers to what the file lacks.
     """
 
     text: str
@@ -33,24 +32,25 @@ class Attribute:
 
     @property
     def known(self) -> str:
-        """What is known of the value."""
+        """The best known value."""
         return self.text or self.default
 
     @property
     def is_default(self) -> bool:
-        """Whether what is known is a default that the controller may replace."""
+        """Whether the known value is a default that the controller may replace."""
         return self.refers and not self.text
 
     @property
     def refers(self) -> bool:
+        """Whether it refers to a node, even to a missing one."""
         return self.node is not None or self.dangling
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tag:
-    """A data assembly; `kind` is the last known part of its class path, empty where none is.
+    """A data assembly; `kind` is the last known part of its class path, or empty.
 
-    `given` is the name that it has for operators; `name`, that of its element, tells tags apart.
+    `given` is the name that operators see; `name`, the name of the element, is unique.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Service:
 
 @dataclass(frozen=True, kw_only=True)
 class Symbol:
-    """A symbol of a picture: `code` is its ECLASS code, `tag` the data assembly that it shows."""
+    """A symbol of a picture with its ECLASS code and the data assembly that it shows."""
 
     name: str
     code: str
@@ -99,7 +99,7 @@ class Symbol:
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """Two symbols that a pipe joins; `linked` where the file says so, else by where they lie."""
+    """Two symbols joined by a pipe: `linked` in the file, or else only drawn next to it."""
 
     ends: tuple[str, str]
     linked: bool
@@ -114,7 +114,7 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class Package:
-    """One module: all tags, servers, services, symbols and connections, and what is odd."""
+    """One module."""
 
     file: str
     name: str

@@ -1,4 +1,4 @@
-"""What a tag seems to measure, concluded from its unit, its name and its description."""
+"""Propose what a tag measures, from its unit, its name and its description."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LETTERS = re.compile(r"(?:^|[^A-Za-z])([A-Z]{1,4})[-_ ]?\d")
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """A quantity, empty where nothing says one, and why. `against` is what contradicts it."""
+    """A quantity (empty if unknown), and why. `against` is the evidence against it."""
 
     quantity: str
     confidence: str
@@ -29,18 +29,17 @@ def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTab
     Parameters
     ----------
     name, title : of the tag.
-    unit : of the reading, None where it is not known.
-    usual : what a tag of this role measures as a rule, empty where it may be anything.
+    unit : of the reading, None if unknown.
+    usual : what a tag of this role usually measures, empty if it may be anything.
     units : quantities of the knowledge base.
     """
     named = _named(name, title)
-    said = [*([(usual, "its class")] if usual else []), *named]
+    hints = [*([(usual, "its class")] if usual else []), *named]
     if unit is None:
-        for quantity, why in said:
-            return Proposal(quantity=quantity, confidence=GUESS, because=why, against="")
-        return Proposal(quantity="", confidence=GUESS, because="", against="")
+        quantity, why = hints[0] if hints else ("", "")
+        return Proposal(quantity=quantity, confidence=GUESS, because=why, against="")
     fitting = [q for q, d in units.quantities.items() if d == unit.dimension]
-    for quantity, why in said:
+    for quantity, why in hints:
         if quantity in fitting:
             because = f"unit and {why}"
             return Proposal(quantity=quantity, confidence=LIKELY, because=because, against="")
@@ -53,7 +52,7 @@ def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTab
 
 
 def _named(name: str, title: str) -> list[tuple[str, str]]:
-    """Quantities that words and letters speak of, each with what says so.
+    """Quantities that words and letters suggest, each with its evidence.
 
     >>> _named("Sensoren.FI2012", "Durchfluss am Eingang")[0]
     ('volume flow', "'durchfluss'")

@@ -1,4 +1,4 @@
-"""The list of sources: servers, and nodes by the ids that tags refer to."""
+"""Read the list of sources: servers, and nodes by the ids that tags refer to."""
 
 from __future__ import annotations
 
@@ -12,41 +12,31 @@ from rulec.mtp.package import Node, Server
 from rulec.mtp.refused import Oddity
 from rulec.mtp.space import Space, checked
 
-_ITEMS = ("OPCUAItem",)
-_SERVERS = ("OPCUAServer",)
 _ACCESS = {"1": "read", "2": "write", "3": "read and write"}
 _WHOLE = re.compile(r"(nsu=[^;]+;|ns=\d+;)?([isgb])=(.+)", re.DOTALL)
 _KINDS = {"byte": "i", "short": "i", "int": "i", "long": "i", "integer": "i"} | {
     "id": "g",
     "base64binary": "b",
 }
-"""Kind of node id by what the data type of an identifier ends with: `xs:ID` is a GUID."""
-_REMEDY = "look the node up in the server, and write its id into the map"
+"""Kind of node id by the end of the data type of an identifier: `xs:ID` is a GUID."""
 
 
 def read_servers(space: Space, package: Element, odd: list[Oddity]) -> Iterator[Server]:
-    """Servers of a module, each with its endpoint, empty where the file says none."""
+    """Servers of a module with their endpoints; an endpoint is empty if the file gives none."""
     for element in package.inside():
-        if element.attribute("Endpoint") is not None or space.is_a(element, _SERVERS):
+        if element.attribute("Endpoint") is not None or space.is_a(element, "OPCUAServer"):
             endpoint = checked(_value(element, "Endpoint"), "an endpoint", element.place)
             if not endpoint.startswith("opc.tcp://"):
-                odd.append(
-                    Oddity(
-                        kind="servers without endpoint",
-                        place=element.place,
-                        text=f"server '{space.name(element)}' has the endpoint '{endpoint}'",
-                        remedy="write 'endpoint: opc.tcp://HOST:4840' into the map",
-                    )
-                )
+                text = f"server '{space.name(element)}' has the endpoint '{endpoint}'"
+                remedy = "write 'endpoint: opc.tcp://HOST:4840' into the map"
+                odd.append(Oddity("servers without endpoint", element.place, text, remedy))
                 endpoint = ""
             yield Server(name=space.name(element), endpoint=endpoint)
 
 
 def read_items(space: Space, package: Element, odd: list[Oddity]) -> Mapping[int, Node | None]:
-    """The node of each item of a list of sources, by the identity of its element.
-
-    None where the item says too little.
-    """
+    """The node of each item of a list of sources by the identity of its element; None if the item
+    does not identify one."""
     found: dict[int, Node | None] = {}
     for element in package.walk():
         if element.tag in ("ExternalInterface", "InternalElement") and is_item(space, element):
@@ -56,29 +46,30 @@ def read_items(space: Space, package: Element, odd: list[Oddity]) -> Mapping[int
 
 
 def is_item(space: Space, element: Element) -> bool:
-    return element.attribute("Identifier") is not None or space.is_a(element, _ITEMS)
+    """Whether an element stands for a node."""
+    return element.attribute("Identifier") is not None or space.is_a(element, "OPCUAItem")
 
 
 def _node(space: Space, element: Element, server: str, odd: list[Oddity]) -> Node | None:
     identifier = checked(_value(element, "Identifier"), "an identifier", element.place)
     namespace = checked(_value(element, "Namespace"), "a namespace", element.place)
     try:
-        said = element.attribute("Identifier")
-        found = node_id(identifier, namespace, said.get("AttributeDataType") if said else "")
+        attribute = element.attribute("Identifier")
+        data_type = attribute.get("AttributeDataType") if attribute else ""
+        found = node_id(identifier, namespace, data_type)
     except ValueError as error:
         text = f"the item '{space.name(element)}' has {error}"
-        odd.append(
-            Oddity(kind="items without node", place=element.place, text=text, remedy=_REMEDY)
-        )
+        remedy = "look the node up in the server, and write its id into the map"
+        odd.append(Oddity("items without node", element.place, text, remedy))
         return None
     access = _value(element, "Access").strip()
     return Node(id=found, access=_ACCESS.get(access, access.lower()), server=server)
 
 
 def node_id(identifier: str, namespace: str, data_type: str = "") -> str:
-    """A node id as a source map has it; a namespace is a URI, or a number in older files.
+    """A node id as a source map writes it; a namespace is a URI, or a number in older files.
 
-    Raises ValueError, with what the identifier is instead of one of its type.
+    Raises ValueError that says what is wrong with the identifier.
 
     >>> node_id("A.dp", "http://maker/pump"), node_id("A.dp", "4"), node_id("ns=3;s=A.dp", "3")
     ('nsu=http://maker/pump;s=A.dp', 'ns=4;s=A.dp', 'ns=3;s=A.dp')
@@ -109,7 +100,7 @@ def node_id(identifier: str, namespace: str, data_type: str = "") -> str:
 
 
 def _valid(kind: str, value: str) -> str:
-    """The value of a node id in its usual form. Raises ValueError where it is none of its kind."""
+    """The value of a node id in its usual form. Raises ValueError if it does not fit its kind."""
     if kind == "i" and not (value.isdecimal() and int(value) < 1 << 32):
         raise ValueError
     if kind == "g":

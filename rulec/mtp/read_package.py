@@ -1,4 +1,4 @@
-"""From the AutomationML files of one container to the modules that they describe."""
+"""Read the modules that the AutomationML files of one container describe."""
 
 from __future__ import annotations
 
@@ -16,14 +16,12 @@ from rulec.mtp.read_tags import read_tags
 from rulec.mtp.refused import MtpRefused, Oddity
 from rulec.mtp.space import Space
 
-_PACKAGE = "ModuleTypePackage"
-
 
 def read_packages(path: Path) -> list[Package]:
-    """Modules of a .mtp, .zip or .aml file. Raises `MtpRefused`, and OSError where it is not there.
+    """Modules of a .mtp, .zip or .aml file. Raises `MtpRefused`, and OSError for a missing file.
 
-    All files of a container are one space of ids: a manifest may leave services and pictures to
-    others.
+    All files of a container share one space of ids: a manifest may leave services and pictures to
+    other files.
     """
     files: list[Caex] = []
     for member in read_members(path):
@@ -40,24 +38,23 @@ def read_packages(path: Path) -> list[Package]:
 
 
 def _packages(space: Space) -> Iterator[Element]:
-    """The elements that stand for a module each: packages, or what holds a list of instances."""
-    elements = (e for root in space.roots for e in root.inside())
-    seen: set[int] = set()
-    for one in elements:
-        if not space.is_named(one, ("InstanceList",)):
+    """The element of each module: a package, or the holder of a list of instances."""
+    found: set[int] = set()
+    for element in (e for root in space.roots for e in root.inside()):
+        if not space.is_named(element, "InstanceList"):
             continue
-        holder = one.parent or one
+        holder = element.parent or element
         while holder.parent is not None and holder.parent.tag == "InternalElement":
-            if holder.get("RefBaseSystemUnitPath").endswith(_PACKAGE):
+            if holder.get("RefBaseSystemUnitPath").endswith("ModuleTypePackage"):
                 break
             holder = holder.parent
-        if id(holder) not in seen:
-            seen.add(id(holder))
+        if id(holder) not in found:
+            found.add(id(holder))
             yield holder
 
 
 def _parts(space: Space, package: Element) -> list[Element]:
-    """A package and what it refers to, where a container holds several."""
+    """A package of a container with several, and what it refers to."""
     referred = [
         space.find(text, element)
         for element in package.walk()
@@ -73,14 +70,8 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
     items = read_items(space, element, odd)
     odd += _missing(space, element)
     if not items:
-        odd.append(
-            Oddity(
-                kind="no nodes",
-                place=element.place,
-                text="the list of sources holds no node",
-                remedy="write node ids into the map, or export the module with its server",
-            )
-        )
+        remedy = "write node ids into the map, or export the module with its server"
+        odd.append(Oddity("no nodes", element.place, "the list of sources holds no node", remedy))
     tags = tuple(read_tags(space, element, items, odd))
     if not tags:
         raise MtpRefused(
@@ -109,7 +100,7 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
 
 
 def _missing(space: Space, package: Element) -> Iterator[Oddity]:
-    """Services and pictures that a manifest leaves to files, or elements, which are not there."""
+    """Missing files or elements, of services or pictures, that a manifest refers to."""
     files = [root.place.rpartition(":")[0] for root in space.roots]
     for element in package.walk():
         if element.tag != "Attribute" or element.get("Name").lower() != "refuri":
@@ -117,17 +108,14 @@ def _missing(space: Space, package: Element) -> Iterator[Oddity]:
         text = element.texts.get("Value", "")
         path = text.replace("\\", "/").lstrip("/")
         if text and space.find(text, element) is None and not any(f.endswith(path) for f in files):
-            yield Oddity(
-                kind="parts that are missing",
-                place=element.place,
-                text=f"it refers to '{text[:80]}', which is not there",
-                remedy="give the whole container; without it services or pictures are lacking",
-            )
+            what = f"it refers to '{text[:80]}', which is not there"
+            remedy = "give the whole container; without it services or pictures are lacking"
+            yield Oddity("parts that are missing", element.place, what, remedy)
 
 
 def _twice(space: Space) -> Iterator[Oddity]:
-    """Ids that stand twice in a file. Raises `MtpRefused` where one of them is a node's: a reading
-    might silently come from another place."""
+    """Ids that occur twice in a file. Raises `MtpRefused` if one belongs to a node: a reading might
+    silently come from another place."""
     for key, elements in space.twice():
         text = f"the id '{key[:60]}' stands at {elements[0].place} already"
         if any(is_item(space, element) for element in elements):
@@ -135,16 +123,12 @@ def _twice(space: Space) -> Iterator[Oddity]:
                 f"{elements[1].place}: {text}, and which node is meant is open; export the module "
                 "again with an id of its own for each item"
             )
-        yield Oddity(
-            kind="ids that stand twice",
-            place=elements[1].place,
-            text=text,
-            remedy="what refers to it is left out; give each element an id of its own",
-        )
+        remedy = "what refers to it is left out; give each element an id of its own"
+        yield Oddity("ids that stand twice", elements[1].place, text, remedy)
 
 
 def _writer(roots: Sequence[Element]) -> str:
-    """Vendor or name of the program that wrote the file."""
+    """Vendor or name of the program that wrote the files."""
     for root in roots:
         for element in root.walk():
             if element.tag == "WriterHeader":

@@ -1,7 +1,7 @@
-"""Pictures of a module: which symbols a pipe joins. It is the only place where a file says so.
+"""Read from pictures which symbols a pipe joins; a file says so nowhere else.
 
-Three habits of makers are understood: links between ids of nozzles, links between ids of their
-connectors, and pipes that only end where a symbol is drawn.
+Makers write this in three ways: links between ids of nozzles, links between ids of their
+connectors, and pipes that merely end where a symbol is drawn.
 """
 
 from __future__ import annotations
@@ -14,12 +14,6 @@ from rulec.mtp import limits
 from rulec.mtp.caex import Element
 from rulec.mtp.package import Connection, Symbol
 from rulec.mtp.space import Space
-
-_PICTURES = ("Picture",)
-_PIPES = ("Pipe",)
-_LINES = "Connection"
-_PORTS = "PortObject"
-_CODE = "eclassclassificationclass"
 
 
 @dataclass(frozen=True)
@@ -42,12 +36,12 @@ class _Box:
 def read_pictures(
     space: Space, parts: Sequence[Element]
 ) -> tuple[tuple[Symbol, ...], tuple[Connection, ...]]:
-    """Symbols, and pairs of them that a pipe joins."""
+    """Symbols, and the pairs that a pipe joins."""
     symbols: list[Symbol] = []
     connections: list[Connection] = []
     for part in parts:
         for picture in part.inside():
-            if space.is_a(picture, _PICTURES):
+            if space.is_a(picture, "Picture"):
                 shown, joined = _picture(space, picture)
                 symbols += shown
                 connections += joined
@@ -56,9 +50,9 @@ def read_pictures(
 
 def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connection]]:
     inside = (e for e in picture.inside() if e is not picture)
-    things = [e for e in inside if not space.passes(e, _PORTS)]
-    pipes = [e for e in things if space.is_a(e, _PIPES)]
-    drawn = {id(e): e for e in things if not space.passes(e, _LINES)}
+    things = [e for e in inside if not space.passes(e, "PortObject")]
+    pipes = [e for e in things if space.is_a(e, "Pipe")]
+    drawn = {id(e): e for e in things if not space.passes(e, "Connection")}
     named = _names(space, drawn)
     owners = {**{id(e): e for e in pipes}, **drawn}
     links: dict[int, list[tuple[int, Element]]] = {}
@@ -77,7 +71,7 @@ def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connect
 
 
 def _names(space: Space, drawn: Mapping[int, Element]) -> dict[int, str]:
-    """Names of symbols, numbered where several bear the same."""
+    """Names of symbols, numbered where several share one."""
     counts: dict[str, int] = {}
     found = {}
     for key, element in drawn.items():
@@ -89,13 +83,14 @@ def _names(space: Space, drawn: Mapping[int, Element]) -> dict[int, str]:
 
 def _symbol(element: Element, name: str) -> Symbol:
     texts = element.values()
-    return Symbol(name=name, code=texts.get(_CODE, "").strip(), tag=texts.get("refid", "").lower())
+    code = texts.get("eclassclassificationclass", "").strip()
+    return Symbol(name=name, code=code, tag=texts.get("refid", "").lower())
 
 
 def _links(
     space: Space, picture: Element, owners: Mapping[int, Element]
 ) -> Iterator[tuple[tuple[Element, Element], tuple[Element, Element]]]:
-    """Pairs of linked things, each with the port at which it is linked."""
+    """Pairs of linked symbols or pipes, each with its linked port."""
     for element in picture.walk():
         if element.tag != "InternalLink":
             continue
@@ -108,7 +103,7 @@ def _links(
 def _owner(
     space: Space, link: Element, partner: str, owners: Mapping[int, Element]
 ) -> tuple[Element, Element] | None:
-    """What the end of a link belongs to: `id`, `id:connector` or `id/connector`."""
+    """Owner and port of the end of a link: `id`, `id:connector` or `id/connector`."""
     for text in (partner, partner.rpartition(":")[0], partner.rpartition("/")[0]):
         port = space.find(text, link) if text else None
         here = port
@@ -126,7 +121,7 @@ def _joined(
     named: Mapping[int, str],
     links: Sequence[tuple[int, Element]],
 ) -> Iterator[Connection]:
-    """Symbols at the ends of a pipe: linked ones, and where an end has no link the nearest."""
+    """Symbols at the ends of a pipe: the linked ones, else the nearest to an end."""
     path = _edge_path(pipe.values().get("edgepath", ""))
     ends = {named[key]: True for key, _ in links if key in named}
     through = [named[key] for key, _ in links if key in named]
@@ -153,7 +148,7 @@ def _box(element: Element) -> _Box | None:
 
 
 def _edge_path(text: str) -> list[tuple[float, float]]:
-    """Corners of a pipe, as in "30,113;107,113"; empty where it is written otherwise."""
+    """Corners of a pipe written as "30,113;107,113"; empty for any other form."""
     try:
         points = [point.split(",") for point in text.split(";") if point.strip()]
         return [(float(x), float(y)) for x, y in points]

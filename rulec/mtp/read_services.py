@@ -1,4 +1,4 @@
-"""Services of a module: procedures (strategies in older files) and parameters."""
+"""Read services of a module: procedures (strategies in older files) and parameters."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ from rulec.mtp.package import Parameter, Procedure, Service, Tag
 from rulec.mtp.refused import Oddity
 from rulec.mtp.space import Space
 
-_SERVICES = ("Service",)
-_PROCEDURES = ("ServiceProcedure", "ServiceStrategy")
-_PARAMETER = "ServiceParameter"
 _TRUE = ("true", "1")
 
 
@@ -23,17 +20,19 @@ def read_services(
     by_reference = {tag.reference: tag for tag in tags if tag.reference}
     for part in parts:
         for element in part.inside():
-            if space.is_a(element, _SERVICES):
+            if space.is_a(element, "Service"):
                 yield _service(space, element, by_reference, odd)
 
 
 def _service(space: Space, element: Element, tags: Mapping[str, Tag], odd: list[Oddity]) -> Service:
     inside = list(element.inside())
     parameters = {
-        id(e): _parameter(space, e, tags, odd) for e in inside if space.passes(e, _PARAMETER)
+        id(e): _parameter(space, e, tags, odd)
+        for e in inside
+        if space.passes(e, "ServiceParameter")
     }
     by_id = {e.get("ID").lower(): parameters[id(e)] for e in inside if id(e) in parameters}
-    procedures = [e for e in inside if space.is_a(e, _PROCEDURES)]
+    procedures = [e for e in inside if space.is_a(e, "ServiceProcedure", "ServiceStrategy")]
     return Service(
         name=space.name(element),
         procedures=tuple(_procedure(space, e, parameters, by_id) for e in procedures),
@@ -65,13 +64,8 @@ def _parameter(
     texts = {a.get("Name"): a.texts.get("Value", "") for a in element.of("Attribute")}
     tag = tags.get(texts.get("RefID", "").lower())
     if tag is None:
-        odd.append(
-            Oddity(
-                kind="service parameters without tag",
-                place=element.place,
-                text=f"no tag belongs to the parameter '{space.name(element)}'",
-                remedy="its unit and its node are not known; look them up in the server",
-            )
-        )
+        text = f"no tag belongs to the parameter '{space.name(element)}'"
+        remedy = "its unit and its node are not known; look them up in the server"
+        odd.append(Oddity("service parameters without tag", element.place, text, remedy))
     path = next(space.paths(element), "")
     return Parameter(name=space.name(element), kind=path.rpartition("/")[2], tag=tag)

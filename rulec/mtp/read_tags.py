@@ -1,4 +1,4 @@
-"""The list of instances: tags with their attributes, each fixed or bound to a node."""
+"""Read the list of instances: tags whose attributes are fixed or bound to nodes."""
 
 from __future__ import annotations
 
@@ -10,27 +10,25 @@ from rulec.mtp.package import Attribute, Node, Tag
 from rulec.mtp.refused import Oddity
 from rulec.mtp.space import Space, checked
 
-_LISTS = ("InstanceList",)
 _NAMES = ("TagName", "tag_name")
 _TITLES = ("TagDescription", "tag_description")
-_OWN = {*_NAMES, *_TITLES, "RefID"}
 _NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _ID = re.compile(r"\{?(?=.*\d)[\w-]+\}?")
-"""What an id looks like; makers type fixed words as references too."""
+"""The form of an id; makers declare fixed words as references too."""
 
 
 def read_tags(
     space: Space, package: Element, items: Mapping[int, Node | None], odd: list[Oddity]
 ) -> Iterator[Tag]:
-    """Tags of a module, in the order of the file. Raises `MtpRefused` for names that are none."""
-    for one in package.inside():
-        if space.is_named(one, _LISTS):
-            for element in _leaves(one):
+    """Tags of a module, in the order of the file. Raises `MtpRefused` for invalid names."""
+    for group in package.inside():
+        if space.is_named(group, "InstanceList"):
+            for element in _leaves(group):
                 yield _tag(space, element, items, odd)
 
 
 def _leaves(group: Element) -> Iterator[Element]:
-    """Elements of a list, also in groups, which have no attributes of their own."""
+    """Elements of a list and of its groups; a group has no attributes of its own."""
     for element in group.of("InternalElement"):
         if any(element.of("InternalElement")) and not any(element.of("Attribute")):
             yield from _leaves(element)
@@ -42,26 +40,20 @@ def _tag(
     space: Space, element: Element, items: Mapping[int, Node | None], odd: list[Oddity]
 ) -> Tag:
     texts = {a.get("Name"): a.texts.get("Value", "") for a in element.of("Attribute")}
-    name = space.name(element)
-    given = next((texts[key] for key in _NAMES if texts.get(key)), "")
-    given = checked(given, "a tag name", element.place)
-    title = next((texts[key] for key in _TITLES if texts.get(key)), "")
+    name, place = space.name(element), element.place
+    given = checked(next((texts[k] for k in _NAMES if texts.get(k)), ""), "a tag name", place)
+    title = next((texts[k] for k in _TITLES if texts.get(k)), "")
     attributes = {
         a.get("Name"): _attribute(space, element, a, items, odd)
         for a in element.of("Attribute")
-        if a.get("Name") not in _OWN
+        if a.get("Name") not in (*_NAMES, *_TITLES, "RefID")
     }
     kind = space.kind(element)
     path = next(space.paths(element), "")
     if not kind:
-        odd.append(
-            Oddity(
-                kind="tags of an unknown class",
-                place=element.place,
-                text=f"'{name or given}' is of the class '{path[:80]}'",
-                remedy="it is listed without a signal; write one yourself if it measures something",
-            )
-        )
+        text = f"'{name or given}' is of the class '{path[:80]}'"
+        remedy = "it is listed without a signal; write one yourself if it measures something"
+        odd.append(Oddity("tags of an unknown class", place, text, remedy))
     return Tag(
         name=name or given,
         given=given,
@@ -70,7 +62,7 @@ def _tag(
         path=path,
         reference=texts.get("RefID", "").lower(),
         attributes=attributes,
-        place=element.place,
+        place=place,
     )
 
 
@@ -90,15 +82,10 @@ def _attribute(
     linked = target is not None and id(target) in items
     dangling = node is None and (linked or (wants and not literal))
     if dangling and not linked:
-        here = f"{space.name(tag)}.{element.get('Name')}"
-        odd.append(
-            Oddity(
-                kind="references that lead nowhere",
-                place=element.place,
-                text=f"{here} refers to '{text[:60]}', which is not there",
-                remedy="export again, or look the node up in the server",
-            )
-        )
+        name = f"{space.name(tag)}.{element.get('Name')}"
+        what = f"{name} refers to '{text[:60]}', which is not there"
+        remedy = "export again, or look the node up in the server"
+        odd.append(Oddity("references that lead nowhere", element.place, what, remedy))
     fixed = node is None and not dangling
     return Attribute(
         text=text if fixed else "",

@@ -1,4 +1,4 @@
-"""Readings of a package: which tag is a signal, in which unit and range, and at which node."""
+"""Find the readings of a package: which tag is a signal, its unit, range and node."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _UMLAUTS = str.maketrans(
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A number that a tag gives. `range` is None where it is not known; `lacks` says what a person
-    must fill in before it is a signal, and is empty where it is one."""
+    """A number that a tag gives. `range` is None if unknown; `lacks` says what a person must fill
+    in before it becomes a signal, and is empty if it is one."""
 
     signal: str
     tag: Tag
@@ -46,19 +46,16 @@ class Reading:
 
 
 def readings_of(
-    package: Package,
-    units: UnitTable,
-    sensors: Mapping[str, SensorClass],
+    package: Package, units: UnitTable, sensors: Mapping[str, SensorClass]
 ) -> tuple[list[Reading], list[Oddity]]:
-    """Readings of all tags, with names of their own, and what is odd about them."""
+    """Readings of all tags under unique names, and their oddities."""
     odd: list[Oddity] = []
-    found = []
-    for tag in package.tags:
-        role = tables().classes.get(tag.kind, "")
-        for where in tables().values.get(role, ()):
-            reading = _reading(tag, where, units, sensors, odd)
-            if reading is not None:
-                found.append(reading)
+    found = [
+        _reading(tag, where, units, sensors, odd)
+        for tag in package.tags
+        for where in tables().values.get(tables().classes.get(tag.kind, ""), ())
+        if any(name in tag.attributes for name in where["value"])
+    ]
     return list(_named(found)), odd
 
 
@@ -68,17 +65,16 @@ def _reading(
     units: UnitTable,
     sensors: Mapping[str, SensorClass],
     odd: list[Oddity],
-) -> Reading | None:
+) -> Reading:
     present = [name for name in where["value"] if name in tag.attributes]
-    if not present:
-        return None
     bound = [name for name in present if tag.attributes[name].node is not None]
     attribute = (bound or present)[0]
-    scale = where["scale"]
-    unit = unit_of(tag.attributes.get(f"{scale}Unit"), units)
-    span, default = _range(tag, scale, odd)
+    unit_attribute = tag.attributes.get(f"{where['scale']}Unit")
+    unit = unit_of(unit_attribute, units)
+    span, default = _range(tag, where["scale"], odd)
     proposal = propose(tag.name, tag.title, unit.unit, where.get("usual", ""), units)
     sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
+    known = {name: attribute.known for name, attribute in tag.attributes.items()}
     reading = Reading(
         signal="",
         tag=tag,
@@ -87,24 +83,18 @@ def _reading(
         unit=unit,
         range=span,
         range_is_default=default,
-        limits=_limits(tag),
+        limits={name: known[name] for name in tables().limits if known.get(name)},
         proposal=proposal,
         sensor=sensor,
         is_input=bool(where.get("input")),
         repeats=bool(where.get("repeats")),
         lacks="",
     )
-    _tell(reading, tag.attributes.get(f"{scale}Unit"), odd)
+    _check(reading, unit_attribute, odd)
     return replace(reading, lacks=_lacks(reading, range_is_needed))
 
 
-def _limits(tag: Tag) -> Mapping[str, str]:
-    known = {name: attribute.known for name, attribute in tag.attributes.items()}
-    return {name: known[name] for name in tables().limits if known.get(name)}
-
-
 def _lacks(reading: Reading, range_is_needed: bool) -> str:
-    """What keeps a reading from being a signal."""
     if reading.unit.online and not reading.unit.text:
         return "the unit: the controller holds it"
     if not reading.unit.raw:
@@ -122,22 +112,17 @@ def _lacks(reading: Reading, range_is_needed: bool) -> str:
     return ""
 
 
-def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
+def _check(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
     tag, found = reading.tag, reading.unit
     place = unit.place if unit is not None else tag.place
     if found.raw.strip("0.") and not found.text:
         text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
         remedy = "write the unit into the skeleton" + ", or import with --online" * found.online
-        odd.append(Oddity(kind="unknown units", place=place, text=text, remedy=remedy))
+        odd.append(Oddity("unknown units", place, text, remedy))
     if reading.proposal.against and not reading.repeats:
-        odd.append(
-            Oddity(
-                kind="names against units",
-                place=tag.place,
-                text=f"{tag.name}: {reading.proposal.against}",
-                remedy="find out what it measures, and correct the quantity",
-            )
-        )
+        text = f"{tag.name}: {reading.proposal.against}"
+        remedy = "find out what it measures, and correct the quantity"
+        odd.append(Oddity("names against units", tag.place, text, remedy))
 
 
 def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float] | None, bool]:
@@ -145,19 +130,17 @@ def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float]
     low, high = (tag.attributes.get(f"{scale}Scl{end}") for end in ("Min", "Max"))
     if low is None or high is None or not low.known or not high.known:
         return None, False
-    ends = _number(low.known), _number(high.known)
-    first, last = ends
+    first, last = _number(low.known), _number(high.known)
     if first is None or last is None:
         text = f"{tag.name} ranges from '{low.known[:30]}' to '{high.known[:30]}'"
         remedy = "take the range from the data sheet"
-        odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
-        return None, False
-    if first >= last:
+    elif first >= last:
         text = f"{tag.name} ranges from {first:g} to {last:g}"
         remedy = "the lower end comes first; take the range from the data sheet"
-        odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
-        return None, False
-    return (first, last), low.is_default or high.is_default
+    else:
+        return (first, last), low.is_default or high.is_default
+    odd.append(Oddity("ranges that are none", low.place, text, remedy))
+    return None, False
 
 
 def _number(text: str) -> float | None:
@@ -174,7 +157,7 @@ def _sensor(
     unit: FoundUnit,
     sensors: Mapping[str, SensorClass],
 ) -> tuple[str, bool]:
-    """A sensor class of the knowledge base, and whether it needs a range that is lacking."""
+    """A sensor class of the knowledge base, and whether it needs a range that is missing."""
     needing = ""
     for name in tables().sensors.get(quantity, ()):
         one = sensors.get(name)
@@ -189,12 +172,12 @@ def _sensor(
 
 
 def _named(found: list[Reading]) -> Iterator[Reading]:
-    """Readings with names of signals: the last part of the tag's name where that is enough."""
+    """Readings with signal names: the last part of the tag's name, if that is unique."""
     short = [signal_name(r.tag.name.rpartition(".")[2], r.tag.kind) for r in found]
-    borne = Counter(short)
+    uses = Counter(short)
     taken: Counter[str] = Counter()
     for reading, name in zip(found, short, strict=True):
-        if borne[name] > 1:
+        if uses[name] > 1:
             name = signal_name(reading.tag.name, reading.tag.kind)
         name = f"{name}_" if keyword.iskeyword(name) else name
         while name in taken:
@@ -205,7 +188,7 @@ def _named(found: list[Reading]) -> Iterator[Reading]:
 
 
 def signal_name(text: str, kind: str = "") -> str:
-    """A name that equations can use.
+    """A name for a signal that equations can use.
 
     >>> signal_name("Füllstand L-001"), signal_name("3021"), signal_name("L1_MonAnaVlv", "AnaVlv")
     ('Fuellstand_L_001', 'x3021', 'L1')

@@ -1,4 +1,4 @@
-"""What stops an import, and what is only odd."""
+"""Problems of an import: refusals stop it, oddities do not."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from rulec_runtime.output.refusal import Refusal
 
 
 class MtpRefused(Refusal):
-    """A file that is not read further; the message says where, why and what to do."""
+    """A file cannot be read; the message says where, why and what to do."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Oddity:
-    """Something that a person should look at: `kind` is what all of its sort have in common."""
+    """Something for a person to look at; `kind` groups oddities of one sort."""
 
     kind: str
     place: str

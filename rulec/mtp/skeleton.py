@@ -1,4 +1,4 @@
-"""A module type in YAML, as far as a package says; what it does not say stands as TODO."""
+"""Write the skeleton of a module type in YAML; what the package does not say is marked TODO."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec.mtp.tables import tables
 
 
 def skeleton(package: Package, name: str, readings: Sequence[Reading]) -> str:
-    """Text of the file of a module type; it passes `rulec check`, and holds no observer yet."""
+    """Text of the file of a module type; it passes `rulec check` and has no observer yet."""
     lines = [
         *_head(package),
         f"module: {name}",
@@ -99,7 +99,7 @@ def _remarks(reading: Reading) -> Iterator[str]:
 
 
 def _repeated(readings: Sequence[Reading]) -> Iterator[str]:
-    """Values of controllers, set points and parameters: signals only if no tag of their own is."""
+    """Values of controllers, set points and parameters, which repeat what other tags measure."""
     if readings:
         yield ""
         yield "# Values of controllers, set points and parameters: they repeat what is measured or"
@@ -159,7 +159,6 @@ def _names(parameters: Iterable[Parameter]) -> str:
 
 
 def _equipment(package: Package) -> Iterator[str]:
-    """What symbols stand for, by their ECLASS codes."""
     found = [(symbol, kind) for symbol in package.symbols if (kind := equipment(symbol))]
     if found:
         yield ""
@@ -169,7 +168,7 @@ def _equipment(package: Package) -> Iterator[str]:
 
 
 def equipment(symbol: Symbol) -> str:
-    """What a symbol seems to be; empty where its code says nothing."""
+    """The kind of equipment that a symbol shows by its ECLASS code; empty if unknown."""
     code = "".join(c for c in symbol.code if c.isdigit())
     kind = next((kind for begin, kind in tables().equipment.items() if code.startswith(begin)), "")
     return f"{kind}, of an unnamed kind" if kind and code.endswith("90") else kind
@@ -185,5 +184,5 @@ def _connections(package: Package) -> Iterator[str]:
 
 
 def _said(text: str) -> str:
-    """A text of the package for a comment or a title: on one line, without steering characters."""
+    """A text of the package for a comment or a title: one line without control characters."""
     return one_line(" ".join(text.split()))[:200]

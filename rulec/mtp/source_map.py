@@ -1,4 +1,4 @@
-"""The map for `rulec watch`: which signal is which node of which server."""
+"""Write the map for `rulec watch`: which signal is which node of which server."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rulec.mtp.readings import Reading
 
 
 def source_map(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> str:
-    """Text of a map for all modules, by the names under which they stand in the plant file."""
+    """Text of a map for all modules, by the names of their types."""
     servers = list(_servers(modules))
     signals = [line for name, (of, found) in modules.items() for line in _signals(name, of, found)]
     lines = [
@@ -28,7 +28,7 @@ def source_map(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> str:
 
 
 def _key(name: str, entries: Sequence[str]) -> str:
-    """A key; in a comment where nothing below it stands."""
+    """A key; a comment if all its entries are comments."""
     return f"{name}:" if any(not e.lstrip().startswith("#") for e in entries) else f"# {name}:"
 
 
@@ -45,12 +45,12 @@ def _servers(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> Iterat
 
 
 def _server_name(module: str, number: int) -> str:
-    """The first server of a module bears its name, so that its signals need not name it."""
+    """The first server of a module takes its name, so that signals need not name the server."""
     return module if number == 0 else f"{module}_{number + 1}"
 
 
 def instance_name(module: str) -> str:
-    """The name of a module in a plant, for its type: there are no dashes in it."""
+    """The name of a module in a plant, which holds no dashes, from that of its type."""
     return module.replace("-", "_")[: limits.LONGEST_SIGNAL]
 
 

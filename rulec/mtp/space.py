@@ -1,9 +1,9 @@
-"""The elements of all files of a container by their ids, and the classes that they are of."""
+"""Elements of all files of a container by their ids, and their classes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.output.terminal import is_shown
 
@@ -13,13 +13,12 @@ from rulec.mtp.refused import MtpRefused
 from rulec.mtp.tables import tables
 
 _PATHS = ("RefBaseSystemUnitPath", "RefBaseClassPath", "RefRoleClassPath", "RefBaseRoleClassPath")
-_BARE = re.compile(r"[\[\]]")
 
 
 class Space:
-    """What refers to what, within a file first, then in the others of its container.
+    """Resolves references, within a file first, then in the other files of its container.
 
-    An id that stands twice in one file leads nowhere, so that no link is guessed.
+    An id that occurs twice in one file resolves to nothing, so that no link is guessed.
     """
 
     def __init__(self, roots: Sequence[Element], bases: Mapping[str, str]) -> None:
@@ -35,7 +34,7 @@ class Space:
                     self._folded.setdefault(key.lower(), set()).add(key)
 
     def find(self, text: str, near: Element) -> Element | None:
-        """The element with an id; makers differ in braces and in upper and lower case."""
+        """The element with an id; makers differ in braces and in case."""
         bare = text.strip().strip("{}")
         keys = (text.strip(), bare, *sorted(self._folded.get(bare.lower(), ())))
         own = _file(near)
@@ -46,12 +45,12 @@ class Space:
         return None
 
     def twice(self) -> Iterator[tuple[str, list[Element]]]:
-        """Ids that stand more than once in a file, with their elements."""
+        """Ids that occur more than once in a file, with their elements."""
         for here in self._by_id.values():
             yield from ((key, found) for key, found in here.items() if len(found) > 1)
 
     def paths(self, element: Element) -> Iterator[str]:
-        """Class paths of an element, also by roles, each followed by what it is derived from."""
+        """Class paths of an element, also by roles, each followed by its base classes."""
         own = [element.get(key) for key in _PATHS]
         roles = [c.get(k) for c in element.children if "Role" in c.tag for k in _PATHS]
         for path in filter(None, (*own, *roles)):
@@ -60,18 +59,17 @@ class Space:
                 yield here
                 here, steps = self._bases.get(here, ""), steps + 1
 
-    def is_a(self, element: Element, classes: Collection[str]) -> bool:
-        """Whether the last part of one of its paths is such a class."""
+    def is_a(self, element: Element, *classes: str) -> bool:
+        """Whether one of its paths ends in one of the classes."""
         return any(path.rpartition("/")[2] in classes for path in self.paths(element))
 
-    def is_named(self, element: Element, classes: Collection[str]) -> bool:
-        """Whether it is of such a class, or bears its name where it says no class."""
-        if any(element.get(key) for key in _PATHS):
-            return self.is_a(element, classes)
-        return element.get("Name") in classes or self.is_a(element, classes)
+    def is_named(self, element: Element, name: str) -> bool:
+        """Whether it is of a class, or has its name and no class path."""
+        pathless = not any(element.get(key) for key in _PATHS)
+        return (pathless and element.get("Name") == name) or self.is_a(element, name)
 
     def passes(self, element: Element, part: str) -> bool:
-        """Whether one of its paths leads through such a class."""
+        """Whether one of its paths leads through a class."""
         return any(part in path.split("/") for path in self.paths(element))
 
     def kind(self, element: Element) -> str:
@@ -85,6 +83,7 @@ class Space:
         return ""
 
     def name(self, element: Element) -> str:
+        """Its name on one line. Raises `MtpRefused`, see `checked`."""
         return checked(element.get("Name"), "a name", element.place)
 
 
@@ -98,11 +97,11 @@ def _plain(path: str) -> str:
     >>> _plain("Std@[MTPDataObjectSUCLib]/DataAssembly/AnaView")
     'MTPDataObjectSUCLib/DataAssembly/AnaView'
     """
-    return _BARE.sub("", path.rpartition("@")[2]).strip().strip("/")
+    return re.sub(r"[\[\]]", "", path.rpartition("@")[2]).strip().strip("/")
 
 
 def checked(text: str, what: str, place: str) -> str:
-    """A name on one line. Raises `MtpRefused` where it is none, or would steer a terminal."""
+    """A name on one line. Raises `MtpRefused` if it is too long or would steer a terminal."""
     plain = " ".join(text.split())
     if len(plain) > limits.LONGEST_NAME:
         raise MtpRefused(

@@ -1,4 +1,4 @@
-"""What the standard and its makers' habits say, from the YAML files of this folder."""
+"""Tables of the standard and of makers' habits, from the YAML files of this folder."""
 
 from __future__ import annotations
 
@@ -10,15 +10,11 @@ from typing import Any
 
 import yaml
 
-_FOLDER = Path(__file__).parent
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tables:
-    """`classes` gives the role of each class of data assemblies, `values` where a role keeps its
-    value, `listed` the titles of the others; `letters`, `words` and `first` say what is measured,
-    `sensors` with what, `equipment` what an ECLASS code begins with."""
+    """`codes` and `spellings` are those of units; the head of each key in kinds.yaml explains the
+    others."""
 
     codes: Mapping[str, str]
     spellings: Mapping[str, str]
@@ -43,4 +39,5 @@ def tables() -> Tables:
 
 
 def _read(name: str) -> Any:
-    return yaml.load((_FOLDER / name).read_text(encoding="utf-8"), Loader=_LOADER)
+    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.load(Path(__file__).with_name(name).read_text(encoding="utf-8"), Loader=loader)

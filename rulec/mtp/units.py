@@ -11,9 +11,12 @@ from rulec.mtp.tables import tables
 
 @dataclass(frozen=True, kw_only=True)
 class FoundUnit:
-    """A unit: `text` as the tables spell it, empty where it is not known, and `unit` as the
-    knowledge base has it, None where it lacks it. `raw` is what is known of it, `is_default`
-    whether it is a default of the file, `online` whether a node holds it."""
+    """A unit of a package.
+
+    `raw` is its text in the package, `text` the spelling of the tables (empty if unknown), `unit`
+    that of the knowledge base (None if it has none). `is_default`: it is a default of the file;
+    `online`: a node holds it.
+    """
 
     raw: str
     text: str
@@ -23,7 +26,7 @@ class FoundUnit:
 
 
 def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
-    """What an attribute says of a unit, by a code or by a text."""
+    """The unit that an attribute gives by a code or by a text."""
     raw = attribute.known.strip() if attribute is not None else ""
     key = raw[:-2] if raw.endswith(".0") else raw
     text = tables().codes.get(key, "")
