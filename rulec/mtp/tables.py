@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+_FOLDER = Path(__file__).parent
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tables:
@@ -40,4 +42,4 @@ def tables() -> Tables:
 
 def _read(name: str) -> Any:
     loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.load(Path(__file__).with_name(name).read_text(encoding="utf-8"), Loader=loader)
+    return yaml.load((_FOLDER / name).read_text(encoding="utf-8"), Loader=loader)

@@ -1,1 +1,1 @@
-"""A diagnosis for people and machines: terminal, JSON, one self-contained HTML file."""
+"""Present a diagnosis to people and machines: terminal, JSON, one self-contained HTML file."""

@@ -1,4 +1,4 @@
-"""What cannot be seen, in words: the same in a recording, on a page, and beside the plant."""
+"""Word the blindness to faults, alike for a recording, a page, and beside the plant."""
 
 from __future__ import annotations
 
@@ -20,54 +20,57 @@ PARTLY = "Partly blind"
 
 
 def blindness(ruleset: Ruleset, blind: Blind, calendar: Calendar | None = None) -> str:
-    """Which faults, since when, why, and what brings them back."""
+    """Which faults cannot be seen, since when, why, and which readings bring them back."""
     return f"{unseen(ruleset, blind)} {since_when(blind, calendar)}: {why_and_how(blind)}"
 
 
 def since_when(blind: Blind, calendar: Calendar | None) -> str:
-    """Since when faults cannot be seen, or when they could not."""
+    """Since when faults have been hidden, or the period in which they were."""
     if blind.active:
         return f"since {moment(calendar, blind.since)}"
     return f"in {span(calendar, blind.since, blind.until)}"
 
 
 def why_and_how(blind: Blind) -> str:
-    """The reason, and what is needed."""
+    """The reason, and the readings that bring the faults back."""
     return f"{blind.because}; {brought_back(blind)}"
 
 
 def unseen(ruleset: Ruleset, blind: Blind) -> str:
-    """Faults that cannot be seen.
-
-    Errors of a sensor in all directions are one matter, and so are all faults of a module.
-    """
+    """Faults that cannot be seen, as `named` groups them."""
     return f"cannot see {listed(list(named(ruleset, blind.faults)))}"
 
 
 def brought_back(blind: Blind) -> str:
-    """The readings that are needed."""
+    """The readings that bring the faults back."""
     brings = "brings" if len(blind.readings) == 1 else "together bring"
     them = "it" if len(blind.faults) == 1 else "them"
     return f"{listed(blind.readings)} {brings} {them} back"
 
 
 def hidden(diagnosis: Diagnosis) -> str:
-    """How many faults could not be seen, of how many."""
+    """How many of the faults could not be seen."""
     count = len({fault for one in diagnosis.blind for fault in one.faults})
     every = len(diagnosis.ruleset.faults)
     return f"{count} of {plural(every, 'fault', 'faults')} could not be seen"
 
 
 def told_else(diagnosis: Diagnosis) -> tuple[Period, ...]:
-    """Periods that were not judged, without those that are told as blindness."""
+    """Periods that were not judged, except those reported as blindness."""
     return tuple(p for p in diagnosis.not_judged if not (diagnosis.blind and p.lost))
 
 
 def named(ruleset: Ruleset, faults: Iterable[str]) -> Iterator[str]:
-    """Faults in few words, in the order of their modules."""
-    every, hidden = _by_module(ruleset.faults), set(faults)
-    for module, own in every.items():
-        lost = [f for f in own if f.id in hidden]
+    """Faults in few words, in the order of their modules.
+
+    All faults of a module count as one, and so do all errors of a sensor.
+    """
+    by_module: dict[str, list[FaultSpec]] = {}
+    for fault in ruleset.faults:
+        by_module.setdefault(fault.module, []).append(fault)
+    chosen = set(faults)
+    for module, own in by_module.items():
+        lost = [f for f in own if f.id in chosen]
         if lost and len(lost) == len(own) > 1:
             yield f"any fault of {module}"
             continue
@@ -77,10 +80,3 @@ def named(ruleset: Ruleset, faults: Iterable[str]) -> Iterator[str]:
         whole = [name for name, all_ in alike.items() if len(all_) > 1 and set(all_) <= set(lost)]
         yield from (f.id for f in lost if not any(f in alike[name] for name in whole))
         yield from (f"errors of {name}" for name in whole)
-
-
-def _by_module(faults: Iterable[FaultSpec]) -> dict[str, list[FaultSpec]]:
-    found: dict[str, list[FaultSpec]] = {}
-    for fault in faults:
-        found.setdefault(fault.module, []).append(fault)
-    return found

@@ -1,4 +1,4 @@
-"""One sentence below each picture: what it shows, in words and numbers computed from the data."""
+"""One sentence below each picture: what it shows, with numbers computed from the data."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ NAMED = 4
 def say_estimates(curves: Curves) -> str:
     """Which two estimates of the module disagree most, by how much and when.
 
-    The picture shows the plain flows, so the distance is theirs. What counts as too much is
-    decided against the baseline, so the threshold is that of what differs from it.
+    The distance is that of the flows as drawn; the threshold applies to the deviation from the
+    baseline.
     """
     module = curves.sides[0].module
     names = [
@@ -59,20 +59,19 @@ def say_estimates(curves: Curves) -> str:
 
 
 def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
-    """What of a distance the baseline leaves, and the threshold of that."""
-    seen, threshold = (
+    """The distance relative to the baseline, if that differs, and the threshold."""
+    value, threshold = (
         float(np.mean(table[row, run])) for table in (curves.values, curves.thresholds)
     )
     beyond = f"beyond the threshold of {number(threshold, 2)} l/h"
-    if np.isclose(seen, apart, rtol=1e-9):
+    if np.isclose(value, apart, rtol=1e-9):
         return beyond
-    way = "up" if seen > 0 else "down"
-    usual = "what was taken for fault-free"
-    return f"{way} by {number(abs(seen))} l/h against {usual}, {beyond}"
+    way = "up" if value > 0 else "down"
+    return f"{way} by {number(abs(value))} l/h against what was taken for fault-free, {beyond}"
 
 
 def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
-    """Size of a residual over its threshold, mean over the run where that is largest."""
+    """Ratio of a residual to its threshold, averaged over each run: the largest."""
     return max(_excess(curves, row, first, last) for first, last in runs)
 
 
@@ -95,11 +94,9 @@ def say_residuals(curves: Curves) -> str:
     if not found:
         if not formed:
             return "No residual could be formed."
-        none = (
-            f"None of the {formed} residuals exceeds"
-            if formed > 1
-            else "The residual never exceeds"
-        )
+        none = "The residual never exceeds"
+        if formed > 1:
+            none = f"None of the {formed} residuals exceeds"
         return f"{none} its threshold for three samples in a row{absent}."
     names = _some([f"{name} ({number(times, 2)} times its threshold)" for times, name in found])
     rest = formed - len(found)
@@ -109,13 +106,12 @@ def say_residuals(curves: Curves) -> str:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first of some names, and how many there are besides."""
     more = [counted(len(names) - NAMED, "other")] if len(names) > NAMED else []
     return listed([*names[:NAMED], *more])
 
 
 def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
-    """How large each diagnosed fault becomes, and when; `missed` were there and not named."""
+    """How large each diagnosed fault becomes, and when; `missed` were there but not named."""
     findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
     if not diagnosis.judged:
         return "Nothing was judged, so no degree is known."
@@ -137,7 +133,7 @@ def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
 
 
 def say_cases(cases: Cases) -> str:
-    """How often the right fault was named, and how far its degree is off."""
+    """How often the right fault was named, and the error of its degree."""
     faulty, right = cases.fault >= 0, cases.named
     healthy = ~faulty
     parts = []
@@ -164,7 +160,7 @@ def say_cases(cases: Cases) -> str:
 
 
 def say_shares(cases: Cases, table: np.ndarray) -> str:
-    """How many cases lie close to the truth."""
+    """Shares of the cases close to the truth."""
     middle = len(table) // 2
     near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
     off = float(np.abs(cases.discrepancy).mean())

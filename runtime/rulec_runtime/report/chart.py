@@ -1,8 +1,8 @@
-"""Charts as SVG: axes, bands, curves and marks.
+"""Draw charts as SVG: axes, bands, curves and marks.
 
-A panel is as wide as the page lets it be. Curves stand in an inner picture that is stretched to
-the panel; texts and marks are placed in percent of its width, so they keep their shape and size on
-paper and on a telephone alike.
+A panel is as wide as the page allows. Curves are in an inner picture that is stretched to the
+panel; texts and marks are placed in percent of its width, so they keep their shape and size on
+paper and on a phone.
 """
 
 from __future__ import annotations
@@ -26,14 +26,13 @@ SYMBOLS = {
     "diamond": '<path d="M0-4.6 4.6 0 0 4.6-4.6 0Z"/>',
     "cross": '<path class="open" d="M-4-4 4 4M-4 4 4-4"/>',
 }
-"""Shapes of marks, about the origin."""
-
+"""Shapes of marks, centred on the origin."""
 
 FEW = 4
-"""Ticks that all have a label, also where the page is narrow."""
+"""Most ticks that all keep their labels on a narrow page."""
 
 DECIMALS = 4
-"""Of a label; smaller numbers are written with a power of ten, as there is no room."""
+"""Most decimals of a label; smaller numbers are written with a power of ten to save room."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,11 @@ class Axis:
     ticks: tuple[float, ...]
 
     def share(self, values: Array | float) -> Array:
-        """Where values lie: 0 at the low end, 1 at the high one."""
+        """Position of values: 0 at the low end, 1 at the high end."""
         return (np.asarray(values, dtype=float) - self.low) / (self.high - self.low)
 
     def labels(self) -> list[str]:
-        """Texts of the ticks, all with as many digits as their distance needs."""
+        """Labels of the ticks, with as many digits as their distance needs."""
         step = self.ticks[1] - self.ticks[0] if len(self.ticks) > 1 else abs(self.ticks[0]) or 1.0
         decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
         if decimals > DECIMALS:
@@ -57,13 +56,12 @@ class Axis:
         return [number(round(t, decimals), 15) for t in self.ticks]
 
     def second_lines(self) -> list[tuple[str, bool]]:
-        """What stands below each label, and whether also where all ticks have labels; may be
-        empty."""
+        """Text below each label, and whether to show it on a wide page; may be empty."""
         return []
 
 
 def _powered(tick: float, step: float) -> str:
-    """A small number such as 2e−5, to the digits that tell ticks at such steps apart."""
+    """A small number such as 2e−5, with the digits that distinguish ticks at such steps."""
     if abs(tick) < 0.5 * step:
         return "0"
     digits = max(0, int(np.floor(np.log10(abs(tick))) - np.floor(np.log10(step))))
@@ -72,9 +70,9 @@ def _powered(tick: float, step: float) -> str:
 
 
 def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
-    """An axis over a range, with about so many ticks at 1, 2 or 5 times a power of ten.
+    """An axis over a range with about `wanted` ticks at 1, 2 or 5 times a power of ten.
 
-    A `tight` one ends where the data end; else the ends are ticks or a little beyond the data.
+    A `tight` axis ends where the data end; otherwise it leaves some room.
 
     >>> axis(0.0, 79.0, 8, tight=True).ticks
     (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0)
@@ -92,7 +90,7 @@ def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
 
 
 def _ticks(low: float, high: float, step: float) -> tuple[float, ...]:
-    """Multiples of a step within a range, at least one value."""
+    """Multiples of a step within a range; its middle if there are none."""
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     ticks = tuple(float(round(i * step, 12)) for i in range(first, last + 1))
     return ticks or ((low + high) / 2,)
@@ -110,11 +108,11 @@ class Panel:
         return WIDTH * self.x.share(values)
 
     def _y(self, values: Array) -> Array:
-        # Far beyond the panel is as good as just beyond it, and shorter to write.
+        # Values far beyond the panel are clipped, since shorter numbers save bytes.
         return np.clip(self.height * (1 - self.y.share(values)), -self.height, 2 * self.height)
 
     def curve(self, x: Array, y: Array, style: str) -> str:
-        """A curve that breaks at NaN; a value alone between breaks becomes a dot."""
+        """A curve that breaks at NaN; a single value between breaks becomes a dot."""
         parts = []
         for run in runs_of(np.isfinite(x) & np.isfinite(y)):
             points = [
@@ -138,9 +136,9 @@ class Panel:
         return f'<path class="band {style}" d="{"".join(parts)}"/>' if parts else ""
 
     def spans(self, x: Array, flags: np.ndarray, style: str, top: float = 1.0) -> str:
-        """Shade where flags are true, from the foot up to a share of the height.
+        """Shade where flags are true, from the bottom up to a share of the height.
 
-        `x`, shape (n,), increases; a flag holds from midway to its neighbours.
+        `x`, shape (n,), increases; a flag extends halfway to its neighbours.
         """
         edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
         there = np.where(np.repeat(flags, 2), 1.0, np.nan)
@@ -148,10 +146,10 @@ class Panel:
         return self.band(np.repeat(edges, 2)[1:-1], self.y.low * there, high * there, style)
 
     def marks(self, x: Array, y: Array, symbol: str, style: str) -> str:
-        """Shapes at points; those beyond the panel stand at its edge."""
+        """Shapes at points; those beyond the panel move to its edge."""
         across = 100 * self.x.share(x)
         down = np.clip(self.height * (1 - self.y.share(y)), 0, self.height)
-        # Where the page is narrow only every third mark is shown.
+        # A narrow page shows only every third mark.
         style_of = ("", ' class="odd"', ' class="odd"')
         uses = (
             f'<use href="#{symbol}"{style_of[i % 3]} x="{a:.2f}%" y="{b:.1f}"/>'
@@ -168,14 +166,14 @@ class Panel:
         return f'<path class="curve {style}" d="{"".join(parts)}"/>' if parts else ""
 
     def text(self, x: float, y: float, words: str, style: str, shift: int = 0) -> str:
-        """Words at a point of the panel, shifted down by so many pixels."""
+        """Words at a point of the panel, shifted down by `shift` pixels."""
         across, down = 100 * float(self.x.share(x)), self.height * (1 - float(self.y.share(y)))
         return (
             f'<text class="{style}" x="{across:.2f}%" y="{down + shift:.1f}">{safe(words)}</text>'
         )
 
     def beside(self, words: str, more: str, loud: bool) -> str:
-        """Words to the right of the panel, at half its height; `more` where the page is wide."""
+        """Words to the right of the panel, at half its height; `more` only on a wide page."""
         style = "note loud" if loud else "note"
         rest = f'<tspan class="more"> {safe(more)}</tspan>' if more else ""
         return (
@@ -190,20 +188,17 @@ class Panel:
 
         Parameters
         ----------
-        name : what the picture shows, for those who cannot see it.
-        title : stands above the vertical axis, with its unit.
+        name : what the picture shows, for screen readers.
+        title : of the vertical axis, with its unit.
         stretched : curves, bands and bars.
         fixed : marks and texts.
         foot : whether the horizontal axis has labels.
         """
-        body = "".join(stretched)
-        inner = (
-            f'<svg class="data" width="100%" height="{self.height}" '
-            f'viewBox="0 0 {WIDTH} {self.height}" preserveAspectRatio="none">{body}</svg>'
-        )
         return (
             f'<svg class="panel" height="{self.height}" role="img" aria-label="{safe(name)}">'
-            f"{''.join(self._grid(foot))}{inner}"
+            f'{"".join(self._grid(foot))}<svg class="data" width="100%" height="{self.height}" '
+            f'viewBox="0 0 {WIDTH} {self.height}" preserveAspectRatio="none">'
+            f"{''.join(stretched)}</svg>"
             f'<text class="title" x="0" y="-8">{safe(title)}</text>{"".join(fixed)}</svg>'
         )
 
@@ -227,10 +222,10 @@ class Panel:
 
 
 def labels_apart(panel: Panel, ends: Sequence[float | None], words: Sequence[str]) -> str:
-    """Names at the right end of curves, pushed apart where they would overlap.
+    """Names at the right ends of curves, pushed apart where they would overlap.
 
-    `ends` are the last values of the curves, None for one without any; the style of a label is
-    the number of its curve.
+    `ends` are the last values of the curves, None for an empty one; a label takes the style of its
+    curve.
     """
     room = 15.0
     wanted = {

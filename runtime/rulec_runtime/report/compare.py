@@ -1,4 +1,4 @@
-"""Diagnosis against truth: Figures 10 and 11 of the seed paper."""
+"""Draw the diagnosis against the truth: Figures 10 and 11 of the seed paper."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rulec_runtime.report.tables import framed
 from rulec_runtime.report.truth import DEGREES, ROWS, Cases, shares
 
 POINTS = 120
-"""Cells of the scatter plot in each direction; one mark a cell."""
+"""Cells of the scatter plot in each direction; one mark per cell."""
 
 
 def draw_cases(cases: Cases) -> Figure:
@@ -29,13 +29,12 @@ def draw_cases(cases: Cases) -> Figure:
             drawn.append(panel.bars(true, cases.lower[index], cases.upper[index], "s0"))
         marks.append(panel.marks(true, degree, symbol, style))
     svg = panel.drawn("diagnosed against true degree", "diagnosed degree [1]", drawn, marks, True)
-    body = plot(svg, True, "true degree [1]")
     key = "● rightly named, with 95 % bounds; × another fault, none or a false alarm; dashed: truth"
     return Figure(
         name="cases",
         title="Diagnosed against true degree",
         key=key,
-        body=body,
+        body=plot(svg, True, "true degree [1]"),
         caption=say_cases(cases),
         narrow=True,
     )
@@ -74,13 +73,13 @@ def _signed(value: float) -> str:
 
 
 def _cell(share: float, shaded: bool = True) -> str:
-    """A share as a cell; the larger the darker."""
+    """A share as a cell; larger shares are darker."""
     tint = f' style="--tint:{round(100 * min(share / 0.3, 1))}%"' if shaded and share > 0 else ""
     return f"<td{tint}>{f'{share:.2f}' if share > 0 else '·'}</td>"
 
 
 def _one_a_cell(cases: Cases, chosen: np.ndarray, top: float) -> np.ndarray:
-    """Of the cases that would lie on one another one each."""
+    """One of the chosen cases per cell of the plot; the others would lie on top of it."""
     index = np.flatnonzero(chosen)
     cells = np.stack([cases.true[index], cases.degree[index]]) * (POINTS / top)
     _, first = np.unique(np.floor(cells), axis=1, return_index=True)

@@ -1,4 +1,4 @@
-"""The frame of a page: one HTML file that needs nothing else, neither network nor scripts."""
+"""The frame of a page: one HTML file that needs neither network nor scripts."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from rulec_runtime.report.made import Made
 from rulec_runtime.report.text import safe
 
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
-"""Colours of series are after Okabe and Ito (2008), told apart by all common kinds of colour
-vision; each series has its own stroke as well."""
+"""Colours of series follow Okabe and Ito (2008), distinct for all common kinds of colour vision;
+each series has its own stroke as well."""
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
-"""Forbids the browser to load anything, should a name ever slip through unescaped."""
+"""Forbids the browser to load anything, in case a name ever slips through unescaped."""
 
 LONG = 70
-"""Letters of a verdict from which on it is set smaller."""
+"""Most characters of a verdict in large type."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """What stands above everything else.
+    """The head of a page.
 
-    `kind` is that of the page, `verdict` what it says in one sentence, `badge` (HTML) the same as a
-    symbol, `meaning` the line below. `facts` say what it is about, `made` when and by what it was
-    made, `sketch` (HTML) shows the plant.
+    `kind` is that of the page, `verdict` its result in one sentence, `badge` (HTML) the same as a
+    symbol, `meaning` the line below. `facts` describe the subject, `made` when and by what the page
+    was made, `sketch` (HTML) shows the plant.
     """
 
     kind: str
@@ -56,15 +56,15 @@ def document(head: Head, body: str) -> str:
 
 
 def _header(head: Head) -> str:
-    made = head.made
-    rows = [*head.facts, *([("Made", f"{made.when} by {made.tool}")] if made else [])]
+    rows = [(term, [text]) for term, text in head.facts]
+    if head.made:
+        rows.append(("Made", [f"{head.made.when} by {head.made.tool}"]))
     below = f'<p class="soft">{safe(head.meaning)}</p>' if head.meaning else ""
     long = ' class="long"' if len(head.verdict) > LONG else ""
-    about = facts((term, [text]) for term, text in rows)
     return (
         f'<header class="head"><p class="kind">{safe(head.kind)}</p>'
         f'<div class="status">{head.badge}<div><h1{long}>{safe(head.verdict)}</h1>{below}</div>'
-        f'</div><div class="about">{about}{head.sketch}</div></header>\n'
+        f'</div><div class="about">{facts(rows)}{head.sketch}</div></header>\n'
     )
 
 
@@ -74,7 +74,7 @@ def section(title: str, body: str) -> str:
 
 
 def facts(rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    """Terms with what is to be said of each; a term without anything is left out."""
+    """A list of terms with their texts; a term without texts is left out."""
     body = "".join(
         f"<dt>{safe(term)}</dt>" + "".join(f"<dd>{safe(text)}</dd>" for text in texts)
         for term, texts in rows
@@ -86,9 +86,7 @@ def facts(rows: Iterable[tuple[str, Sequence[str]]]) -> str:
 def numbered(figures: Iterable[Figure], first: int = 1) -> Iterator[str]:
     """Figures with their numbers."""
     for i, figure in enumerate(figures, first):
-        style = " ".join(
-            word for word, on in (("narrow", figure.narrow), ("tall", figure.tall)) if on
-        )
+        style = " ".join(["narrow"] * figure.narrow + ["tall"] * figure.tall)
         key = f'<p class="key">{safe(figure.key)}</p>' if figure.key else ""
         yield (
             f'<figure id="{figure.name}" class="{style}"><h3>{safe(figure.title)}</h3>{key}'

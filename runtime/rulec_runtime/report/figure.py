@@ -1,4 +1,4 @@
-"""A figure of the report: a picture with title, key and sentence."""
+"""A figure of the report: a picture with title, key and caption."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rulec_runtime.report.text import safe
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A picture as HTML, its title, how to read it, and the sentence below it."""
+    """A picture as HTML with its title, the key to reading it, and the caption."""
 
     name: str
     title: str
@@ -21,8 +21,8 @@ class Figure:
 
 
 def plot(svg: str, foot: bool, below: str, deep: bool = False) -> str:
-    """A panel with room for its axes; the last of a stack says what the horizontal axis is, further
-    down where labels are `deep`."""
+    """A panel with room for its axes; the last of a stack (`foot`) has the title of the horizontal
+    axis, further down if labels are `deep`."""
     label = f'<div class="below">{safe(below)}</div>' if foot else ""
     style = "plot deep" if deep else "plot"
     return f'<div class="{style}">{svg}{label}</div>'

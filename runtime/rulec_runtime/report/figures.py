@@ -1,4 +1,4 @@
-"""What happened over time: Figures 7 to 9 of the seed paper, made from one recording."""
+"""Draw what happened over time: Figures 7 to 9 of the seed paper, for one recording."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ from rulec_runtime.report.truth import Cases, Truth, names_at
 from rulec_runtime.report.wording import worst_first
 
 MARKS = 90
-"""Marks across a panel at most, so that they stay apart."""
-
+"""Most marks across a panel, so that they stay apart."""
 
 LABELLED = 6
-"""Findings of one fault whose degrees are written into the picture."""
+"""Most findings of one fault for which the picture shows the degrees as numbers."""
 
 
 def figures_of(
@@ -49,7 +48,7 @@ def figures_of(
 
 
 def draw_estimates(whole: Curves) -> Figure:
-    """Flow estimates of one module with their 95 % bands; of long recordings a part."""
+    """Flow estimates of one module with 95 % bands; a part of a long recording."""
     curves = detail(whole)
     spread = limits.COVERAGE * curves.flows_u
     low, high = curves.flows - spread, curves.flows + spread
@@ -69,7 +68,10 @@ def draw_estimates(whole: Curves) -> Figure:
     body = time_plot(svg, True, across, curves.calendar) if drawable else ""
     key = ["band: 95 % uncertainty"]
     key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
-    key += [_part(curves)] if len(curves.time) < len(whole.time) else []
+    if len(curves.time) < len(whole.time):
+        where = "around the largest finding" if curves.focus else "at the beginning"
+        samples = counted(len(curves.time), "sample")
+        key.append(f"{samples} {where}, the whole recording is below")
     key += _grey(curves.time, curves.judged)
     title = f"Flow estimates of {module}"
     return Figure(
@@ -87,24 +89,23 @@ def draw_residuals(curves: Curves) -> Figure:
         parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
     key = ["shaded: within the threshold", "▲ fired upwards, ▼ downwards"]
     key += ["zero: what was taken for fault-free"] if curves.learned else []
-    key += ["only judged samples are drawn"] if _is_long(curves) else []
+    key += ["only judged samples are drawn"] if _is_long(curves.time) else []
     key += _grey(curves.time, curves.judged)
-    body, caption = "".join(parts), say_residuals(curves)
     return Figure(
         name="residuals",
         title="Residuals",
         key="; ".join(key),
-        body=body,
-        caption=caption,
+        body="".join(parts),
+        caption=say_residuals(curves),
         tall=True,
     )
 
 
 def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
-    """One residual; `times` is its size over its threshold where it lasts, 0 if it never does."""
+    """One residual; `times` is its `excess` where it persists, 0 if it never does."""
     value, threshold = curves.values[row], curves.thresholds[row]
-    if _is_long(curves):
-        # Transients are much larger than faults: over a long time they would hide everything.
+    if _is_long(curves.time):
+        # Transients are much larger than faults: in a long recording they would hide everything.
         value, threshold = (np.where(curves.judged, part, np.nan) for part in (value, threshold))
     across = over(curves.time, curves.calendar)
     shown = _range(curves, np.fmin(value, -threshold), np.fmax(value, threshold), 3)
@@ -128,15 +129,15 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
 
 
 def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure:
-    """Degree of each diagnosed fault with 95 % bounds; dashed the truth."""
+    """Degree of each diagnosed fault with 95 % bounds, and the dashed truth."""
     names = [f.fault.id for f in worst_first(diagnosis.findings)]
     missed: list[str] = []
     if truth is not None:
         present = np.nan_to_num(truth.degree).max(axis=1) > 0
         true = [name for name, p in zip(truth.faults, present, strict=True) if p]
-        said = {name for here in names_at(trace) for name in here}
-        said |= {f.fault.id for f in diagnosis.findings}
-        missed = [name for name in true if name not in said]
+        reported = {name for here in names_at(trace) for name in here}
+        reported |= {f.fault.id for f in diagnosis.findings}
+        missed = [name for name in true if name not in reported]
         names += [name for name in true if name not in names]
     parts = [
         _degree_panel(diagnosis, trace, truth, name, i == len(names) - 1)
@@ -145,10 +146,12 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
     key = ["● named as the cause", "band: 95 % bounds"] if names else []
     key += ["dashed: truth"] if names and truth is not None else []
     key += _grey(trace.time, _with_degree(trace)) if names else []
-    caption = say_degrees(diagnosis, missed)
-    title = "Degree of the diagnosed faults"
     return Figure(
-        name="degrees", title=title, key="; ".join(key), body="".join(parts), caption=caption
+        name="degrees",
+        title="Degree of the diagnosed faults",
+        key="; ".join(key),
+        body="".join(parts),
+        caption=say_degrees(diagnosis, missed),
     )
 
 
@@ -175,49 +178,38 @@ def _degree_panel(
     fixed = [panel.marks(trace.time[index], degree[index], "disc", "s0")]
     found = [f for f in diagnosis.findings if f.fault.id == name]
     for f in found if len(found) <= LABELLED else ():
-        fixed.append(
-            panel.text(
-                (f.since + f.until) / 2, f.upper, degree_text(f.degree, f.fault.unit), "value", -5
-            )
-        )
+        label = degree_text(f.degree, f.fault.unit)
+        fixed.append(panel.text((f.since + f.until) / 2, f.upper, label, "value", -5))
     svg = panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last)
     return time_plot(svg, last, across, diagnosis.calendar)
 
 
 def _with_degree(trace: Trace) -> np.ndarray:
-    """Samples at which a degree, if only 0, was found."""
-    words = np.array(trace.verdict)
-    result: np.ndarray = ~np.isin(words, (*NOT_JUDGED, "unknown"))
+    """Samples at which a degree, perhaps 0, was found."""
+    result: np.ndarray = ~np.isin(np.array(trace.verdict), (*NOT_JUDGED, "unknown"))
     return result
 
 
-def _is_long(curves: Curves) -> bool:
-    return len(curves.time) > 2 * COLUMNS
-
-
-def _part(curves: Curves) -> str:
-    where = "around the largest finding" if curves.focus else "at the beginning"
-    return f"{counted(len(curves.time), 'sample')} {where}, the whole recording is below"
+def _is_long(time: Array) -> bool:
+    return len(time) > 2 * COLUMNS
 
 
 def _range(curves: Curves, low: Array, high: Array, ticks: int = 5) -> Axis:
-    """Vertical axis that holds what was judged; of long recordings all but the wildest."""
-    seen = curves.judged if curves.judged.any() else np.ones(len(curves.time), dtype=bool)
-    lows, highs = low[..., seen], high[..., seen]
+    """Vertical axis over the judged samples; a long recording loses its extreme values."""
+    chosen = curves.judged if curves.judged.any() else np.ones(len(curves.time), dtype=bool)
+    lows, highs = low[..., chosen], high[..., chosen]
     lows, highs = lows[np.isfinite(lows)], highs[np.isfinite(highs)]
     if not len(lows):
         return axis(0.0, 1.0, ticks)
-    cut = 0.5 if len(curves.time) > 2 * COLUMNS else 0.0
+    cut = 0.5 if _is_long(curves.time) else 0.0
     return axis(float(np.percentile(lows, cut)), float(np.percentile(highs, 100 - cut)), ticks)
 
 
 def _unjudged(panel: Panel, time: Array, judged: np.ndarray) -> str:
-    """Grey where nothing was judged; left out of long recordings, where it would be a blur."""
-    if len(time) > 2 * COLUMNS or len(time) < 2:
-        return ""
-    return panel.spans(time, ~judged, "unjudged")
+    """Grey where nothing was judged; not in long recordings, where it would blur."""
+    return "" if _is_long(time) or len(time) < 2 else panel.spans(time, ~judged, "unjudged")
 
 
 def _grey(time: Array, judged: np.ndarray) -> list[str]:
-    drawn = len(time) <= 2 * COLUMNS and not judged.all()
+    drawn = not _is_long(time) and not judged.all()
     return ["grey: not settled, or not judged"] if drawn else []

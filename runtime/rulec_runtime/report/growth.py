@@ -1,4 +1,4 @@
-"""A fault that grows, in words and as a picture: how large it was, is, and will be."""
+"""Describe a growing fault in words and as a picture: its past, present and future degree."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ COLUMNS = 32
 
 
 def grown(finding: Finding) -> str:
-    """Where a fault is now, how fast it grows and where it is going; empty where it does not.
+    """How large a fault is, how fast it grows and where it leads; empty if it does not grow.
 
-    In a terminal the same words stand beside `sparkline`.
+    A terminal shows these words beside `sparkline`.
     """
     growth = finding.growth
     if growth is None or growth.rate is None:
@@ -49,7 +49,6 @@ def grown(finding: Finding) -> str:
 
 
 def _ahead(fault: FaultSpec, growth: Growth) -> str:
-    """When a fault will be how large."""
     ahead = growth.reaches
     if ahead is None:
         return ""
@@ -64,7 +63,7 @@ def _ahead(fault: FaultSpec, growth: Growth) -> str:
 
 
 def sparkline(growth: Growth) -> str:
-    """The course so far in a line of characters, from none to the largest degree."""
+    """The course so far as a line of characters, from 0 to the largest degree."""
     time, degree, _ = np.array(growth.path).T
     columns = np.interp(np.linspace(time[0], time[-1], COLUMNS), time, degree)
     share = np.clip(columns / max(float(columns.max()), limits.LEAST_U), 0.0, 1.0)
@@ -72,7 +71,7 @@ def sparkline(growth: Growth) -> str:
 
 
 def draw_growth(diagnosis: Diagnosis, finding: Finding) -> Figure:
-    """The course of a degree with its 95 % band, and where it goes on at this rate."""
+    """The course of a degree with its 95 % band, extrapolated at the present rate."""
     growth, fault = finding.growth, finding.fault
     assert growth is not None
     time, degree, u = np.array(growth.path).T

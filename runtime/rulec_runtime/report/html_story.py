@@ -1,4 +1,4 @@
-"""The findings of a diagnosis as HTML: first what is wrong, then why that is believed."""
+"""Write the findings of a diagnosis as HTML: first what is wrong, then the evidence."""
 
 from __future__ import annotations
 
@@ -39,7 +39,6 @@ from rulec_runtime.report.wording import (
     evidence_first,
     headline,
     kept_of,
-    l_per_h,
     readings_of,
     remarks_of,
     rows_of,
@@ -50,7 +49,7 @@ from rulec_runtime.report.wording import (
 )
 
 REMARKS = 8
-"""Different remarks shown."""
+"""Most remarks shown."""
 
 UNSEEN = "Not judged, or only in part"
 
@@ -86,7 +85,7 @@ def _remarked(letter: str, title: str, periods: Sequence[Period], calendar: Cale
 
 
 def _card(letter: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """A finding of this letter of NE 107; `title` and texts of the rows are HTML, terms are not."""
+    """A finding with its NE 107 letter; `title` and texts of the rows are HTML, terms are not."""
     body = "".join(f"<dt>{safe(term)}</dt><dd>{text}</dd>" for term, text in rows)
     return (
         f'<section class="finding is-{letter}"><h3>{badge(letter, True)} {title}</h3>'
@@ -95,7 +94,6 @@ def _card(letter: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
-    """A reading that is none: what, since when, what to do."""
     rows = [
         ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
         ("What to do", safe(found.condition.action)),
@@ -105,32 +103,26 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
 
 
 def _regime(diagnosis: Diagnosis, found: RegimeFinding) -> str:
-    """A way in which a module runs: what, since when, why that is believed, what to do."""
+    regime = found.regime
     rows = [
         ("When", safe(course(diagnosis.calendar, found.since, found.until, found.behind))),
         ("Because", safe(conditions(found))),
-        ("What to do", safe(found.regime.action)),
+        ("What to do", safe(regime.action)),
     ]
-    regime = found.regime
     return _card(regime.status, safe(regime.text), rows)
 
 
 def _blind(diagnosis: Diagnosis) -> str:
-    """What could not be seen: which faults, since when, why, and what brings them back."""
-    rows = [
-        (
-            since_when(b, diagnosis.calendar),
-            safe(f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}"),
-        )
-        for b in diagnosis.blind[:LISTED]
-    ]
+    rows = []
+    for b in diagnosis.blind[:LISTED]:
+        text = f"{unseen(diagnosis.ruleset, b)}: {why_and_how(b)}"
+        rows.append((since_when(b, diagnosis.calendar), safe(text)))
     if (more := len(diagnosis.blind) - LISTED) > 0:
         rows.append(("", f"and {counted(more, 'other period')}"))
     return _card("C", f"{PARTLY}: {hidden(diagnosis)}", rows)
 
 
 def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
-    """One fault: what, how large, when, how probable, what to do."""
     fault, ruleset = finding.fault, diagnosis.ruleset
     rows = [
         (
@@ -144,10 +136,8 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
         ("What to do", safe(actions(ruleset, finding))),
     ]
     if finding.alternatives:
-        others = [
-            f"{titled(ruleset.fault_by_id[name])} ({percent(p)})"
-            for name, p in finding.alternatives
-        ]
+        faults = ruleset.fault_by_id
+        others = [f"{titled(faults[name])} ({percent(p)})" for name, p in finding.alternatives]
         rows.append(("Could also be", safe(listed(others))))
         rows += [("Named first", safe(text)) for text in why_first(ruleset, finding)]
         apart = "; ".join(advice(ruleset, finding))
@@ -161,7 +151,7 @@ def _fault(diagnosis: Diagnosis, finding: Finding) -> str:
 
 
 def _when(diagnosis: Diagnosis, finding: Finding) -> str:
-    """Period of a finding, and how it stands among others of the same fault."""
+    """Period of a finding, and its place among others of the same fault."""
     same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
     text = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     if len(same) == 1:
@@ -179,14 +169,12 @@ def _probability(diagnosis: Diagnosis, finding: Finding) -> str:
 
 
 def _summary(diagnosis: Diagnosis) -> str:
-    """All findings in a table; of many, one row a fault."""
     rows = rows_of(diagnosis.findings, diagnosis.calendar)
     others = any(row.others for row in rows)
-    of = [Column("fault"), *columns(".degree", ".95 % bounds", ".when", ".probability")]
+    of = columns("fault", ".degree", ".95 % bounds", ".when", ".probability")
     of += [Column("could also be")] if others else []
-    return table(
-        "all findings", of, (_summary_row(row, diagnosis.mode != "paper", others) for row in rows)
-    )
+    weighed = diagnosis.mode != "paper"
+    return table("all findings", of, (_summary_row(row, weighed, others) for row in rows))
 
 
 def _summary_row(row: Row, weighed: bool, others: bool) -> list[Cell | str]:
@@ -207,9 +195,9 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
         when = period_told(diagnosis.calendar, finding.since, finding.until)
-        title = f"{finding.fault.id} {when}, where it shows most"
+        title = safe(f"{finding.fault.id} {when}, where it shows most")
         why = ground_of(diagnosis.ruleset, finding)
-        yield f'<div class="evidence"><h3>{safe(title)}</h3>{why}</div>'
+        yield f'<div class="evidence"><h3>{title}</h3>{why}</div>'
 
 
 def ground_of(ruleset: Ruleset, finding: Finding) -> str:
@@ -246,7 +234,7 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
     rows = (
         (
             safe(e.equation),
-            f"{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}",
+            f"{L_PER_H.factor * e.flow:.1f} ± {L_PER_H.factor * e.half:.1f}",
             safe(", ".join(e.readings)),
         )
         for e in estimates(ruleset, finding)
@@ -256,7 +244,7 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
 
 
 def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:
-    """Remarks with the periods they hold for."""
+    """Remarks with the periods that they apply to."""
     found = remarks_of(periods, calendar)
     rows = [f"<dt>{safe(spans)}</dt><dd>{safe(text)}</dd>" for text, spans in found[:REMARKS]]
     if len(found) > REMARKS:

@@ -1,4 +1,4 @@
-"""A diagnosis as data: JSON, and one CSV row per sample."""
+"""Write a diagnosis as data: JSON, and one CSV row per sample."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.wording import actions, why_first
 
 EVIDENCE = ("residual", "value", "u", "u_systematic", "threshold", "verdict", "expected")
-"""What is told of each residual of a finding."""
+"""Keys of each residual of a finding."""
 
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -53,7 +53,7 @@ def _blind(blind: Blind, calendar: Calendar | None) -> dict[str, Any]:
 
 
 def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
-    """In the form of a finding: a reading that is none has no degree but 1, and no rivals."""
+    """In the form of a finding: an invalid reading has the degree 1 and no alternatives."""
     return {
         "kind": "sensor",
         "fault": found.id,
@@ -75,7 +75,7 @@ def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
 
 
 def _regime(found: RegimeFinding, calendar: Calendar | None) -> dict[str, Any]:
-    """Conditions hold by so many standard uncertainties where they hold most."""
+    """`sigma` is the largest margin of a condition, in standard uncertainties."""
     regime = found.regime
     return {
         "regime": regime.id,
@@ -92,7 +92,7 @@ def _regime(found: RegimeFinding, calendar: Calendar | None) -> dict[str, Any]:
 def _times(
     found: Finding | SensorFinding | RegimeFinding, calendar: Calendar | None
 ) -> dict[str, Any]:
-    """Times of a finding, s, with dates where the recording has them."""
+    """Times of a finding, s, with dates if the recording has them."""
     return {
         "since": found.since,
         "until": found.until,
@@ -139,29 +139,26 @@ def _finding(ruleset: Ruleset, finding: Finding, calendar: Calendar | None) -> d
 
 
 def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> dict[str, Any]:
-    """How large a fault is now, how fast it grows, and between which times, s, it is how large."""
+    """Present degree of a fault, its rate, and the degree that it reaches between two times, s."""
     seconds, name = growth.per
-    told: dict[str, Any] = {
+    form: dict[str, Any] = {
         "now": {"degree": growth.degree, "lower": growth.lower, "upper": growth.upper}
     }
     if growth.rate is not None:
         value, lower, upper = (end * seconds for end in growth.rate)
         rate = {"value": value, "lower": lower, "upper": upper}
-        told["rate"] = {**rate, "unit": f"{fault.unit or 1}/{name}", "grows": growth.grows}
+        form["rate"] = {**rate, "unit": f"{fault.unit or 1}/{name}", "grows": growth.grows}
     if (ahead := growth.reaches) is not None:
-        told["reaches"] = {
-            "degree": ahead.degree,
-            "earliest": ahead.earliest,
-            "latest": ahead.latest,
-        }
+        ends = {"earliest": ahead.earliest, "latest": ahead.latest}
+        form["reaches"] = {"degree": ahead.degree, **ends}
         if calendar is not None:
-            ends = {"earliest_time": ahead.earliest, "latest_time": ahead.latest}
-            told["reaches"] |= {key: calendar.iso(time) for key, time in ends.items()}
-    return told
+            dates = {f"{key}_time": calendar.iso(time) for key, time in ends.items()}
+            form["reaches"] |= dates
+    return form
 
 
 def _events(events: Events) -> dict[str, Any]:
-    """Times in s, set points in SI: the least and the largest value of each input."""
+    """Times in s, set points in SI: smallest and largest value of each input."""
     return {
         "count": events.count,
         "duration": events.duration,
@@ -183,12 +180,11 @@ def _step(step: Step) -> dict[str, Any]:
 
 
 def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, Any]:
-    dates = _dates(period.since, period.until, calendar)
     off = [{"residual": r, "share": size, "threshold": t} for r, size, t in period.off]
     return {
         "since": period.since,
         "until": period.until,
-        **dates,
+        **_dates(period.since, period.until, calendar),
         key: period.text,
         **({"disagree": off} if off else {}),
         **({"from_sheet": True} if period.from_sheet else {}),

@@ -1,4 +1,4 @@
-"""When a page was made, and by what."""
+"""When a page was made, and by which tool."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 EPOCH = "SOURCE_DATE_EPOCH"
-"""Seconds since 1970 that count as now, for those who want the same bytes again."""
+"""Environment variable with the seconds since 1970 to use as now, for reproducible bytes."""
 
 
 @dataclass(frozen=True)
 class Made:
-    """Date and time with zone, and tool with version."""
+    """Date and time with zone; tool with version."""
 
     when: str
     tool: str
 
 
 def made_now(distribution: str) -> Made:
-    """This moment, and an installed distribution."""
+    """The present moment, and an installed distribution."""
     given = os.environ.get(EPOCH, "")
     if given.isascii() and given.isdigit() and len(given) <= 11:
         now = datetime.fromtimestamp(int(given), UTC)

@@ -1,4 +1,4 @@
-"""The fault-symptom matrix as an HTML table: what each fault does, and what is told from what."""
+"""Write the fault-symptom matrix as an HTML table, with groups of faults that are alike."""
 
 from __future__ import annotations
 
@@ -18,23 +18,22 @@ if TYPE_CHECKING:  # the matrix of a plant needs nothing that judges recordings
     from rulec_runtime.diagnosis.diagnose import Diagnosis
 
 LARGEST = 600
-"""Cells shown; of a larger matrix only rows and columns that concern the findings."""
+"""Most cells shown; a larger matrix is cut to rows and columns that concern the findings."""
 
 KINDS = {
     "coincide": ("=", "cannot be told apart: same proportions in all residuals"),
     "nested": ("⊂", "hard to tell apart: one signature is part of the other"),
     "close": ("≈", "alike at small degrees: the difference hides in the noise"),
 }
-"""Kind of a group of faults that are alike, to its sign and what that means."""
-
+"""Sign and meaning of each kind of group of faults that are alike."""
 
 ANY_ERROR = "any error of this reading, whether its module lists it or not"
-"""What the row of a reading stands for."""
+"""Meaning of the row of a reading."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """Faults that a diagnosis found, and those that they could be as well."""
+    """Faults that a diagnosis found, and their alternatives."""
 
     found: frozenset[str] = frozenset()
     possible: frozenset[str] = frozenset()
@@ -52,9 +51,9 @@ def matrix(diagnosis: Diagnosis) -> str:
 
 
 def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
-    """Rows are faults, columns residuals; below each sign the smallest detectable degree.
+    """Rows are faults, columns residuals; below each sign is the smallest detectable degree.
 
-    Groups of faults that are alike are marked in a column of their own and told below the matrix.
+    A column marks groups of faults that are alike; they are explained below the matrix.
     """
     faults, residuals, part = _chosen(ruleset, named, whole)
     ids = {f.id for f in faults}
@@ -62,8 +61,10 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
     alike = '<th scope="col">alike</th>' if groups else ""
     head = alike + "".join(f'<th scope="col">{_broken(r.id)}</th>' for r in residuals)
     body = "".join(_row(ruleset, fault, residuals, named, groups) for fault in faults)
-    for signal in _signals(ruleset, faults):
-        body += _off(ruleset, signal, residuals, named, bool(groups))
+    modules = {fault.module for fault in faults}
+    for signal in ruleset.moved_by_reading:
+        if signal.partition(".")[0] in modules:
+            body += _error_row(ruleset, signal, residuals, named, bool(groups))
     note = f'<p class="key">{safe(part)}</p>' if part else ""
     key = (
         "+ rises, − falls, · no effect; below: smallest degree beyond the threshold at the "
@@ -82,7 +83,7 @@ def matrix_of(ruleset: Ruleset, named: Named, whole: bool = False) -> str:
 
 
 def _below(groups: Groups, named: Named, whole: bool) -> str:
-    """Groups below the matrix: those of what was named, the others folded away."""
+    """Groups below the matrix: those of named faults, and the others folded away."""
     both = named.found | named.possible
     near = [(m, g) for m, g in groups if whole or both & set(g.faults)]
     far = [pair for pair in groups if pair not in near]
@@ -92,7 +93,7 @@ def _below(groups: Groups, named: Named, whole: bool) -> str:
 
 
 def marked(ruleset: Ruleset) -> Groups:
-    """Groups of faults that are alike, with a sign of their kind and a letter each."""
+    """Groups of faults that are alike, each with the sign of its kind and a letter."""
     letters = (*ascii_lowercase, *map("".join, product(ascii_lowercase, repeat=2)))
     return [
         (f"{KINDS.get(group.kind, ('~', ''))[0]}{letter}", group)
@@ -101,7 +102,7 @@ def marked(ruleset: Ruleset) -> Groups:
 
 
 def told_alike(groups: Groups) -> str:
-    """Groups with what would tell them apart, by their kind."""
+    """Groups by kind, with advice on how to tell their faults apart."""
     parts = []
     for kind, (sign, words) in KINDS.items():
         own = [(m, g) for m, g in groups if g.kind == kind]
@@ -119,7 +120,7 @@ def told_alike(groups: Groups) -> str:
 def _chosen(
     ruleset: Ruleset, named: Named, whole: bool
 ) -> tuple[tuple[FaultSpec, ...], tuple[ResidualSpec, ...], str]:
-    """Faults and residuals to show, and a remark if that is not all."""
+    """Faults and residuals to show, and a remark if some are left out."""
     if whole or len(ruleset.faults) * len(ruleset.residuals) <= LARGEST:
         return ruleset.faults, ruleset.residuals, ""
     both = named.found | named.possible
@@ -151,34 +152,28 @@ def _row(
     own = " ".join(f'<b class="alike">{safe(m)}</b>' for m, g in groups if fault.id in g.faults)
     alike = f'<td class="kin">{own}</td>' if groups else ""
     body = alike + "".join(_cell(fault, cells.get(r.id)) for r in residuals)
-    style, note = next(_standing(fault, named), ("", ""))
+    style, note = next(_status(fault, named), ("", ""))
     small = f"<small>{note}</small>" if note else ""
     return f'<tr{style}><th scope="row">{safe(fault.id)}{small}</th>{body}</tr>'
 
 
-def _signals(ruleset: Ruleset, faults: Collection[FaultSpec]) -> list[str]:
-    """Readings whose unlisted errors get a row, one for each: those of the modules shown."""
-    modules = {fault.module for fault in faults}
-    return [s for s in ruleset.moved_by_reading if s.partition(".")[0] in modules]
-
-
-def _off(
+def _error_row(
     ruleset: Ruleset, signal: str, residuals: Collection[ResidualSpec], named: Named, alike: bool
 ) -> str:
-    """The row of a reading: its unlisted errors, folded into one."""
+    """The row of a reading, for all its unlisted errors."""
     moved = ruleset.moved_by_reading[signal]
     kin = '<td class="kin"></td>' if alike else ""
     cells = "".join(
         "<td><b>±</b></td>" if r.id in moved else '<td class="soft">·</td>' for r in residuals
     )
     own = [f for f in ruleset.unlisted if signal in f.scales]
-    style, note = next((told for f in own for told in _standing(f, named)), ("", ""))
+    style, note = next((pair for f in own for pair in _status(f, named)), ("", ""))
     small = f"<small>{note}</small>" if note else ""
     return f'<tr{style}><th scope="row">{safe(signal)}{small}</th>{kin}{cells}</tr>'
 
 
-def _standing(fault: FaultSpec, named: Named) -> Iterator[tuple[str, str]]:
-    """How the row of a fault that a diagnosis names is set, and what is said of it."""
+def _status(fault: FaultSpec, named: Named) -> Iterator[tuple[str, str]]:
+    """Style and note of the row of a fault that a diagnosis names."""
     letter = fault.status
     if fault.id in named.found:
         yield f' class="found is-{letter}"', f"{STATUS[letter][0]} diagnosed"
@@ -194,6 +189,6 @@ def _cell(fault: FaultSpec, cell: Cell | None) -> str:
 
 
 def _broken(name: str) -> str:
-    """A residual's name over several rows, as columns are narrow."""
+    """A residual's name over several lines, since columns are narrow."""
     module, _, rest = name.partition(".")
     return "<br/>".join(safe(part) for part in (module, *rest.replace("-", "-\n").split("\n")))

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: what is wrong, why, pictures, the matrix, where it comes from."""
+"""Assemble the report of a diagnosis: findings, evidence, pictures, matrix, origin."""
 
 from __future__ import annotations
 
@@ -45,22 +45,21 @@ def report(
     Parameters
     ----------
     trace : of the same recording, ruleset and mode as the diagnosis.
-    name : of the recording, as its reader knows it.
-    truth : what was truly wrong; without it there is nothing to compare with.
-    made : when and by what; left out without.
+    name : of the recording, for the reader.
+    truth : the true faults; without it nothing is compared.
+    made : when and by what; left out if None.
     """
     cases = cases_of(truth, trace) if truth is not None else None
     curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     figures = figures_of(diagnosis, curves, trace, truth, cases)
-    because = "".join(evidence(diagnosis)) or _nothing(diagnosis)
-    compared = diagnosis.ruleset.residuals
     sections = [
         told(diagnosis),
-        section("Why", because),
+        section("Why", "".join(evidence(diagnosis)) or _nothing(diagnosis)),
         section("Pictures", "".join(numbered(figures))),
-        *([section("What each fault would do", matrix(diagnosis))] if compared else []),
-        section("Where this comes from", _facts(diagnosis, truth)),
     ]
+    if diagnosis.ruleset.residuals:
+        sections.append(section("What each fault would do", matrix(diagnosis)))
+    sections.append(section("Where this comes from", _facts(diagnosis, truth)))
     head = Head(
         kind="Diagnosis",
         verdict=verdict(diagnosis),
@@ -74,7 +73,7 @@ def report(
 
 
 def _nothing(diagnosis: Diagnosis) -> str:
-    """What stands in the place of evidence when there is no finding."""
+    """Replaces the evidence if there is no finding."""
     if not diagnosis.judged:
         return "<p>Nothing could be judged; the reasons are above.</p>"
     if diagnosis.unknown:
@@ -88,27 +87,23 @@ def _nothing(diagnosis: Diagnosis) -> str:
 
 
 def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
-    """How much was judged, mode, what was not judged and why, remarks of the reader."""
     ruleset = diagnosis.ruleset
-    share = diagnosis.judged / max(diagnosis.samples, 1)
+    share = percent(diagnosis.judged / max(diagnosis.samples, 1))
+    amount = f"{counted(diagnosis.judged, 'sample')} ({share}) {part_judged(ruleset)}"
     mode = {
         "default": "default: the whole residual vector with its uncertainties",
         "paper": "paper: Eqs. 17 to 19 of Wetterich, Kuhr, Pelz 2025 as printed",
     }[diagnosis.mode]
+    paper = "Figures 7 to 11 of Wetterich, Kuhr, Pelz, Processes 2025, 13(10), 3293"
+    origins = dict.fromkeys(f"{f.fault.id}: {f.fault.origin}" for f in diagnosis.findings)
     rows = [
-        (
-            "Judged",
-            [f"{counted(diagnosis.judged, 'sample')} ({percent(share)}) {part_judged(ruleset)}"],
-        ),
+        ("Judged", [amount]),
         ("Mode", [mode]),
         ("Truth", [truth.name] if truth else ["not given; --truth FILE.csv compares with it"]),
         ("No residual sees", list(ruleset.unobserved)),
         ("Remarks", list(dict.fromkeys((*diagnosis.notes, *(truth.notes if truth else ()))))),
-        (
-            "Pictures",
-            ["after Figures 7 to 11 of Wetterich, Kuhr, Pelz, Processes 2025, 13(10), 3293"],
-        ),
-        ("Rules of the findings", _origins(diagnosis)),
+        ("Pictures", [f"after {paper}"]),
+        ("Rules of the findings", list(origins)),
     ]
     unjudged = ""
     left = told_else(diagnosis)
@@ -117,15 +112,10 @@ def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
     return f'<div class="facts">{facts(rows)}{unjudged}</div>'
 
 
-def _origins(diagnosis: Diagnosis) -> list[str]:
-    """Where the faults that were found are written down."""
-    return list(dict.fromkeys(f"{f.fault.id}: {f.fault.origin}" for f in diagnosis.findings))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A recording of this name and its diagnosis, perhaps with what was truly wrong; results of
-    modules hold no samples, and there is no recording then."""
+    """A named recording with its diagnosis, perhaps with the truth; results of modules have no
+    samples, so their recording is None."""
 
     name: str
     recording: Recording | None
@@ -134,9 +124,8 @@ class Judged:
 
     @cached_property
     def trace(self) -> Trace:
-        """What is said of every sample."""
-        diagnosis = self.diagnosis
-        return trace(self._sampled, diagnosis.ruleset, diagnosis.mode)
+        """The result for every sample."""
+        return trace(self._sampled, self.diagnosis.ruleset, self.diagnosis.mode)
 
     def trace_csv(self) -> str:
         """One row per sample."""
@@ -167,13 +156,14 @@ def judged(
     mode: str = "default",
     truth: Truth | None = None,
 ) -> Judged:
-    """Diagnose a recording of this name."""
+    """Diagnose a recording."""
     found = diagnose(recording, ruleset, mode)
     return Judged(name=name, recording=recording, diagnosis=found, truth=truth)
 
 
 def judged_results(file: Path, ruleset: Ruleset, mode: str, truth: bool) -> Judged:
-    """Diagnose what modules say of themselves; raises `RecordingRefused` for what needs samples."""
+    """Diagnose from the results of modules; raises `RecordingRefused` for options that need
+    samples."""
     if truth:
         raise RecordingRefused("a truth needs a recording; results of modules have no samples")
     if mode != "default":

@@ -1,4 +1,4 @@
-"""Estimates and residuals per sample: what the pictures show of a recording."""
+"""Evaluate the estimates and residuals per sample that the pictures show."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
+from rulec_runtime.contract.ruleset import ResidualSpec
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.evaluated_points import (
@@ -26,19 +26,19 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.report.chart import runs_of
 from rulec_runtime.report.thin_curves import COLUMNS
-from rulec_runtime.report.wording import l_per_h, worst_first
+from rulec_runtime.report.wording import L_PER_H, worst_first
 
 MOST = 12
-"""Residuals drawn."""
+"""Most residuals drawn."""
 
 WINDOW = 600
-"""Samples of a long recording that are drawn one by one."""
+"""Most samples of a long recording that are drawn individually."""
 
 ASIDE = 150
-"""Samples drawn before and behind a finding."""
+"""Samples drawn before and after a finding."""
 
 NOT_JUDGED = ("moving", "cannot judge")
-"""Words of a trace for samples that were not judged."""
+"""Verdicts of a trace for samples that were not judged."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class Side:
 
     @property
     def is_sum(self) -> bool:
-        """Whether several observers make the estimate up."""
+        """Whether it sums several observers."""
         return len(self.observers) > 1
 
     @property
     def short(self) -> str:
-        """Name on a curve: what the observers have in common, behind a sign of sum."""
+        """Name on a curve; the common name of several observers follows a sum sign."""
         names = {o.partition(".")[2] or o for o in self.observers}
         if not self.is_sum:
             own = self.observers[0].partition(".")
@@ -71,12 +71,12 @@ class Curves:
     ----------
     time : shape (n,), s.
     judged : shape (n,), samples of settled stretches that could be judged.
-    flows, flows_u : shape (sides, n), l/h, as read; NaN where an estimate cannot be used.
-    values, thresholds : shape (residuals, n), l/h, seen against the baseline; a residual fires
+    flows, flows_u : shape (sides, n), l/h, not corrected; NaN where an estimate is unusable.
+    values, thresholds : shape (residuals, n), l/h, relative to the baseline; a residual fires
         beyond its threshold.
     focus : period of the largest finding, s.
-    learned : whether there is a baseline at all.
-    calendar : dates of the times, where the recording has them.
+    learned : whether there is a baseline.
+    calendar : dates of the times, if the recording has them.
     """
 
     time: Array
@@ -92,26 +92,24 @@ class Curves:
     calendar: Calendar | None = None
 
     def at(self, chosen: slice) -> Curves:
-        """Some of the samples, one behind the other."""
-        tables = (t[:, chosen] for t in (self.flows, self.flows_u, self.values, self.thresholds))
-        flows, flows_u, values, thresholds = tables
+        """A run of the samples."""
         return replace(
             self,
             time=self.time[chosen],
             judged=self.judged[chosen],
-            flows=flows,
-            flows_u=flows_u,
-            values=values,
-            thresholds=thresholds,
+            flows=self.flows[:, chosen],
+            flows_u=self.flows_u[:, chosen],
+            values=self.values[:, chosen],
+            thresholds=self.thresholds[:, chosen],
         )
 
     def apart(self, one: Side, other: Side) -> Array:
-        """How far an estimate stands above another one, as read, shape (n,), l/h."""
+        """Difference of one estimate from another, shape (n,), l/h."""
         distance: Array = self.flows[self.sides.index(one)] - self.flows[self.sides.index(other)]
         return distance
 
     def main_run(self, row: int, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
-        """The run with the largest mean size; if some lie in the focus, of those."""
+        """The run with the largest mean size, among those in the focus if there are any."""
         if self.focus is not None:
             since, until = np.searchsorted(self.time, self.focus)
             inside = [(max(a, since), min(b, until)) for a, b in runs]
@@ -131,14 +129,13 @@ class Curves:
 
 
 def sides_of(residual: ResidualSpec) -> tuple[Side, ...]:
-    """What a residual compares: the sum of its positive terms with that of its negative ones."""
-    signs = (1, -1)
-    parts = (tuple(t.observer for t in residual.terms if t.sign == s) for s in signs)
+    """The sides that a residual compares: the sums of its positive and of its negative terms."""
+    parts = (tuple(t.observer for t in residual.terms if t.sign == sign) for sign in (1, -1))
     return tuple(Side(residual.module, part) for part in parts if part)
 
 
 def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curves:
-    """Evaluate what is to be drawn, in blocks."""
+    """Evaluate the estimates and residuals to draw, block by block."""
     ruleset = diagnosis.ruleset
     judged = np.array([word not in NOT_JUDGED for word in trace.verdict], dtype=bool)
     residuals = _shown(diagnosis)
@@ -153,18 +150,18 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     index = ruleset.observer_index
     rows = [ruleset.residuals.index(r) for r in residuals]
     learned = False
-    for here, seen in _batches(recording, diagnosis):
-        learned |= any(len(part.baselines.counts) > 1 for part in seen)
-        whole, valid = observe(ruleset, seen[0].points), usable_at(ruleset, seen)
+    for here, points in _batches(recording, diagnosis):
+        learned |= any(len(part.baselines.counts) > 1 for part in points)
+        observed, valid = observe(ruleset, points[0].points), usable_at(ruleset, points)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
-            flows[i, here], flows_u[i, here] = _sum(whole, valid, members)
-        found, u = residuals_at(ruleset, seen)
+            flows[i, here], flows_u[i, here] = _sum(observed, valid, members)
+        found, u = residuals_at(ruleset, points)
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
             values[i, here] = np.where(sound, found[rows[i]], np.nan)
             thresholds[i, here] = np.where(sound, threshold_of(u[rows[i]]), np.nan)
-    factor = l_per_h(1.0)
+    factor = L_PER_H.factor
     return Curves(
         recording.time,
         judged,
@@ -181,7 +178,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
 
 
 def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
-    """The period that the pictures are about: the largest finding, else what is unexplained."""
+    """Period of the largest finding, else of the first unknown deviation."""
     spans = [(f.since, f.until) for f in worst_first(diagnosis.findings)]
     spans += [(p.since, p.until) for p in diagnosis.unknown]
     return spans[0] if spans else None
@@ -190,17 +187,17 @@ def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
 def _batches(
     recording: Recording, diagnosis: Diagnosis
 ) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
-    """All samples, seen as the diagnosis saw their stretches."""
+    """All samples, evaluated as the diagnosis evaluated their stretches."""
     ruleset = diagnosis.ruleset
     stretches, noise = judgeable(recording, ruleset, diagnosis.mode)
     if len(stretches):
         known = evaluate_stretches(recording, ruleset, stretches, noise, diagnosis.mode, keep=True)
-        every = np.arange(len(recording))
-        yield from evaluate_samples(recording, ruleset, noise, stretches, known, every)
+        samples = np.arange(len(recording))
+        yield from evaluate_samples(recording, ruleset, noise, stretches, known, samples)
 
 
 def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Array, Array]:
-    """Sum of observers with its standard uncertainty; shared readings are counted once."""
+    """Sum of observers with its standard uncertainty, covariances included."""
     sound = valid[members].all(axis=0)
     own = observed.covariance[:, members][:, :, members]
     spread = np.sqrt(np.maximum(own.sum(axis=(1, 2)), 0.0))
@@ -209,7 +206,7 @@ def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Arr
 
 
 def _shown(diagnosis: Diagnosis) -> tuple[ResidualSpec, ...]:
-    """Residuals to draw: all of a small plant, else those that the findings rest on."""
+    """Residuals to draw: all of a small plant, else first those behind the findings."""
     every = diagnosis.ruleset.residuals
     if len(every) <= MOST:
         return every
@@ -225,11 +222,11 @@ def _shown(diagnosis: Diagnosis) -> tuple[ResidualSpec, ...]:
 
 def _module(diagnosis: Diagnosis) -> str:
     """The module whose estimates are drawn: that of the largest finding, else the first."""
-    ruleset: Ruleset = diagnosis.ruleset
-    compared = list(dict.fromkeys(r.module for r in ruleset.residuals))
+    residuals = diagnosis.ruleset.residuals
+    compared = list(dict.fromkeys(r.module for r in residuals))
     for finding in worst_first(diagnosis.findings):
         fired = [e.residual for e in finding.evidence if e.verdict in ("+", "-")]
-        named = [r.module for r in ruleset.residuals if r.id in fired]
+        named = [r.module for r in residuals if r.id in fired]
         for name in (finding.fault.module, *named):
             if name in compared:
                 return name
@@ -237,7 +234,7 @@ def _module(diagnosis: Diagnosis) -> str:
 
 
 def detail(curves: Curves) -> Curves:
-    """Of a long recording the part around its focus, else its beginning; short ones whole."""
+    """The part of a long recording around its focus, else its beginning; a short one whole."""
     if len(curves.time) <= 2 * COLUMNS:
         return curves
     since, until = np.searchsorted(curves.time, curves.focus or curves.time[:2])
@@ -246,12 +243,12 @@ def detail(curves: Curves) -> Curves:
 
 
 def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Residuals that fire for three judged samples in a row, with such runs: first and last sample.
+    """Residuals that fire for three judged samples in a row, with first and last sample of each run.
 
-    What was not judged does not fire, and so ends a run.
+    A sample that was not judged ends a run.
     """
     for i, row in enumerate(curves.fired()):
-        lengths = ((run, run.stop - run.start) for run in runs_of(row))
-        runs = [(run.start, run.stop - 1) for run, n in lengths if n >= limits.SHORTEST_STRETCH]
+        runs = [(run.start, run.stop - 1) for run in runs_of(row)]
+        runs = [(a, b) for a, b in runs if b - a + 1 >= limits.SHORTEST_STRETCH]
         if runs:
             yield i, runs

@@ -1,4 +1,4 @@
-"""A small drawing of a plant: modules as boxes, connections as lines, findings marked."""
+"""Draw a small sketch of a plant: modules as boxes, connections as lines, findings marked."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rulec_runtime.report.text import counted, listed, safe
 from rulec_runtime.report.wording import STATUS
 
 BOX, COLUMN, ROW, EDGE = (84, 28), 122, 40, 6
-"""Width and height of a box, distances of columns and rows, and room around, CSS pixels."""
+"""Width and height of a box, distances of columns and rows, and margin, CSS pixels."""
 
 LETTERS = 9
-"""Of a name that a box shows."""
+"""Most letters of a name in a box."""
 
 WORST = ("F", "C", "S", "M")
 
 
 def sketch(ruleset: Ruleset, marks: Mapping[str, str]) -> str:
-    """The plant as SVG, with what the marks mean; `marks` are letters of NE 107 by module.
+    """The plant as SVG with a legend; `marks` are letters of NE 107 by module.
 
     A module is marked by colour, by a thicker frame, and by the letter's symbol.
     """
@@ -51,16 +51,12 @@ def _lines(drawn: Topology, at: Mapping[int, tuple[float, float]], height: int) 
         x, y, down = x + BOX[0], y + half, down + half
         bend = (COLUMN - BOX[0]) * 0.6
         path = f"M{x:g} {y:g}C{x + bend:g} {y:g} {to - bend:g} {down:g} {to - 5:g} {down:g}"
-        yield f'<path class="pipe" d="{path}"/>{_head(to, down)}'
+        yield f'<path class="pipe" d="{path}"/><path class="head" d="M{to:g} {down:g}l-7-3.5v7z"/>'
     for a, b in drawn.back:
         (x, y), (to, down) = at[a], at[b]
         foot = height - 3
         path = f"M{x + BOX[0] / 2:g} {y + BOX[1]:g}V{foot}H{to + BOX[0] / 2:g}V{down + BOX[1]:g}"
         yield f'<path class="pipe back" d="{path}"/>'
-
-
-def _head(x: float, y: float) -> str:
-    return f'<path class="head" d="M{x:g} {y:g}l-7-3.5v7z"/>'
 
 
 def _boxes(
@@ -87,44 +83,42 @@ def _boxes(
 
 
 def _words(ruleset: Ruleset, drawn: Topology, marks: Mapping[str, str]) -> str:
-    """How many modules, how many are drawn, and what is marked."""
     shown = sum(len(members) == 1 for members in drawn.boxes)
     count = len(ruleset.modules)
     parts = [counted(count, "module") if shown == count else f"{shown} of {count} modules drawn"]
     for letter in WORST:
         names = [name for name, own in marks.items() if own == letter]
         if names:
-            more = [f"{len(names) - 5} more"] if len(names) > 6 else []
-            told = listed([*(names[:5] if more else names), *more])
-            parts.append(f"{STATUS[letter][0]} {letter} here: {told}")
+            shorter = names if len(names) <= 6 else [*names[:5], f"{len(names) - 5} more"]
+            parts.append(f"{STATUS[letter][0]} {letter} here: {listed(shorter)}")
     return "; ".join(parts)
 
 
 def _spoken(drawn: Topology, words: str) -> str:
-    """The drawing for those who cannot see it."""
+    """The drawing in words, for screen readers."""
     named = [m[0] if len(m) == 1 else f"{len(m)} further modules" for m in drawn.boxes]
     pipes = ", ".join(f"{named[a]} to {named[b]}" for a, b in (*drawn.pipes, *drawn.back))
     return f"Sketch of the plant: {words}. Connections: {pipes or 'none'}"
 
 
 MOST = 12
-"""Modules drawn each for itself."""
+"""Most modules drawn individually."""
 
 FOLDS = 4
-"""Boxes of folded modules; of more all are one."""
+"""Most boxes of folded modules; if there are more, one box holds all."""
 
 SWEEPS = 3
-"""Times that boxes are put in order of what they are connected to."""
+"""How often boxes are sorted by the height of their neighbours."""
 
 Pipes = set[tuple[int, int]]
-"""Connections between boxes by their numbers, in the direction of flow."""
+"""Connections between the indices of boxes, in the direction of flow."""
 
 
 @dataclass(frozen=True)
 class Topology:
-    """Boxes, each with the modules that it stands for, their layers, and pipes between them.
+    """Boxes, each with its modules, their layers, and pipes between them.
 
-    `back` are pipes that lead against the layers: the plant has a loop there.
+    `back` are pipes against the order of the layers: they close loops.
     """
 
     boxes: tuple[tuple[str, ...], ...]
@@ -136,7 +130,7 @@ class Topology:
 def topology_of(
     modules: Iterable[str], junctions: Iterable[Junction], marked: Iterable[str] = ()
 ) -> Topology:
-    """What is drawn of a plant; `marked` modules are, before others.
+    """The part of a plant to draw; `marked` modules take precedence.
 
     >>> topology_of("ABC", [Junction(("A", "B"), ("C",))]).layers
     ((0, 1), (2,))
@@ -175,20 +169,20 @@ def _members(
 def _folded(
     rest: Sequence[str], beside: Mapping[str, Iterable[str]], shown: Mapping[str, None]
 ) -> list[tuple[str, ...]]:
-    """Modules that are not drawn: those together that hang together, or on the same ones."""
+    """Group modules that are not drawn: the connected ones, and those with the same neighbours."""
     groups: dict[frozenset[str], list[str]] = {}
-    seen: set[str] = set()
+    visited: set[str] = set()
     for start in rest:
-        if start in seen:
+        if start in visited:
             continue
-        seen.add(start)
+        visited.add(start)
         part, ends = [start], set[str]()
         for name in part:
             for other in beside[name]:
                 if other in shown:
                     ends.add(other)
-                elif other not in seen:
-                    seen.add(other)
+                elif other not in visited:
+                    visited.add(other)
                     part.append(other)
         groups.setdefault(frozenset(ends), []).extend(part)
     order = {name: i for i, name in enumerate(rest)}
@@ -197,13 +191,12 @@ def _folded(
 
 
 def _back(count: int, pipes: Pipes) -> Pipes:
-    """Pipes that close a loop, found depth first."""
+    """Pipes that close a loop, by depth-first search."""
     after = {i: sorted(b for a, b in pipes if a == i) for i in range(count)}
     entered = {b for _, b in pipes}
-    begin = sorted(range(count), key=lambda i: i in entered)
     found: Pipes = set()
     done: set[int] = set()
-    for root in begin:
+    for root in sorted(range(count), key=lambda i: i in entered):
         path: list[tuple[int, list[int]]] = [] if root in done else [(root, list(after[root]))]
         on = {root}
         while path:
@@ -223,7 +216,7 @@ def _back(count: int, pipes: Pipes) -> Pipes:
 
 
 def _layers(count: int, pipes: Pipes) -> tuple[tuple[int, ...], ...]:
-    """Boxes by their longest way from a source; a source stands just before what it feeds."""
+    """Boxes by their longest path from a source; a source goes just before the box it feeds."""
     level = [0] * count
     for _ in range(count):
         for a, b in pipes:
@@ -249,6 +242,6 @@ def _centred(layer: Sequence[int]) -> list[tuple[int, float]]:
 
 
 def _wanted(box: int, pipes: Pipes, at: Mapping[int, float]) -> float:
-    """The mean height of what a box is connected to."""
+    """The mean height of the neighbours of a box."""
     beside = [at[a if b == box else b] for a, b in pipes if box in (a, b)]
     return sum(beside) / len(beside) if beside else at[box]

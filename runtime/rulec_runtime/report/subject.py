@@ -1,4 +1,4 @@
-"""What a page is about: a plant, and perhaps a recording of it."""
+"""The subject of a page: a plant, and perhaps a recording of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rulec_runtime.report.text import counted
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """A plant; of a recording its name, number of samples, first and last time (s), and dates."""
+    """A plant, and name, number of samples, first and last time (s), and dates of a recording."""
 
     ruleset: Ruleset
     recording: str = ""
@@ -24,15 +24,14 @@ class Subject:
 
     @staticmethod
     def of(ruleset: Ruleset, recording: Recording, name: str) -> Subject:
-        """A recording by a name; one that was put together of several clocks has no ends."""
+        """A named recording; one joined from several clocks has no ends."""
         time = recording.time
         known = len(time) > 0 and recording.origin is None
-        ends = (float(time[0]), float(time[-1])) if known else None
         return Subject(
             ruleset=ruleset,
             recording=name,
             samples=len(recording),
-            ends=ends,
+            ends=(float(time[0]), float(time[-1])) if known else None,
             calendar=recording.calendar,
         )
 

@@ -1,4 +1,4 @@
-"""Tables of pages: on a narrow screen rows become cards, or the table scrolls within its frame."""
+"""Tables of pages: on a narrow screen rows become cards, or the table scrolls in its frame."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """Content of a cell as HTML, and classes beside those of its column."""
+    """Content of a cell as HTML, and classes in addition to those of its column."""
 
     html: str
     style: str = ""
 
 
 def columns(*titles: str) -> list[Column]:
-    """Columns by their titles; those of numbers begin with a point.
+    """Columns by their titles; titles of numeric columns begin with a dot.
 
     >>> columns("model", ".error")
     [Column(title='model', style=''), Column(title='error', style='num')]
@@ -34,11 +34,11 @@ def columns(*titles: str) -> list[Column]:
 
 
 def table(name: str, of: Sequence[Column], rows: Iterable[Sequence[Cell | str]]) -> str:
-    """A table that becomes cards where the page is narrow.
+    """A table that becomes cards on a narrow page.
 
     Parameters
     ----------
-    name : what it shows, for those who cannot see it.
+    name : what it shows, for screen readers.
     rows : a cell per column, as HTML.
     """
     head = "".join(f'<th scope="col"{_class(c.style)}>{safe(c.title)}</th>' for c in of)
@@ -50,21 +50,19 @@ def table(name: str, of: Sequence[Column], rows: Iterable[Sequence[Cell | str]])
 
 
 def framed(name: str, body: str) -> str:
-    """A frame in which what is too wide scrolls, also by keys."""
+    """A frame in which wide content scrolls, also by keyboard."""
     return f'<div class="scroll" tabindex="0" role="region" aria-label="{safe(name)}">{body}</div>'
 
 
 def _row(of: Sequence[Column], row: Sequence[Cell | str]) -> str:
-    cells = [cell if isinstance(cell, Cell) else Cell(cell) for cell in row]
-    return "".join(
-        f"<td{_class(f'{column.style} {cell.style}'.strip())}{_named(column, i)}>{cell.html}</td>"
-        for i, (column, cell) in enumerate(zip(of, cells, strict=True))
-    )
-
-
-def _named(column: Column, place: int) -> str:
-    """The title again, for a card; the first cell is that of the card itself."""
-    return f' data-of="{safe(column.title)}"' if column.title and place else ""
+    parts = []
+    for i, (column, text) in enumerate(zip(of, row, strict=True)):
+        cell = text if isinstance(text, Cell) else Cell(text)
+        # A card repeats the titles; its first cell is the heading.
+        label = f' data-of="{safe(column.title)}"' if column.title and i else ""
+        style = _class(f"{column.style} {cell.style}".strip())
+        parts.append(f"<td{style}{label}>{cell.html}</td>")
+    return "".join(parts)
 
 
 def _class(style: str) -> str:

@@ -1,4 +1,4 @@
-"""A diagnosis as a story for the terminal: the finding first, then the evidence, then numbers."""
+"""Print a diagnosis on the terminal: findings first, then the evidence, then numbers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from rulec_runtime.report.wording import (
     LISTED,
     SHOWN,
     STATUS,
-    Row,
     actions,
     advice,
     agreement,
@@ -45,13 +44,13 @@ from rulec_runtime.report.wording import (
 )
 
 COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
-"""Colour of each letter of NE 107; symbol and letter say the same."""
+"""Colour of each letter of NE 107; symbol and letter carry the same meaning."""
 
 _AGREEMENT = {"agrees": "green", "contradicts": "red", "weaker": "yellow"}
 
 
 def explain(out: Console, diagnosis: Diagnosis) -> None:
-    """Print the whole story."""
+    """Print the whole diagnosis."""
     symbol, meaning = STATUS[diagnosis.status]
     colour = COLOURS[diagnosis.status]
     share = 100 * diagnosis.judged / max(diagnosis.samples, 1)
@@ -65,9 +64,8 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     for regime in diagnosis.regimes[:SHOWN]:
         _regime(out, diagnosis, regime)
     if left := len(diagnosis.regimes[SHOWN:]):
-        out.print(
-            styled("[dim]and {} (--json has all)[/]", plural(left, "other regime", "other regimes"))
-        )
+        more = plural(left, "other regime", "other regimes")
+        out.print(styled("[dim]and {} (--json has all)[/]", more))
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(explanation(diagnosis, finding))
@@ -82,21 +80,28 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
 
 
 def _summary(out: Console, diagnosis: Diagnosis) -> None:
-    """One line per finding; if there are many, one per fault."""
     if not diagnosis.findings:
         return
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fault", "degree", "95 % bounds", "when", "probability"):
         justify: Literal["left", "right"] = "right" if title == "probability" else "left"
-        # On a narrow terminal periods go on in the next line; names and figures stay whole.
+        # On a narrow terminal periods wrap; names and numbers stay whole.
         table.add_column(title, justify=justify, no_wrap=title != "when", overflow="fold")
     for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
-        _add(table, row)
+        symbol, colour = STATUS[row.fault.status][0], COLOURS[row.fault.status]
+        low, high = row.degrees
+        table.add_row(
+            styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
+            styled("[bold]{}[/]", row.fault.id),
+            degree_in_figures(row.fault, low, None if row.alike else high),
+            degree_in_figures(row.fault, *row.bounds),
+            row.when,
+            f"{100 * row.probability:.0f} %",
+        )
     out.print(table)
 
 
 def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
-    """A reading that is none: what, since when, what to do."""
     tree = _titled(found.condition.status, found.id, found.text)
     tree.add(f"do: {found.condition.action}")
     when = course(diagnosis.calendar, found.since, found.until, found.behind)
@@ -105,7 +110,6 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
 
 
 def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
-    """A way in which a module runs: what, why that is believed, what to do."""
     regime = found.regime
     tree = _titled(regime.status, regime.id, regime.text)
     tree.add(f"do: {regime.action}")
@@ -116,29 +120,15 @@ def _regime(out: Console, diagnosis: Diagnosis, found: RegimeFinding) -> None:
 
 
 def _titled(letter: str, name: str, text: str) -> Tree:
-    """The head of what is told of a letter of NE 107."""
     head = "\n[bold {}]{} {}[/] [bold]{}[/]  {}"
     words = COLOURS[letter], STATUS[letter][0], letter, name, text
     return Tree(styled(head, *words), guide_style="dim")
 
 
-def _add(table: Table, row: Row) -> None:
-    symbol, colour = STATUS[row.fault.status][0], COLOURS[row.fault.status]
-    low, high = row.degrees
-    table.add_row(
-        styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
-        styled("[bold]{}[/]", row.fault.id),
-        degree_in_figures(row.fault, low, None if row.alike else high),
-        degree_in_figures(row.fault, *row.bounds),
-        row.when,
-        f"{100 * row.probability:.0f} %",
-    )
-
-
 def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
-    """Finding, what to do, residuals, estimates, readings, rules, doubt, sources.
+    """Finding, action, residuals, estimates, readings, rules, alternatives, sources.
 
-    `seen` says when, where a recording goes on and has no end.
+    `seen` says when, for a recording that has not ended.
     """
     ruleset = diagnosis.ruleset
     symbol, colour = STATUS[finding.fault.status][0], COLOURS[finding.fault.status]
@@ -159,15 +149,14 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
     why = tree.add(f"because {ground(ruleset)}{flow}")
     why.add(_residual_table(ruleset, finding))
-    behind = list(estimates(ruleset, finding))
     rows = "estimates and the readings behind them"
     if ruleset.dynamics is not None:
         rows = f"typical readings there: {readings_of(ruleset, finding)}"
     flows = why.add(rows)
-    for e in behind:
+    for e in estimates(ruleset, finding):
         value, half = f"{unit.factor * e.flow:.1f}", f"±{unit.factor * e.half:.1f} {unit.name}"
-        told = "{} = [bold]{}[/] {}  [dim]{}[/]"
-        flows.add(styled(told, e.equation, value, half, ", ".join(e.readings)))
+        line = "{} = [bold]{}[/] {}  [dim]{}[/]"
+        flows.add(styled(line, e.equation, value, half, ", ".join(e.readings)))
     for text in context(ruleset, finding):
         why.add(text)
     _doubt(diagnosis, finding, tree)
@@ -200,12 +189,10 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
 
 
 def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
-    """What else fits, and what would tell the causes apart."""
     if finding.alternatives:
         doubt = tree.add(styled("[yellow]also possible:[/] {}", causes(finding.alternatives)))
-        for text in why_first(diagnosis.ruleset, finding):
-            doubt.add(text)
-        for text in advice(diagnosis.ruleset, finding):
+        ruleset = diagnosis.ruleset
+        for text in (*why_first(ruleset, finding), *advice(ruleset, finding)):
             doubt.add(text)
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
@@ -216,7 +203,6 @@ def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
 
 
 def _blind(out: Console, diagnosis: Diagnosis) -> None:
-    """What could not be seen: which faults, since when, why, and what brings them back."""
     if not diagnosis.blind:
         return
     tree = _titled("C", PARTLY, hidden(diagnosis))

@@ -1,4 +1,4 @@
-"""Numbers and names as they stand in a report."""
+"""Format numbers and names for a report."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 _UNSHOWN = ("Cc", "Cf", "Cs", "Co", "Cn")
-"""Unicode categories that a page cannot show, or that would turn its text around."""
+"""Unicode categories that a page cannot show, or that would reverse its text."""
 
 
 def safe(text: str) -> str:
-    """Text for HTML and XML: escaped, and without characters that neither can hold.
+    """Text for HTML and XML: escaped, and without characters that they cannot hold.
 
     >>> safe('<b>"A & B"')
     '&lt;b&gt;&quot;A &amp; B&quot;'
@@ -25,7 +25,7 @@ def safe(text: str) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, thousands set apart, a true minus sign.
+    """A number with `digits` significant digits, separated thousands and a true minus sign.
 
     >>> number(128699.0, 6), number(-0.05021), number(314.21), number(0.0)
     ('128\u202f699', '−0.0502', '314', '0')
@@ -40,7 +40,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """A number with so many decimals.
+    """A number with a fixed number of decimals.
 
     >>> fixed(0.15, 3), fixed(-1234.5, 1)
     ('0.150', '−1\u202f234.5')
@@ -51,7 +51,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def degree(value: float, unit: str = "") -> str:
-    """A degree, as the terminal shows it: a share with three decimals, or a size in its unit.
+    """A degree as the terminal shows it: a share with three decimals, or a size in its unit.
 
     >>> degree(0.17), degree(2.0, "K")
     ('0.170', '2\xa0K')
@@ -71,7 +71,7 @@ def bounds(low: float, high: float, unit: str = "") -> str:
 
 
 def moment(seconds: float) -> str:
-    """A time without its unit, in seconds.
+    """A time in seconds, without the unit.
 
     >>> moment(126839.0), moment(12.25)
     ('126\u202f839', '12.25')
@@ -92,7 +92,7 @@ def period(since: float, until: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in percent; what is not quite all or nothing does not become so by rounding.
+    """A share in percent; only an exact 0 or 1 becomes 0 or 100 %.
 
     >>> percent(0.5), percent(0.9999), percent(0.001), percent(1.0)
     ('50\xa0%', '>99\xa0%', '<1\xa0%', '100\xa0%')

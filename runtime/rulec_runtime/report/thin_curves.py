@@ -1,7 +1,7 @@
-"""Long series made short enough to draw, without losing an extreme.
+"""Thin long series for drawing without losing an extreme.
 
-A picture has some hundreds of columns. Of all samples in a column the smallest and the largest
-value are kept; what a pixel cannot show is left out.
+A picture has some hundreds of columns. Each column keeps the smallest and the largest value of its
+samples; a pixel cannot show more.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
 COLUMNS = 600
-"""Columns of a picture; a series keeps at most two points a column."""
+"""Columns of a picture; a series keeps at most two points per column."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Which column each sample belongs to; `first` starts the samples of column `place`.
+    """Columns of a picture at the times `centre`; the columns `place` are not empty.
 
-    Time and values are in order, so the samples of a column stand together.
+    Times increase, so the samples of a column are adjacent; `first` is its first sample.
     """
 
     centre: Array
@@ -30,11 +30,11 @@ class Columns:
     first: NDArray[np.intp]
 
     def lowest(self, values: Array) -> Array:
-        """Smallest value per column, NaN where there is none; shape (columns,)."""
+        """Smallest value per column, NaN for an empty one; shape (columns,)."""
         return self._spread(np.fmin.reduceat(values, self.first))
 
     def highest(self, values: Array) -> Array:
-        """Largest value per column, NaN where there is none; shape (columns,)."""
+        """Largest value per column, NaN for an empty one; shape (columns,)."""
         return self._spread(np.fmax.reduceat(values, self.first))
 
     def _spread(self, values: Array) -> Array:
@@ -54,19 +54,19 @@ def columns_of(time: Array, count: int = COLUMNS) -> Columns:
 
 
 def thin_series(time: Array, values: Array) -> tuple[Array, Array]:
-    """Time and values of a series, at most two points a column; NaN where it breaks."""
+    """Time and values of a series, at most two points per column; NaN where it breaks."""
     if len(time) <= 2 * COLUMNS:
         return with_pauses(time, values)
     columns = columns_of(time)
     low, high = columns.lowest(values), columns.highest(values)
     odd = np.arange(COLUMNS) % 2 == 1
-    # Up in one column, down in the next: no diagonal strokes across a column.
+    # Alternate up and down, so that no diagonal stroke crosses a column.
     pairs = np.stack([np.where(odd, high, low), np.where(odd, low, high)], axis=1)
     return np.repeat(columns.centre, 2), pairs.ravel()
 
 
 def thin_band(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array]:
-    """Time, lower and upper edge of a band, at most one point a column."""
+    """Time, lower and upper edge of a band, at most one point per column."""
     if len(time) <= 2 * COLUMNS:
         spread, upper = with_pauses(time, high)
         return spread, with_pauses(time, low)[1], upper
@@ -75,7 +75,7 @@ def thin_band(time: Array, low: Array, high: Array) -> tuple[Array, Array, Array
 
 
 def with_pauses(time: Array, values: Array) -> tuple[Array, Array]:
-    """A series with a NaN in each long pause, so that no stroke bridges it."""
+    """A series with NaN in each long pause, so that no stroke bridges it."""
     if len(time) < 3:
         return time, values
     steps = np.diff(time)
@@ -84,7 +84,7 @@ def with_pauses(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def thin_marks(time: Array, size: Array, chosen: np.ndarray, count: int) -> NDArray[np.intp]:
-    """Samples to mark: of the chosen ones in each of `count` columns the one of largest size."""
+    """Samples to mark: the largest chosen one in each of `count` columns."""
     index = np.flatnonzero(chosen & np.isfinite(size))
     if not len(index):
         return index

@@ -1,4 +1,4 @@
-"""Axes of time: dates where the recording has them, else seconds, minutes or hours."""
+"""Axes of time: dates if the recording has them, else seconds, minutes or hours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WANTED, WANTED_DATES = 9, 6
 """Ticks of an axis; a date takes more room than a number."""
 
 UNITS = ((20 * HOUR, HOUR, "h"), (20 * MINUTE, MINUTE, "min"), (0.0, 1.0, "s"))
-"""From which length on an axis has which unit, s."""
+"""Shortest length of an axis, s, for each unit, with its size, s, and name."""
 
 STEPS = (
     *(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
@@ -26,7 +26,7 @@ STEPS = (
     *(h * HOUR for h in (1, 2, 3, 6, 12)),
     *(d * DAY for d in (1, 2, 7, 14)),
 )
-"""Distances of dates, s; longer ones are counted in months."""
+"""Distances of dates, s; longer ones are in months."""
 
 MONTHS = (1, 2, 3, 6, 12, 24, 60, 120)
 MONTH = 30.44 * DAY
@@ -45,35 +45,32 @@ class Scaled(Axis):
 
 @dataclass(frozen=True)
 class Dated(Axis):
-    """Times in s, labelled by the clock of the plant; below it the date where it is a new one."""
+    """Times in s, labelled by the clock of the plant, with the date below where it changes."""
 
     calendar: Calendar
     form: str
 
     def labels(self) -> list[str]:
-        return [self._shown(tick) for tick in self.ticks]
+        texts = self._texts(self.form)
+        return [text[:-5] for text in texts] if self.form.endswith("%f") else texts
 
     def second_lines(self) -> list[tuple[str, bool]]:
         if self.form.startswith("%Y"):
             return []
-        days = [f"{self._at(tick):%Y-%m-%d}" for tick in self.ticks]
-        # Where the page is narrow only every second tick is shown.
+        days = self._texts("%Y-%m-%d")
+        # A narrow page shows only every second tick.
         new = [i == 0 or day != days[i - 1] for i, day in enumerate(days)]
         return [
             (day if new[i] or (i % 2 == 0 and day != days[i - 2]) else "", new[i])
             for i, day in enumerate(days)
         ]
 
-    def _at(self, tick: float) -> datetime:
-        return self.calendar.at(round(tick, 3))
-
-    def _shown(self, tick: float) -> str:
-        text = format(self._at(tick), self.form)
-        return text[:-5] if self.form.endswith("%f") else text
+    def _texts(self, form: str) -> list[str]:
+        return [format(self.calendar.at(round(tick, 3)), form) for tick in self.ticks]
 
 
 def time_axis(low: float, high: float, calendar: Calendar | None) -> Axis:
-    """An axis over times, s, that ends where the data end.
+    """An axis over times, s, that ends with the data.
 
     >>> time_axis(0.0, 7200.0, Calendar(1731628800.0)).labels()
     ['00:00', '00:30', '01:00', '01:30', '02:00']
@@ -96,7 +93,7 @@ def over(time: Array, calendar: Calendar | None) -> Axis:
 
 
 def named(shown: Axis, calendar: Calendar | None) -> str:
-    """What stands below an axis of time.
+    """Title of an axis of time.
 
     >>> named(time_axis(0.0, 3600.0, None), None)
     'time [min]'
@@ -112,7 +109,7 @@ def time_plot(svg: str, foot: bool, across: Axis, calendar: Calendar | None) -> 
 
 
 def told(calendar: Calendar | None, since: float, until: float) -> str:
-    """A period in words, by dates where there are any.
+    """A period in words, with dates if there are any.
 
     >>> told(Calendar(86390.0), 0.0, 20.0)
     'from 1970-01-01 23:59:50 to 1970-01-02 00:00:10'
@@ -127,7 +124,7 @@ def _unit(low: float, high: float) -> tuple[float, str]:
 
 
 def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
-    """Ticks at round times of the plant's clock; None where none is between the ends."""
+    """Ticks at round times of the plant's clock; None if fewer than two fit."""
     step = min(STEPS[::-1], key=lambda s: abs((high - low) / s - WANTED_DATES))
     if (high - low) / STEPS[-1] > 2 * WANTED_DATES:
         ticks, form = tuple(_months(low, high, calendar)), "%Y-%m"
@@ -139,8 +136,9 @@ def _dated(low: float, high: float, calendar: Calendar) -> Dated | None:
 
 
 def _rounds(low: float, high: float, calendar: Calendar, step: float) -> Iterator[float]:
-    """Multiples of a step on the local clock, whose distance from UTC may change."""
-    first = np.ceil((_local(low, calendar) - 1e-6) / step)
+    """Multiples of a step on the local clock, whose offset from UTC may change."""
+    local = calendar.start + low + _offset(low, calendar)
+    first = np.ceil((local - 1e-6) / step)
     for i in range(int(2 * (high - low) / step) + 4):
         tick = _time(float((first + i) * step), low, calendar)
         if tick > high:
@@ -159,13 +157,8 @@ def _months(low: float, high: float, calendar: Calendar) -> Iterator[float]:
             yield tick
 
 
-def _local(time: float, calendar: Calendar) -> float:
-    """What the plant's clock shows, s since 1970."""
-    return calendar.start + time + _offset(time, calendar)
-
-
 def _time(local: float, near: float, calendar: Calendar) -> float:
-    """When the plant's clock shows this, s."""
+    """The time, s, at which the plant's clock shows `local`, s since 1970."""
     time = local - calendar.start - _offset(near, calendar)
     return local - calendar.start - _offset(time, calendar)
 

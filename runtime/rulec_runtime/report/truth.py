@@ -1,4 +1,4 @@
-"""What was truly wrong, where somebody knows it: read it, and hold a diagnosis against it."""
+"""Read the true faults, if they are known, and compare a diagnosis with them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROWS = (-0.5, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.5)
 """Centres of the bins of discrepancy, as in Figure 11 of the seed paper."""
 
 ROW_EDGES = (-0.4, -0.25, -0.15, -0.05, 0.05, 0.15, 0.25, 0.4)
-"""Edges midway between the centres; the outer bins are open."""
+"""Edges halfway between the centres; the outer bins are open."""
 
 DEGREES = ("0", "0.2", "0.4", "0.6", "0.8 and more")
 DEGREE_EDGES = (0.1, 0.3, 0.5, 0.7)
@@ -41,14 +41,14 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True)
 class Cases:
-    """Judged samples whose truth is known, n of them.
+    """The n judged samples whose truth is known.
 
     Attributes
     ----------
-    fault : shape (n,), the true fault as index into `names`; -1 where there is none.
-    true, degree, lower, upper : shape (n,): true degree, and the diagnosed one of the true fault,
-        0 if another fault or none was named. Without a true fault: of whatever was named.
-    named : shape (n,), whether the right thing was said: the true fault, or that there is none.
+    fault : shape (n,), the true fault as index into `names`; -1 if there is none.
+    true, degree, lower, upper : shape (n,): true degree, and the diagnosed degree of the true
+        fault, 0 if it was not named; without a true fault, that of the named fault.
+    named : shape (n,), whether the verdict was right: the true fault, or none.
     """
 
     names: tuple[str, ...]
@@ -69,9 +69,9 @@ class Cases:
 
 
 def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
-    """Read ``time [s]`` and ``<fault id> [1]`` columns; other columns are left alone.
+    """Read ``time [s]`` and ``<fault id> [1]`` columns; other columns are ignored.
 
-    Raises `RecordingRefused` where nothing in the file can be held against the recording.
+    Raises `RecordingRefused` if nothing in the file can be compared with the recording.
     """
     header = _Header()
     with opened_sheet(path) as sheet:
@@ -102,14 +102,14 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
 
 @dataclass
 class _Header:
-    """What the columns of a truth file are; `time` is the title and the unit of its time."""
+    """The columns of a truth file; `time` is the title and unit of its time."""
 
     time: tuple[str, str] = ("", "")
     faults: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def assign(self, path: Path, titles: Sequence[str], ruleset: Ruleset) -> tuple[int, list[int]]:
-        """Indexes of the time column and of those that hold degrees of known faults."""
+        """Indexes of the time column and of the columns with degrees of known faults."""
         time_index, chosen = -1, []
         for i, title in enumerate(t.strip() for t in titles):
             name, _, unit = (part.strip(" ]") for part in title.partition("["))
@@ -120,7 +120,11 @@ class _Header:
                 self.faults.append(name)
                 chosen.append(i)
             elif unit == "1":
-                self.notes.append(_stranger(path, title, name, ruleset))
+                close = get_close_matches(name, ruleset.fault_by_id, 1)
+                hint = f"; did you mean '{close[0]}'?" if close else ""
+                self.notes.append(
+                    f"{path.name}: '{title}' is no fault of this plant and is left out{hint}"
+                )
         if time_index < 0:
             raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
         if not chosen:
@@ -141,14 +145,8 @@ class _Header:
             raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
 
 
-def _stranger(path: Path, title: str, name: str, ruleset: Ruleset) -> str:
-    close = get_close_matches(name, ruleset.fault_by_id, 1)
-    hint = f"; did you mean '{close[0]}'?" if close else ""
-    return f"{path.name}: '{title}' is no fault of this plant and is left out{hint}"
-
-
 def _at(time: Array, degree: Array, wanted: Array) -> Array:
-    """Values of the nearest time, NaN beyond half a sampling interval; shape (faults, wanted)."""
+    """Values at the nearest time, NaN beyond half a sampling interval; shape (faults, wanted)."""
     sound = np.flatnonzero(np.isfinite(time))
     order = sound[np.argsort(time[sound], kind="stable")]
     time, degree = time[order], degree[:, order]
@@ -159,14 +157,14 @@ def _at(time: Array, degree: Array, wanted: Array) -> Array:
 
 
 def names_at(trace: Trace) -> list[list[str]]:
-    """Everything that the trace says of each sample; of some it names several faults."""
+    """The verdict words of each sample; some name several faults."""
     return [word.split(" + ") for word in trace.verdict]
 
 
 def cases_of(truth: Truth, trace: Trace) -> Cases:
-    """Hold the trace against the truth, sample by sample; the largest true fault counts.
+    """Compare the trace with the truth, sample by sample; the largest true fault counts.
 
-    It counts as named only where nothing is named beside it that is not there.
+    It counts as named only if no absent fault is named beside it.
     """
     words = np.array(trace.verdict)
     known = ~np.isnan(truth.degree).all(axis=0)
@@ -182,12 +180,12 @@ def cases_of(truth: Truth, trace: Trace) -> Cases:
     named = words[index] == "ok"
     for case in np.flatnonzero(fault >= 0):
         there = {name for name, x in zip(truth.faults, degrees[:, case], strict=True) if x > 0}
-        said_here = names[index[case]]
-        named[case] = truth.faults[fault[case]] in said_here and there.issuperset(said_here)
-    said = np.where(fault < 0, first, meant)
-    counts = (said >= 0) & (named | (fault < 0))
+        words_here = names[index[case]]
+        named[case] = truth.faults[fault[case]] in words_here and there.issuperset(words_here)
+    rows = np.where(fault < 0, first, meant)
+    counts = (rows >= 0) & (named | (fault < 0))
     degree, lower, upper = (
-        np.where(counts, t[said, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)
+        np.where(counts, t[rows, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)
     )
     return Cases(
         names=truth.faults,
@@ -201,7 +199,7 @@ def cases_of(truth: Truth, trace: Trace) -> Cases:
 
 
 def shares(cases: Cases) -> Array:
-    """Share of cases by bin of discrepancy and bin of true degree, shape (9, 5); sums to 1."""
+    """Share of cases per bin of discrepancy and of true degree, shape (9, 5); sums to 1."""
     row = np.searchsorted(ROW_EDGES, cases.discrepancy)
     column = np.searchsorted(DEGREE_EDGES, cases.true)
     table = np.zeros((len(ROWS), len(DEGREES)))

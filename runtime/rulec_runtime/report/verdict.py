@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in one sentence, as the heading of its page."""
+"""Word the verdict of a diagnosis in one sentence, the heading of its page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec_runtime.report.wording import STATUS, titled, worst_first
 
 
 def verdict(diagnosis: Diagnosis) -> str:
-    """What is wrong, and how much of it; else that nothing is, or what is not known."""
+    """The worst finding with its size; else that nothing was found, or why that is not known."""
     worst = worst_first(diagnosis.findings)
     if diagnosis.sensors:
         first = diagnosis.sensors[0]
@@ -34,7 +34,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         others = "".join(f" or {titled(faults[name])}" for name in either)
         more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
         also = f", and {counted(more, 'other finding')}" if more else ""
-        # Of two causes each would have a degree of its own.
+        # Each of two possible causes would have its own degree.
         size = "" if either else f": {size_of(worst[0])}"
         return f"{title[:1].upper()}{title[1:]}{others}{size}{also}"
     if not diagnosis.judged:
@@ -49,7 +49,7 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def size_of(finding: Finding) -> str:
-    """The degree with half the width of its 95 % bounds, both to the digits of the latter."""
+    """The degree with the half width of its 95 % bounds, both to the digits of the latter."""
     value, unit = finding.degree, finding.fault.unit
     half = max(finding.upper - value, value - finding.lower)
     if not np.isfinite(half) or half <= 0.0:
@@ -61,23 +61,23 @@ def size_of(finding: Finding) -> str:
 
 
 def _decimals(half: float) -> int:
-    """One digit of an uncertainty counts, two where the first one is 1."""
+    """Decimals that keep one digit of an uncertainty, or two if the first is 1."""
     place = int(np.floor(np.log10(half)))
     first = round(half / 10.0**place, 1)
     return max(0, -place + (1 if first < 2.0 else 0))
 
 
 def meaning(diagnosis: Diagnosis) -> str:
-    """The letter in words, and how much was judged."""
+    """The letter of NE 107 in words, and the share that was judged."""
     share = diagnosis.judged / max(diagnosis.samples, 1)
     words = STATUS[diagnosis.status][1]
     return f"{words[:1].upper()}{words[1:]}; {percent(share)} of the recording was judged"
 
 
 def marks(diagnosis: Diagnosis) -> Mapping[str, str]:
-    """Modules with a finding, and its letter; the worst of several."""
-    told = [(f.fault.module, f.fault.status) for f in diagnosis.findings]
-    told += [(s.signal.partition(".")[0], s.condition.status) for s in diagnosis.sensors]
-    told += [(r.regime.module, r.regime.status) for r in diagnosis.regimes]
+    """Modules with a finding, each with its worst letter."""
+    found = [(f.fault.module, f.fault.status) for f in diagnosis.findings]
+    found += [(s.signal.partition(".")[0], s.condition.status) for s in diagnosis.sensors]
+    found += [(r.regime.module, r.regime.status) for r in diagnosis.regimes]
     worst = list(STATUS).index
-    return {name: min((x for other, x in told if other == name), key=worst) for name, _ in told}
+    return {name: min((x for other, x in found if other == name), key=worst) for name, _ in found}

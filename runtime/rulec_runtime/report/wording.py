@@ -1,4 +1,4 @@
-"""Words that the terminal and the report share: one diagnosis, told the same way twice."""
+"""Words that the terminal and the report share, so that both describe a diagnosis alike."""
 
 from __future__ import annotations
 
@@ -26,39 +26,31 @@ STATUS = {
 }
 """Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
 
-LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged without them"
-KEPT = "rows stay in the order in which they stand; times behind it are moved on"
-"""What is done about a reading, and about a clock, that is none."""
+LARGE = 5e-3
+"""Typical flow, m3/s, above which l/h would have too many digits."""
+
+SHOWN = 5
+"""Most faults described in full."""
+
+LISTED = 12
+"""Most findings listed individually (else one row per fault), and residuals per finding."""
+
+SPANS = 4
+"""Most periods named for one remark."""
 
 
 def kept_of(found: SensorFinding) -> str:
-    """What is done about a reading, or a clock, that is none."""
+    """How an invalid reading or clock is treated."""
     if found.mended:
         return f"judged as if mended: {found.mended}"
-    return LEFT_OUT if found.signal else KEPT
-
-
-LARGE = 5e-3
-"""Typical flow, m3/s, from which on l/h would have too many digits."""
-
-SHOWN = 5
-"""Faults told in full."""
-
-LISTED = 12
-"""Findings listed one by one, of more one row a fault; and residuals in the evidence of one."""
-
-SPANS = 4
-"""Periods named for one remark."""
-
-
-def l_per_h(flow: float) -> float:
-    """Flow in l/h from m3/s."""
-    return flow * 3.6e6
+    if found.signal:
+        return "its readings there are taken out of the evidence; the rest is judged without them"
+    return "rows stay in the order in which they stand; times behind it are moved on"
 
 
 @dataclass(frozen=True)
 class FlowUnit:
-    """Unit in which a plant's flows are told; shown = SI * factor."""
+    """Unit in which a plant's flows are shown; shown = SI * factor."""
 
     name: str
     factor: float
@@ -77,8 +69,8 @@ def flow_unit(ruleset: Ruleset) -> FlowUnit:
 def told_residual(
     ruleset: Ruleset, evidence: Evidence, flow: FlowUnit, none: str = "–"
 ) -> tuple[str, str]:
-    """Value and threshold of a residual; `none` where it is not available. One of flows is told in
-    a unit of flows, that of a reading in the reading's own unit."""
+    """Value and threshold of a residual, `none` if it is not available: in `flow` for a residual of
+    flows, in the reading's unit for that of a reading."""
     if evidence.verdict == "invalid":
         return none, none
     signal = ruleset.signal_by_id.get(evidence.residual)
@@ -90,19 +82,19 @@ def told_residual(
 
 
 def ground(ruleset: Ruleset) -> str:
-    """What a finding rests on."""
+    """The reason for a finding."""
     if ruleset.dynamics is not None:
         return "these readings are not what the balances predict"
     return "these estimates of the same flow disagree"
 
 
 def part_judged(ruleset: Ruleset) -> str:
-    """In what kind of part of a recording a diagnosis looks."""
+    """The parts of a recording that a diagnosis judges."""
     return "in windows" if ruleset.dynamics is not None else "in settled stretches"
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    """The largest finding of each fault, at most five: enough to see why."""
+    """The largest finding of each fault, at most five."""
     largest: dict[str, Finding] = {}
     for finding in findings:
         known = largest.get(finding.fault.id)
@@ -113,8 +105,8 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
 
 @dataclass(frozen=True)
 class Row:
-    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, mean
-    probability, and ids of what it could be as well."""
+    """One finding, or all of one fault: their number, ranges of degrees and bounds, period, mean
+    probability, and ids of alternatives."""
 
     fault: FaultSpec
     times: int
@@ -126,12 +118,12 @@ class Row:
 
     @property
     def alike(self) -> bool:
-        """Whether a figure shows one degree and no range of them."""
+        """Whether all degrees look the same when rounded."""
         return self.degrees[1] - self.degrees[0] < 5e-4 * self.fault.scale
 
 
 def rows_of(findings: Sequence[Finding], calendar: Calendar | None) -> list[Row]:
-    """Findings for a table; of many, one row a fault."""
+    """Findings for a table; one row per fault if there are many."""
     groups: dict[str, list[Finding]] = {}
     for finding in findings:
         groups.setdefault(finding.fault.id, []).append(finding)
@@ -154,7 +146,7 @@ def _row(members: Sequence[Finding], calendar: Calendar | None) -> Row:
 
 
 def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tuple[str, str]]:
-    """Different remarks, each with the periods that it holds for."""
+    """Distinct remarks, each with its periods."""
     kinds: dict[str, list[Period]] = {}
     for period in periods:
         kinds.setdefault(period.text, []).append(period)
@@ -171,30 +163,30 @@ def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tup
 
 
 def evidence_first(finding: Finding) -> list[Evidence]:
-    """Residuals of a finding: first those that it should move, and that moved."""
+    """Residuals of a finding; those that it should move, and that moved, come first."""
     return sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
 
 
 def conditions(found: RegimeFinding) -> str:
-    """Why a regime is believed: its conditions, and how far beyond doubt each is."""
-    sure = dict(found.margins)
-    parts = [
-        f"{c.text} (by {sure[c.text]:.3g} u)" if c.text in sure else c.text
+    """The conditions of a regime with their margins in standard uncertainties."""
+    margins = dict(found.margins)
+    return ", ".join(
+        f"{c.text} (by {margins[c.text]:.3g} u)" if c.text in margins else c.text
         for c in found.regime.when
-    ]
-    return ", ".join(parts)
+    )
 
 
 def headline(ruleset: Ruleset, finding: Finding) -> str:
-    """What is wrong, and what else it may be if that is nearly as probable."""
+    """The finding, and alternatives that are nearly as probable."""
     text = finding.text
-    for name, probability in _as_probable(finding):
-        text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
+    for name, probability in finding.alternatives:
+        if probability > limits.HEADLINE_RIVAL or probability >= finding.probability:
+            text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
     return text
 
 
 def actions(ruleset: Ruleset, finding: Finding) -> str:
-    """What to do: for the fault and for each of its alternatives, the most probable first."""
+    """Actions for the fault and its alternatives, the most probable first."""
     if finding.from_sheet:
         first = "calibrate, or ask `rulec mismatch`: it is so from the first sample on"
         return f"{first}; or {actions(ruleset, replace(finding, from_sheet=False))}"
@@ -209,7 +201,7 @@ def actions(ruleset: Ruleset, finding: Finding) -> str:
 
 
 def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
-    """Why this fault is named and not an alternative that comes more often, or less."""
+    """Why this fault is named first, compared with rarer and more frequent alternatives."""
     fault = finding.fault
     others = [ruleset.fault_by_id[name] for name, _ in finding.alternatives]
     rarer = [f for f in others if f.odds < fault.odds]
@@ -224,16 +216,7 @@ def why_first(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
 
 
 def _how_often(fault: FaultSpec) -> str:
-    """How often a fault comes; of what no module lists, that."""
-    word = "listed by no module" if fault.unlisted else fault.frequency
-    return f"{fault.id} is {word}"
-
-
-def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
-    """Alternatives that stand beside the fault wherever it is told."""
-    for name, probability in finding.alternatives:
-        if probability > limits.HEADLINE_RIVAL or probability >= finding.probability:
-            yield name, probability
+    return f"{fault.id} is {'listed by no module' if fault.unlisted else fault.frequency}"
 
 
 def titled(fault: FaultSpec) -> str:
@@ -246,7 +229,7 @@ def titled(fault: FaultSpec) -> str:
 
 
 def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[str, str]:
-    """Whether a residual speaks for a finding.
+    """Whether a residual supports a finding.
 
     Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``shared``, ``absent``) and
     words.
@@ -278,7 +261,7 @@ class Estimate:
 
 
 def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
-    """The observers that a finding rests on, with the readings behind them."""
+    """The observers behind a finding, with their readings."""
     readings = dict(finding.readings)
     terms = {r.id: r.terms for r in ruleset.residuals}
     cells = ruleset.cells_of_fault[finding.fault.id]
@@ -330,7 +313,7 @@ def causes(found: Iterable[tuple[str, float]]) -> str:
 
 
 def advice(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
-    """What would tell a finding from its alternatives."""
+    """How to distinguish a finding from its alternatives."""
     others = {name for name, _ in finding.alternatives}
     for group in ruleset.ambiguous:
         if finding.fault.id in group.faults and others & set(group.faults):
