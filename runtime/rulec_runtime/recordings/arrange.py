@@ -1,5 +1,5 @@
-"""From a table as it is written to one with a column per signal and one time: what is long, in
-pairs, or beside columns of qualities is put in order, by its column map or by its titles."""
+"""Rearrange a table into one with a column per signal and one time: long tables, pairs of columns
+and columns of qualities are recognised by the column map or by their titles."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from rulec_runtime.recordings.time_column import comparable, seconds_in, time_of
 
 
 def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
-    """A table with a column per signal. Raises `RecordingRefused` where it is not written as its
-    column map says."""
+    """A table with a column per signal. Raises `RecordingRefused` if it contradicts its column
+    map."""
     places = places_of(path, sheet.titles, form)
     if places.layout == "long":
         return long_sheet(path, sheet, places, form)
@@ -34,7 +34,7 @@ def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
 
 
 def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
-    """A table without its columns of qualities, whose time is one column."""
+    """A table without its columns of qualities and with one column of time."""
     aside = {*places.time[1:], *(places.quality_of or {}).values()}
     there = [i for i in range(len(sheet.titles)) if i not in aside]
     titles = [sheet.titles[i] for i in there]
@@ -52,7 +52,7 @@ def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
 
 @dataclass(frozen=True)
 class _WideTable:
-    """Columns that are `there`, of a table that has others besides."""
+    """The columns `there` of a table; the others are parts of its time, and qualities."""
 
     path: Path
     sheet: Sheet
@@ -91,17 +91,17 @@ class _WideTable:
 
 
 def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) -> Sheet:
-    """A table with one time of one in pairs."""
+    """A table with one time, made from pairs of columns."""
     asked = [*(p.time for p in pairs), *(p.quality for p in pairs if p.quality >= 0)]
     table = sheet.read(asked, [p.value for p in pairs], replace(form, layout="pairs"))
-    told = dict(zip(asked, table.kept, strict=True))
-    seen = list[str]()
-    times = [comparable(path, told[p.time], form, seen) for p in pairs]
+    cells = dict(zip(asked, table.kept, strict=True))
+    notes = list[str]()
+    times = [comparable(path, cells[p.time], form, notes) for p in pairs]
     readings, decimals, low = [], set(), 0
-    qualities = {p: texts_of(told[p.quality]) for p in pairs if p.quality >= 0}
+    qualities = {p: texts_of(cells[p.quality]) for p in pairs if p.quality >= 0}
     found = set().union(*qualities.values())
     if found:
-        seen += codes_told(path, sheet.titles[next(iter(qualities)).quality], found, form)
+        notes += codes_told(path, sheet.titles[next(iter(qualities)).quality], found, form)
     for pair, column, own in zip(pairs, table.columns, times, strict=True):
         if pair.quality >= 0:
             title = sheet.titles[pair.quality]
@@ -113,22 +113,20 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
     titles = tuple(p.title for p in pairs)
     long = LongTable(path, titles, tuple(readings), _joined(times), form, 0, left_out, decimals)
     count = f"columns in pairs of time and reading; {plural(len(pairs), 'pair', 'pairs')}"
+    time = "time" if isinstance(long.times, Dates) else sheet.titles[pairs[0].time]
     return replace(
         sheet,
-        titles=(
-            "time" if isinstance(long.times, Dates) else sheet.titles[pairs[0].time],
-            *long.tags,
-        ),
+        titles=(time, *titles),
         units=(sheet.units[pairs[0].time], *(sheet.units[p.value] for p in pairs)),
         read=long.read,
-        lines=lambda: lines_of(long.read, len(long.tags) + 1),
+        lines=lambda: lines_of(long.read, len(titles) + 1),
         rows=None,
-        remarks=(*sheet.remarks, *table.remarks, count, *dict.fromkeys(seen)),
+        remarks=(*sheet.remarks, *table.remarks, count, *dict.fromkeys(notes)),
     )
 
 
 def _readings(column: Column, times: Cells, form: FileForm, low: int) -> Readings:
-    """Readings of a column whose first time is that with the number `low`."""
+    """Readings of a column whose times begin at row `low` of all times."""
     seconds, numbers = seconds_in(times, form), column.numbers()
     words, rows = column.placed or {}, rows_written(numbers, column, seconds)
     own = {k: words[row] for k, row in enumerate(rows.tolist()) if row in words}
@@ -136,9 +134,8 @@ def _readings(column: Column, times: Cells, form: FileForm, low: int) -> Reading
 
 
 def _joined(times: Sequence[Cells]) -> Cells:
-    if all(isinstance(one, Dates) for one in times):
-        dates = [one for one in times if isinstance(one, Dates)]
-        return Dates(
-            np.concatenate([d.seconds for d in dates]), np.concatenate([d.zones for d in dates])
-        )
+    dates = [one for one in times if isinstance(one, Dates)]
+    if len(dates) == len(times):
+        seconds, zones = [d.seconds for d in dates], [d.zones for d in dates]
+        return Dates(np.concatenate(seconds), np.concatenate(zones))
     return np.concatenate([np.asarray(texts, dtype=float) for texts in times])

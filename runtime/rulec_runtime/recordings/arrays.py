@@ -1,4 +1,4 @@
-"""A table whose columns are arrays, from files of measurement systems and data frames."""
+"""Tables whose columns are arrays, from files of measurement systems and from data frames."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
 
 Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]
-"""From indexes of columns to pieces of the table: per column an array, or `Dates`."""
+"""Gives pieces of the columns with these indexes: per column an array, or `Dates`."""
 
 
 @dataclass(frozen=True)
 class ArrayTable:
-    """Titles, and what gives the columns piece by piece."""
+    """Titles, columns in pieces, and the number of rows."""
 
     titles: tuple[str, ...]
     pieces: Pieces
@@ -78,15 +78,14 @@ def array_sheet(
 
 
 def cells_of(part: Any) -> Cells:
-    """A column as it is kept: numbers, dates without a zone, or text."""
+    """A column as numbers, dates without a zone, or text."""
     if isinstance(part, Dates):
         return part
     values = np.ma.filled(part, np.nan) if isinstance(part, np.ma.MaskedArray) else np.asarray(part)
     values = values.reshape(-1)
     kind = values.dtype.kind
     if kind == "M":
-        seconds = seconds_of(values)
-        return Dates(seconds, np.full(len(seconds), np.nan))
+        return Dates(seconds_of(values), np.full(len(values), np.nan))
     if kind == "m":
         return seconds_of(values)
     if kind in "biuf":
@@ -95,12 +94,10 @@ def cells_of(part: Any) -> Cells:
 
 
 def seconds_of(values: np.ndarray) -> Array:
-    """Seconds of dates (since 1970) or of durations, NaN where there is none; rounded to
-    microseconds, so that the same date is the same number whatever wrote it."""
-    known = ~np.isnat(values)
-    kind = values.dtype.kind
-    whole = values.astype(f"{kind}8[ns]").astype(np.int64)
-    return np.where(known, (whole + 500) // 1000 / 1e6, np.nan)
+    """Seconds of dates (since 1970) or of durations, NaN where missing; rounded to microseconds,
+    so that a date gives the same number whatever program wrote it."""
+    whole = values.astype(f"{values.dtype.kind}8[ns]").astype(np.int64)
+    return np.where(np.isnat(values), np.nan, (whole + 500) // 1000 / 1e6)
 
 
 def _text(value: Any) -> str:
@@ -110,7 +107,7 @@ def _text(value: Any) -> str:
 
 
 def _add(column: Column, cells: Cells, before: int) -> None:
-    """Append cells to a column as numbers; a date is none."""
+    """Append cells to a column of numbers; a date is not a number."""
     if isinstance(cells, np.ndarray):
         column.parts.append(cells)
     elif isinstance(cells, Dates):

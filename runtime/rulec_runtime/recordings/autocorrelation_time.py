@@ -1,4 +1,4 @@
-"""For how many samples an error stays as it is.
+"""The autocorrelation time of an error, in samples.
 
 Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
 """
@@ -15,17 +15,17 @@ Flags = NDArray[np.bool_]
 
 
 def memory_of(error: Array, known: Flags) -> float:
-    """Samples that say one new thing about the size of an error, at least 1.
+    """Samples per independent value of a squared error, at least 1.
 
-    That is the sum of squared autocorrelations, up to where they vanish.
+    This is the sum of squared autocorrelations, up to the lag at which they vanish.
     """
     kept, most = correlations_of(error, known)
     return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))
 
 
 def correlations_of(error: Array, known: Flags) -> tuple[Array, int]:
-    """Autocorrelations from one sample on, shape (lags,), up to where they vanish, and how many
-    samples they are looked at over at most."""
+    """Autocorrelations from lag 1 to the lag at which they vanish, shape (lags,), and the largest
+    lag examined."""
     n, none = int(known.sum()), np.zeros(0)
     if n < limits.FEWEST_FOR_CORRELATION:
         return none, 1

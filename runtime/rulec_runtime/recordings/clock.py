@@ -1,8 +1,8 @@
-"""The order of rows, and a clock that was set while it recorded.
+"""Put rows in order of time, also where the clock was set during the recording.
 
-Rows that stand in another order than their times are sorted; a file may be written so. A clock
-that was set back, as at the end of summer time without a zone, writes times twice: sorting would
-mix what was before with what came after. There the order of rows holds, and times behind move on.
+Rows that a program wrote out of order are sorted. A clock that was set back, as at the end of
+summer time without a zone, repeats times: sorting would mix rows from before and after. There the
+order of rows stays, and later times are shifted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rulec_runtime.recordings.scratch import blocks
 
 @dataclass(frozen=True)
 class ClockSet:
-    """The clock at a time of the recording, s: set back by `seconds`, or it stood for `rows`."""
+    """At a time of the recording, s, the clock was set back by `seconds`, or stood for `rows`."""
 
     time: float
     seconds: float
@@ -30,9 +30,11 @@ class ClockSet:
 
 @dataclass(frozen=True)
 class Ordered:
-    """`order` are rows in order, None where that is as they stand; `time` are their times, s,
-    which increase or stay; `sets` says when the clock was set, `sorted` whether rows were not in
-    order."""
+    """Rows in order of time.
+
+    `order` are the rows, None if unchanged; `time` are their times, s, which never decrease; `sets`
+    are changes of the clock; `sorted`: the rows were out of order.
+    """
 
     order: NDArray[np.intp] | None
     time: Array
@@ -41,13 +43,13 @@ class Ordered:
 
 
 def in_order(time: Array) -> Ordered:
-    """Put rows, all with a time, in order."""
+    """Put rows in order; each has a time."""
     back = _steps_back(time)
-    stood = tuple(_standing(time))
+    same, _ = runs_of_same(time, limits.CLOCK_STOOD)
+    stood = tuple(ClockSet(float(time[a]), 0.0, b - a) for a, b in same)
     if not len(back):
         return Ordered(None, time, stood, False)
-    starts = [0, *back.tolist(), len(time)]
-    runs = list(pairwise(starts))
+    runs = list(pairwise([0, *back.tolist(), len(time)]))
     many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
     if many or not any(_set(time, a, b) for a, b in pairwise(runs)):
         order = np.argsort(time, kind="stable")
@@ -63,7 +65,7 @@ def in_order(time: Array) -> Ordered:
 
 
 def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
-    """Was the clock set between two runs of rows that are in order?"""
+    """Whether the clock was set between two ordered runs of rows."""
     first, second = time[slice(*before)], time[slice(*here)]
     if second[-1] < first[0]:
         return bool(first[0] - second[-1] > limits.CLOCK_LOST * (np.ptp(first) + np.ptp(second)))
@@ -71,13 +73,8 @@ def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
     return twice >= limits.WRITTEN_TWICE
 
 
-def _standing(time: Array) -> list[ClockSet]:
-    runs, _ = runs_of_same(time, limits.CLOCK_STOOD)
-    return [ClockSet(float(time[a]), 0.0, b - a) for a, b in runs]
-
-
 def _steps_back(time: Array) -> NDArray[np.intp]:
-    """Rows with an earlier time than that before them."""
+    """Rows with an earlier time than the row before."""
     found = [np.zeros(0, dtype=np.intp)]
     for low, high in blocks(len(time), time):
         first = max(low, 1)

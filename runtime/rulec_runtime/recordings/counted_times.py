@@ -1,4 +1,4 @@
-"""Times that are numbers and count from a date: Unix time, days of a spreadsheet, their like."""
+"""Times that count from a date, such as Unix time and days of a spreadsheet."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rulec_runtime.recordings.table import Dates
 
 @dataclass(frozen=True)
 class Counting:
-    """Numbers that count in a `unit` of `factor` seconds from a date, with Z where it is in UTC."""
+    """Numbers that count a `unit` of `factor` seconds from a date, which ends in Z if in UTC."""
 
     unit: str
     factor: float
@@ -26,11 +26,12 @@ class Counting:
 
     @property
     def start(self) -> float:
-        """The date in s since 1970, as if it were in UTC."""
-        return date_since(self.since)
+        """The date in s since 1970, taken as UTC if it names no zone."""
+        date = datetime.fromisoformat(self.since)
+        return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
     def numbers(self, year: int) -> float:
-        """The number of the begin of a year."""
+        """The number at the beginning of a year."""
         return (datetime(year, 1, 1, tzinfo=UTC).timestamp() - self.start) / self.factor
 
 
@@ -49,19 +50,12 @@ COUNTINGS = (
 """No number is a date of this century in two of them."""
 
 
-def date_since(text: str) -> float:
-    """Seconds since 1970 of a date, as if it were in UTC where it names no zone."""
-    date = datetime.fromisoformat(text)
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
-
-
 def counting_of(
     path: Path, numbers: Array, title: str, factor: float, form: FileForm, notes: list[str]
 ) -> Counting | None:
-    """How numbers count from a date; None where they count from a zero of their own.
+    """How numbers count from a date; None if they count from a zero of their own.
 
-    `factor` is the unit that title or file name, s, 0 where they name none. Raises
-    `Unclear` where numbers may be either.
+    `factor` is the unit that title or file name, s, or 0. Raises `Unclear` if both are possible.
     """
     if form.since == START:
         return None
@@ -93,7 +87,7 @@ def dated(numbers: Array, one: Counting) -> Dates:
 
 
 def _ends(numbers: Array) -> tuple[float, float, float]:
-    """Smallest and largest of some numbers, and how far they are apart in the middle at first."""
+    """Smallest and largest number, and the median step of the first block."""
     low, high = np.inf, -np.inf
     for a, b in blocks(len(numbers), numbers):
         part = numbers[a:b][np.isfinite(numbers[a:b])]

@@ -1,4 +1,4 @@
-"""A CSV file, whatever its encoding, separator and decimal sign, and whatever stands above it."""
+"""Read a CSV file of any encoding, separator and decimal sign, with any lines above its titles."""
 
 from __future__ import annotations
 

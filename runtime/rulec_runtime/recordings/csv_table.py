@@ -1,4 +1,4 @@
-"""Lines and cells of a CSV file: where its titles are, what separates them, what is a number."""
+"""Lines and cells of a CSV file: titles, separators and numbers."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from rulec_runtime.recordings.scratch import Growing
 
 _QUOTED = re.compile(r'"[^"]*"')
 _NODE_ID = re.compile(r"\b(?:nsu?=[^;,\t]*;)?[isgb]=")
-"""An OPC UA node id, ns=2;s=A.dp: its semicolon separates nothing."""
+"""An OPC UA node id, ns=2;s=A.dp: its semicolon is not a separator."""
 
 BLANK = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
-"""Cells that say "no value" without being a surprise."""
+"""Usual cells for a missing value."""
 
 
 class RecordingRefused(Refusal):
@@ -31,7 +31,7 @@ class RecordingRefused(Refusal):
 
 
 def refuse_columns(path: Path, count: int) -> None:
-    """Raise `RecordingRefused` where a table has too many columns."""
+    """Raise `RecordingRefused` if a table has too many columns."""
     if count > limits.MOST_COLUMNS:
         raise RecordingRefused(
             f"{path}: a table with more than {limits.MOST_COLUMNS} columns; export those of this "
@@ -40,8 +40,8 @@ def refuse_columns(path: Path, count: int) -> None:
 
 
 class Unclear(RecordingRefused):
-    """The file may be read in several ways. `choices` are what a column map would say of its form;
-    the first of them is `likely`, or none is."""
+    """The file can be read in several ways. `choices` are the entries of a column map that would
+    settle it; `likely`: the first of them is."""
 
     def __init__(self, text: str, choices: Sequence[Mapping[str, Any]], likely: bool) -> None:
         super().__init__(text)
@@ -52,9 +52,9 @@ class Unclear(RecordingRefused):
 class Column:
     """The numbers of a column; NaN where a cell is empty or a word.
 
-    `states` counts the words, and `first` is one of them with its data row (from 1); `placed` are
-    all of them by row (from 0), None where nobody asks. `written` says how its numbers are,
-    `decimals` are the decimal signs seen.
+    `states` counts the words; `first` is the first with its data row (from 1); `placed` are all of
+    them by row (from 0), None if not wanted. `written` is the convention of its numbers, `decimals`
+    are the decimal signs found.
     """
 
     title: str
@@ -67,18 +67,18 @@ class Column:
 
     @property
     def words(self) -> int:
-        """How many cells are words."""
+        """Number of cells that are words."""
         return self.states.total()
 
     def say(self, row: int, word: str) -> None:
-        """A word stands in a row, from 0."""
+        """Record a word in a row, from 0."""
         self.states[word] += 1
         self.first = self.first or (row + 1, word)
         if self.placed is not None:
             self.placed[row] = word
 
     def add(self, numbers: Array, comma: bool) -> None:
-        """Numbers behind those that are there; `comma`: they might have had a decimal comma."""
+        """Append numbers; `comma`: the file may use a decimal comma."""
         if comma and not np.all(np.isnan(numbers) | (numbers == np.floor(numbers))):
             self.decimals.add(".")
         self.parts.append(numbers)
@@ -91,7 +91,7 @@ class Column:
 def before_header(line: str) -> tuple[str | None, bool]:
     """The separator that a line states (Excel's ``sep=``), and whether it is the header.
 
-    Blank lines and comments stand before it, too.
+    Blank lines and comments may come before the header, too.
 
     >>> before_header("sep=;"), before_header("# a remark"), before_header("time,A.dp")
     ((';', False), (None, False), (None, True))
@@ -103,7 +103,7 @@ def before_header(line: str) -> tuple[str | None, bool]:
 
 
 def separator_of(header: str) -> str:
-    """The separator that stands in a header most often, outside of quotes and node ids.
+    """The most frequent separator of a header, outside quotes and node ids.
 
     >>> separator_of('time,ns=2;s=A.dp,"ns=2;s=A.Q;x"')
     ','
@@ -113,7 +113,7 @@ def separator_of(header: str) -> str:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """Cells of one line; a line that cannot be cut is one cell.
+    """Cells of one line; a line that cannot be split is one cell.
 
     >>> cells_of('0,"1,5"', ","), cells_of("0,1", ",")
     (['0', '1,5'], ['0', '1'])
@@ -128,14 +128,15 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 
 def is_whole(row: Sequence[str], width: int) -> bool:
-    """Whether a row has all cells of the header, and none but blank ones behind them."""
+    """Whether a row has all cells of the header, followed only by blank ones."""
     return len(row) >= width and not any(cell.strip() for cell in row[width:])
 
 
 def refuse_words(path: Path, row: Sequence[str], indexes: Iterable[int]) -> None:
-    """A line of units below the header would be lost, and the units with it."""
+    """Refuse a line of units below the header: the units would be lost."""
     cells = [row[i].strip() for i in indexes]
-    if len(cells) > 1 and all(_is_word(cell) for cell in cells):
+    words = [c for c in cells if c.lower() not in BLANK and not any(map(str.isdigit, c))]
+    if len(words) == len(cells) > 1:
         shown = ", ".join(cells[:4])
         raise RecordingRefused(
             f"{path}: the line below the header holds words ({shown}); put the unit of a column "
@@ -143,12 +144,8 @@ def refuse_words(path: Path, row: Sequence[str], indexes: Iterable[int]) -> None
         )
 
 
-def _is_word(cell: str) -> bool:
-    return cell.lower() not in BLANK and not any(c.isdigit() for c in cell)
-
-
 def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> None:
-    """Append cells to a column as numbers, behind `before` rows; `comma`: it may be decimal."""
+    """Append cells to a column as numbers, after `before` rows; `comma`: it may be decimal."""
     if column.written.thousands:
         cells = [column.written.plain(cell) for cell in cells]
     elif comma or column.written.decimal == ",":
@@ -166,13 +163,12 @@ def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> No
             numbers[i] = float(cell)
         except ValueError:
             if cell.strip().lower() not in BLANK:
-                word = cell.strip()[:30]
-                column.say(before + i, word)
+                column.say(before + i, cell.strip()[:30])
     column.parts.append(numbers)
 
 
 def refuse_bomb(path: Path, unpacked: int, size: int) -> None:
-    """Raise `RecordingRefused` where a file of `size` bytes unpacks to too many."""
+    """Raise `RecordingRefused` if a file of `size` bytes unpacks to too many."""
     if unpacked > max(limits.FREE_TO_UNPACK, limits.DENSEST * size):
         raise RecordingRefused(
             f"{path}: it unpacks to more than {limits.DENSEST} times its size, as no "

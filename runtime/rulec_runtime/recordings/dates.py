@@ -1,5 +1,5 @@
-"""Dates as programs write them: in any order of day, month and year, with names of months, with AM
-and PM."""
+"""Read dates as programs write them: any order of day, month and year, names of months, AM and
+PM."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _MONTHS = {
     )
     for name in names.split()
 }
-"""Names of months begin so in English, German, French, Spanish, Italian, Portuguese and Dutch."""
+"""Beginnings of months in English, German, French, Spanish, Italian, Portuguese and Dutch."""
 
 _ZONES = {"Z": 0, "UTC": 0, "GMT": 0, "CET": 60, "MEZ": 60, "CEST": 120, "MESZ": 120}
-"""Minutes ahead of UTC of zones whose names mean one thing."""
+"""Minutes ahead of UTC of zones with unambiguous names."""
 
 _DATE = re.compile(
     r"(?:[^\W\d_]{2,9}\.?,?\s+)?"
@@ -58,15 +58,15 @@ _TIME = re.compile(
 
 @dataclass(frozen=True)
 class Ambiguous:
-    """A date that may be read in several `orders`, the first one that was met."""
+    """The first date that can be read in several `orders`."""
 
     date: str
     orders: tuple[Order, ...]
 
 
 def order_of(cells: Iterable[str]) -> Order | Ambiguous:
-    """The order in which all dates among some cells can be read; empty where they name months, hold
-    years of four digits first, or separate with dots, which have the day first.
+    """The order in which all dates among some cells can be read; empty if their form fixes it: they
+    name months, begin with a year of four digits, or have dots, which put the day first.
 
     >>> order_of(["3/31/2025 02:05 PM"]), order_of(["2025-03-31"]), order_of(["31-Mar-25"])
     ('month first', '', '')
@@ -87,7 +87,7 @@ def order_of(cells: Iterable[str]) -> Order | Ambiguous:
 
 @lru_cache(maxsize=1024)
 def _orders(text: str) -> tuple[Order, ...]:
-    """Orders in which a date can be read; none where its form leaves no choice."""
+    """Orders in which a date can be read; empty if its form leaves no choice."""
     match = _DATE.fullmatch(text[: limits.LONGEST_DATE + 1])
     if match is None or match["sign"] in ". ":
         return ()
@@ -96,7 +96,7 @@ def _orders(text: str) -> tuple[Order, ...]:
         return ()
     a, b, c = map(int, parts)
     short = len(parts[2]) < 4
-    # A year to come is none: two digits of a day would else pass for one.
+    # No date lies in the future: otherwise a day of two digits could pass for a year.
     latest = datetime.now(UTC).year + 1
     found: list[Order] = []
     if _year(c, short) <= latest:
@@ -108,23 +108,23 @@ def _orders(text: str) -> tuple[Order, ...]:
 
 
 def dates_of(cells: Sequence[str], order: Order = "") -> tuple[Array, Array]:
-    """Seconds since 1970, NaN where a cell is no date, and seconds ahead of UTC as far as told.
+    """Seconds since 1970, NaN where a cell is no date, and seconds ahead of UTC, NaN if unknown.
 
     A date without a zone counts as UTC, so no hour is lost or doubled.
     """
-    known = {cell: date_of(cell, order) for cell in {*cells}}  # in a long table they come again
+    known = {cell: date_of(cell, order) for cell in {*cells}}  # a long table repeats them
     table = np.array([known[cell] for cell in cells]).reshape(-1, 2)
     return table[:, 0], table[:, 1]
 
 
 def date_of(cell: str, order: Order = "") -> tuple[float, float]:
-    """As `dates_of`, of one cell."""
+    """As `dates_of`, for one cell."""
     text = cell.strip()
     if len(text) > limits.LONGEST_DATE:
         return (math.nan, math.nan)
     try:
         return _seconds(datetime.fromisoformat(text))
-    except (ValueError, OverflowError):  # no date, or in UTC one that no calendar has
+    except (ValueError, OverflowError):  # no date, or beyond the calendar in UTC
         pass
     match = _DATE.fullmatch(text)
     if match is None:
@@ -137,7 +137,7 @@ def date_of(cell: str, order: Order = "") -> tuple[float, float]:
 
 
 def time_of_day(cell: str) -> float:
-    """Seconds since midnight of a time of day, NaN where a cell holds none.
+    """Seconds since midnight of a time of day, NaN if a cell holds none.
 
     >>> time_of_day("14:05:00"), time_of_day("2:05 PM")
     (50700.0, 50700.0)
@@ -151,7 +151,7 @@ def time_of_day(cell: str) -> float:
 
 @lru_cache(maxsize=1024)
 def _day(first: str, second: str, third: str, sign: str, order: Order) -> tuple[int, int, int]:
-    """Year, month and day. Raises `ValueError` or `KeyError` where they are none."""
+    """Year, month and day. Raises `ValueError` or `KeyError` if they are invalid."""
     if len(first) == 4 and first.isdigit():
         return int(first), _month(second), int(third)
     year = _year(int(third), len(third) < 4)
@@ -178,7 +178,7 @@ def _month(text: str) -> int:
 
 
 def _at(day: datetime, text: str) -> datetime:
-    """A day with a time of day behind it. Raises `ValueError` or `KeyError` where it is none."""
+    """A day with the time of day in a text. Raises `ValueError` or `KeyError` if it is invalid."""
     if not text.strip():
         return day
     match = _TIME.fullmatch(text)

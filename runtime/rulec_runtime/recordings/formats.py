@@ -1,4 +1,4 @@
-"""Which reader a file needs, by how it begins and by its name; readers are loaded when needed."""
+"""Find the reader of a file by its first bytes and its name; readers are loaded when needed."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: `begins` are bytes at places by which it is known, `module` holds its reader,
-    a function `sheets` (see `Reader`), `extra` brings the packages that it needs."""
+    """A kind of file: `begins` are its identifying bytes with their offsets, `module` holds its
+    reader, a function `sheets` (see `Reader`), `extra` brings the packages that it needs."""
 
     name: str
     suffixes: tuple[str, ...]
@@ -63,12 +63,12 @@ BINARY = (
     Format("HDF5", (".h5", ".hdf5", ".hdf"), tuple((at, _HDF5) for at in (0, 512, 1024, 2048)),
            f"{_READERS}.hdf5", "hdf5"),
 )  # fmt: skip
-"""The first that fits counts: a MAT file of version 7.3 is an HDF5 file behind its head."""
+"""The first match counts: a MAT file of version 7.3 is an HDF5 file after its head."""
 
 FORMATS = (CSV, *BINARY)
 
 OTHERS = frozenset(suffix for kind in BINARY for suffix in kind.suffixes)
-"""Endings of recordings that are read, and not written."""
+"""Suffixes of recordings that are read but not written."""
 
 _NO_RECORDING = (
     (b"\xd0\xcf\x11\xe0", "a workbook of an old Excel; save it as .xlsx"),
@@ -80,10 +80,10 @@ _NO_RECORDING = (
 
 @contextmanager
 def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
-    """The table that a path names, a column per signal, readable while the context lasts.
+    """The table that a path names, with a column per signal, readable while the context lasts.
 
-    `form` is what a column map says of it. Raises `RecordingRefused` where it cannot be read, or
-    where nothing says which one is meant.
+    `form` is its description in the column map. Raises `RecordingRefused` if it cannot be read, or
+    if several tables are possible.
     """
     with opened_table(path, form) as table:
         sheet = arrange(path, table, form)
@@ -92,7 +92,7 @@ def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
 
 @contextmanager
 def opened_table(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
-    """The same, as it is written."""
+    """The same as it is written."""
     place, name = place_of(path)
     times = names_of_times(form)
     with opened(path) as file:
@@ -113,7 +113,7 @@ def opened_table(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
 
 
 def format_of(file: BinaryIO, path: Path) -> Format:
-    """What a file is, by how it begins; CSV where it begins like none of the others."""
+    """The format of a file by its first bytes; CSV if no other matches."""
     head = file.read(4096)
     file.seek(0)
     for kind in BINARY:
@@ -132,12 +132,12 @@ def format_of(file: BinaryIO, path: Path) -> Format:
 
 
 def is_called_recording(path: Path) -> bool:
-    """Whether a file is called as a recording is."""
+    """Whether a file has the suffix of a recording."""
     return any(path.name.lower().endswith(s) for kind in FORMATS for s in kind.suffixes)
 
 
 def csv_name(path: Path) -> str:
-    """Name of the CSV file that is made of a recording of any format.
+    """Name of the CSV file made from a recording of any format.
 
     >>> csv_name(Path("run.parquet")), csv_name(Path("run.csv.gz")), csv_name(Path("a.h5#slow"))
     ('run.csv', 'run.csv.gz', 'a.csv')
@@ -159,10 +159,10 @@ def _reader(kind: Format, path: Path) -> Reader:
 
 
 def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
-    """What a function of a reader gives; a file that its library cannot read is the file's fault.
+    """Call a function of a reader; whatever its library raises becomes a `RecordingRefused`.
 
-    Libraries raise whatever comes to them on a damaged file, and the file may be anything. What
-    they would write to the terminal about it is left out.
+    Libraries raise all kinds of errors for damaged files. Their output on the terminal is
+    suppressed.
     """
     if kind is CSV:
         return read()
@@ -179,13 +179,13 @@ def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
                 f"{str(error)[:200]}); is it whole? Copy it again, or export it anew"
             )
             traceback.clear_frames(error.__traceback__)
-            gc.collect()  # what is half made ends here, quietly
+            gc.collect()  # half-made objects are finalised here, quietly
     raise RecordingRefused(f"{path}: {text}")
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without warnings and log of libraries, and without what goes wrong when they tidy up."""
+    """Suppress warnings and logs of libraries, and errors while they tidy up."""
     before, hook = logging.root.manager.disable, sys.unraisablehook
     logging.disable(logging.CRITICAL)
     sys.unraisablehook = lambda _: None
@@ -202,9 +202,9 @@ SHOWN = 8
 
 
 def which(path: Path, sheets: Sequence[Sheet], name: str, times: Collection[str]) -> Sheet:
-    """The table called `name`; without one, the only one with a time column.
+    """The table called `name`; if it is empty, the only one with a time column.
 
-    Tables have clocks of their own, and nothing puts them on one. Raises `RecordingRefused`.
+    Tables have clocks of their own, which cannot be aligned. Raises `RecordingRefused`.
     """
     if name:
         for sheet in sheets:
@@ -234,10 +234,10 @@ def _listed(sheets: Sequence[Sheet], times: Collection[str]) -> str:
 
 
 def _described(sheet: Sheet, times: Collection[str]) -> str:
-    """Its name, and titles where one is a time: of a file of others nothing else is quoted."""
+    """Its name, and its titles if one is a time: nothing else of a foreign file is quoted."""
+    name = f"'{sheet.name.strip('/')}'"
     if not any(is_time(title, times) for title in sheet.titles):
-        return f"'{sheet.name.strip('/')}'"
+        return name
     rows = "" if sheet.rows is None else f"{sheet.rows} rows of "
     titles = ", ".join(title.strip() for title in sheet.titles[:3])
-    more = ", ..." if len(sheet.titles) > 3 else ""
-    return f"'{sheet.name.strip('/')}' ({rows}{titles}{more})"
+    return f"{name} ({rows}{titles}{', ...' if len(sheet.titles) > 3 else ''})"

@@ -1,4 +1,4 @@
-"""What a path names: a file, one table of it (FILE#TABLE), or standard input (-)."""
+"""Resolve a path to a file, one table of it (FILE#TABLE), or standard input (-)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ STANDARD_INPUT = Path("-")
 
 
 def place_of(path: Path) -> tuple[Path, str]:
-    """File or folder, and the name of a table in it, empty where none is named.
+    """File or folder, and the name of a table in it, or an empty one.
 
-    A file that is called so, with # in its name, is that file.
+    An existing file with # in its name is that file.
 
     >>> place_of(Path("-#slow"))
     (PosixPath('-'), 'slow')
@@ -36,13 +36,13 @@ def place_of(path: Path) -> tuple[Path, str]:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is such a recording: a file, a folder, or standard input."""
+    """Whether a recording exists: a file, a folder, or standard input."""
     place = place_of(path)[0]
     return place == STANDARD_INPUT or place.exists()
 
 
 def opened(path: Path) -> BinaryIO:
-    """The bytes of a recording; standard input may be opened again and again."""
+    """The bytes of a recording; standard input may be opened repeatedly."""
     place = place_of(path)[0]
     if place == STANDARD_INPUT:
         return io.BytesIO(_whole(sys.stdin.buffer))
@@ -63,7 +63,7 @@ def bytes_of(path: Path) -> bytes:
 
 @functools.lru_cache(maxsize=1)
 def _whole(stream: BinaryIO) -> bytes:
-    """What a stream gives until its end, kept: nobody can read it twice."""
+    """All bytes of a stream, cached because it can be read only once."""
     data = stream.read(limits.LARGEST_PIPE + 1)
     if len(data) > limits.LARGEST_PIPE:
         raise RecordingRefused(

@@ -1,4 +1,4 @@
-"""A column of times, kept as a file holds it, that comes in parts."""
+"""Collect a column of times that comes in parts, in the form of the file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec_runtime.recordings.time_column import plain_times
 
 
 class GrowingCells:
-    """Numbers, dates or texts; texts if it is not all of one kind."""
+    """Numbers, dates or texts; texts if the kinds are mixed."""
 
     def __init__(self, most: int | None, beside: int) -> None:
         self._room = most, beside
@@ -26,7 +26,7 @@ class GrowingCells:
         self._known: dict[str, str] = {}
 
     def add(self, cells: Cells) -> None:
-        """Cells behind those that are there."""
+        """Append cells."""
         if isinstance(cells, Dates) and self._numbers is None and self._texts is None:
             self._dates = self._dates or (Growing(*self._room), Growing(*self._room))
             self._dates[0].append(cells.seconds)
@@ -37,7 +37,7 @@ class GrowingCells:
         else:
             if self._texts is None:
                 self._texts = list(texts_of(self.joined()))
-            # Tags and qualities are few, and come again and again: one text of each is kept.
+            # Tags and qualities are few and repeat: equal texts share one object.
             known = self._known if len(self._known) < limits.FEW_TEXTS else {}
             self._texts += [known.setdefault(cell, cell) for cell in texts_of(cells)]
             self._numbers = self._dates = None
@@ -52,9 +52,9 @@ class GrowingCells:
 
 
 class GrowingTimes:
-    """Texts that are times: kept as numbers where one of them is a number, else as dates.
+    """Texts of times, kept as numbers if one of them is a number, else as dates.
 
-    What is neither is NaN, as `read_times` has it of texts that it gets all at once.
+    Other texts are NaN, as in `read_times`, which gets all texts at once.
     """
 
     def __init__(self, most: int, beside: int, order: Order) -> None:
@@ -64,7 +64,7 @@ class GrowingTimes:
         self._first: list[str] = []
 
     def add(self, cells: Sequence[str] | Array) -> None:
-        """Texts, or finite numbers, behind those that are there."""
+        """Append texts, or finite numbers."""
         if isinstance(cells, np.ndarray):
             self._numbers.append(cells)
             self._plain = True
@@ -77,7 +77,7 @@ class GrowingTimes:
             self._dates.add(Dates(*dates_of(cells, self._order)))
 
     def joined(self) -> Cells:
-        """All times; the first text where none of them is one."""
+        """All times; the first text if none is a time."""
         if self._plain:
             return self._numbers.joined()
         dates = self._dates.joined()

@@ -1,4 +1,4 @@
-"""The header of a recording: which column is which signal, and in which unit."""
+"""Assign the columns of a recording to signals, with their units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 from rulec_runtime.recordings.time_column import is_time
 
 SHOWN = 4
-"""Names of a list that are shown; the others are counted."""
+"""Most names shown of a list; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Target:
 
 @dataclass
 class Header:
-    """What the columns of a file are; `strangers` belong to no signal."""
+    """The columns of a file; `strangers` belong to no signal."""
 
     time: int = -1
     time_title: str = ""
@@ -49,10 +49,10 @@ def assign(
     notes: list[str],
     units: Sequence[str] = (),
 ) -> None:
-    """Find out which column is which signal.
+    """Enter into `header` which column is which signal.
 
-    `units` are those that the file holds beside the titles, empty where it holds none: they count
-    where title and column map name none.
+    `units` are those that the file holds beside the titles, or empty; they count if title and
+    column map name none.
     """
     foreign: dict[str, list[tuple[str, float, float]]] = {}
     for c in ruleset.columns:
@@ -107,7 +107,7 @@ def assign(
 
 
 def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
-    """Why a file of which no column belongs to the plant is none of its recordings."""
+    """The refusal of a file without any column of the plant."""
     first = ruleset.signals[0]
     example = ruleset.columns[0].column if ruleset.columns else f"{first.id} [{first.unit}]"
     return RecordingRefused(
@@ -117,13 +117,13 @@ def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
 
 
 def result_of(name: str, ruleset: Ruleset) -> bool:
-    """Is a column the estimate of an observer, as its module reports it?"""
+    """Whether a column is the estimate of an observer, as reported by its module."""
     kind, _, observer = name.partition(":")
     return kind == "q" and observer in ruleset.observer_by_id
 
 
 def parts_of(title: str) -> tuple[str, str]:
-    """Name and unit of a column; a title of another form is a name as a whole.
+    """Name and unit of a column; a title in any other form is all name.
 
     >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
     (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
@@ -147,7 +147,7 @@ def _tell_other(
     ruleset: Ruleset,
     notes: list[str],
 ) -> None:
-    """Tell a unit in the file that is another than the one that counts."""
+    """Note a unit in the file that differs from the one that counts."""
     if not beside:
         return
     found = parse_unit(beside, ruleset.units)
@@ -161,11 +161,10 @@ def _tell_other(
 def _conversion(
     path: Path, title: str, unit: str, signal: SignalSpec, ruleset: Ruleset, bare: dict[str, str]
 ) -> tuple[float, float]:
-    """Factor and offset of a column's unit; the one assumed for a column without goes to `bare`."""
+    """Factor and offset of a column's unit; a missing unit is assumed and entered into `bare`."""
     if not unit.strip():
         bare[title] = signal.unit
-        return signal.factor, signal.offset
-    if unit.strip() == signal.unit:
+    if unit.strip() in ("", signal.unit):
         return signal.factor, signal.offset
     found = parse_unit(unit, ruleset.units)
     wanted = parse_unit(signal.unit, ruleset.units)

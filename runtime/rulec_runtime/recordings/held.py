@@ -1,4 +1,4 @@
-"""Readings that are written when they change: each holds until the next one of its signal."""
+"""Fill readings that are written only on change: each holds until the next of its signal."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rulec_runtime.recordings.time_column import seconds_in
 
 
 def last_before(own: Array, rows: Array, longest: float | None) -> NDArray[np.intp]:
-    """For each of `rows` the last of `own` times, both in order, s, that is not behind it; -1 where
-    there is none, or only one that is older than the `longest`."""
+    """Index of the latest of the times `own` at or before each of the times `rows`, both in order,
+    s; -1 if there is none, or if it is older than `longest`."""
     at = np.searchsorted(own, rows, side="right") - 1
     if longest is not None and len(own):
         at[rows - own[np.maximum(at, 0)] > longest] = -1
@@ -29,21 +29,20 @@ def last_before(own: Array, rows: Array, longest: float | None) -> NDArray[np.in
 def held(
     columns: Mapping[int, Column], time: Cells, form: FileForm, remarks: tuple[str, ...]
 ) -> tuple[dict[int, Column], tuple[str, ...]]:
-    """Columns in which empty cells have the reading above them, as far as it holds; a word ends
-    what it held."""
+    """Columns whose empty cells take the reading above them while it holds; a word ends it."""
     seconds = seconds_in(time, form)
     found = {index: _filled(column, seconds, form.hold_for) for index, column in columns.items()}
     return found, (*remarks, told(form))
 
 
 def told(form: FileForm) -> str:
-    """What is told of readings that hold."""
+    """The remark on readings that hold."""
     most = "" if form.hold_for is None else f", for {form.hold_for:g} s at most"
     return f"a reading holds until the next one of its signal{most}, as the column map says"
 
 
 def rows_written(values: Array, column: Column, seconds: Array) -> NDArray[np.intp]:
-    """Rows in which a column holds a number or a word, in order of their times."""
+    """Rows of a column with a number or a word, in order of time."""
     there = np.isfinite(values)
     there[[*(column.placed or ())]] = True
     rows = np.flatnonzero(there & np.isfinite(seconds))
@@ -61,8 +60,8 @@ def _filled(column: Column, seconds: Array, longest: float | None) -> Column:
 
 
 def written_on_change(times: Array, rows: int) -> bool:
-    """Whether times, in order, s, are those of a reading that is written when it changes: at few of
-    so many rows, and at no regular distance."""
+    """Whether times, in order, s, belong to a reading written on change: few compared with `rows`,
+    and at irregular intervals."""
     if len(times) > limits.SHARE_ON_CHANGE * rows:
         return False
     steps = np.diff(times)

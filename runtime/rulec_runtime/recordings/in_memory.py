@@ -1,4 +1,4 @@
-"""Readings in memory, by the titles that a file would have: as good as a file of them."""
+"""Treat readings in memory, by the titles that a file would have, like a file of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec_runtime.recordings.table import Dates
 from rulec_runtime.recordings.time_column import factor_of_time, read_times
 
 Cells = np.ndarray | list[str]
-"""A column: numbers, dates (datetime64, in UTC), times from a start (timedelta64), or words."""
+"""A column: numbers, dates (datetime64, in UTC), durations (timedelta64), or words."""
 
 
 def file_of(
@@ -26,18 +26,18 @@ def file_of(
     notes: list[str],
     zoned: bool = False,
 ) -> RecordingFile:
-    """Columns of one length as the file that would hold them.
+    """Columns of equal length as the file that would hold them.
 
     Parameters
     ----------
-    name : what messages call it.
+    name : its name in messages.
     columns : per title, such as ``A.dp [bar]``, its cells, shape (n,).
     zoned : whether dates are known to be in UTC; else they name no zone.
 
     Raises
     ------
     RecordingRefused
-        There is no time column, no row, or a column is of another length.
+        There is no time column or no row, or lengths differ.
     """
     path, header, titles = Path(name), Header(), list(columns)
     lengths = {title: len(cells) for title, cells in columns.items()}
@@ -62,7 +62,7 @@ def file_of(
 def _times(
     path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool, notes: list[str]
 ) -> tuple[Array, Array | None]:
-    """Seconds and zones, as `read_times` gives them."""
+    """Seconds and zones, as from `read_times`."""
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
     if isinstance(cells, list):
         return read_times(path, cells, title, unit, ruleset.units, zone, notes)
@@ -77,7 +77,7 @@ def _times(
 
 
 def _seconds(lengths: np.ndarray) -> Array:
-    """Lengths of time in s; NaN where there is none."""
+    """Durations in s, NaN where missing."""
     return np.asarray(lengths / np.timedelta64(1, "s"), dtype=float)
 
 
@@ -93,7 +93,7 @@ def _column(name: str, title: str, cells: Cells) -> Column:
 
 
 def different(given: Sequence[object]) -> None:
-    """Refuse readings in memory that are given twice: what they show would count twice."""
+    """Refuse readings in memory that are given twice: their evidence would count twice."""
     if len({id(one) for one in given}) < len(given):
         raise RecordingRefused(
             "the same readings are given twice; what they show would count twice. Give each "

@@ -1,9 +1,8 @@
-"""Long tables, as historians write them: a row per reading, with tag, time and value.
+"""Turn long tables of historians, with a row per tag, time and value, into a column per tag.
 
-They become tables with a column per tag. Tags have times of their own: the rows are those of the
-tag with the most readings, and a reading stands in the row nearest to its time, within half of the
-usual distance of rows; or, where a column map says that readings hold, in all rows until the next
-one. What has no row is left out, and that is told.
+Tags have times of their own. The rows are those of the tag with the most readings; a reading goes
+to the row nearest to its time, within half the usual distance of rows. If the column map says that
+readings hold, it goes to all rows until the next one. A remark counts readings without a row.
 """
 
 from __future__ import annotations
@@ -31,9 +30,8 @@ from rulec_runtime.recordings.titles import unit_in
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings of one tag in order of their times: `rows` of the file, times as numbers `at`, in s,
-    and the `numbers`, NaN where a word stands or its quality is not good; `words` are those, by
-    place."""
+    """Readings of one tag in order of time: `rows` of the file, times `at`, s, and the `numbers`,
+    NaN for a word or a bad quality; `words` are these by position."""
 
     rows: NDArray[np.intp]
     at: Array
@@ -43,9 +41,9 @@ class Readings:
 
 @dataclass(frozen=True)
 class LongTable:
-    """Readings of all tags; `times` are those of all rows, as the file holds them. `untimed`
-    readings have no time; `left_out` counts rows with another number of cells, and is the first.
-    """
+    """Readings of all tags; `times` are those of all rows in the form of the file. `untimed` counts
+    readings without a time; `left_out` are the number of rows with a wrong number of cells, and the
+    first of them."""
 
     path: Path
     tags: tuple[str, ...]
@@ -66,7 +64,7 @@ class LongTable:
         if form.hold == "last":
             placed = {k: held.last_before(r.at, at, form.hold_for) for k, r in found.items()}
         else:
-            placed = {k: _turned(_nearest(at, r.at), len(base)) for k, r in found.items()}
+            placed = {k: _nearest(at, r.at) for k, r in found.items()}
         columns = tuple(
             self._column(index - 1, found[index - 1], placed[index - 1]) for index in numbers
         )
@@ -81,10 +79,10 @@ class LongTable:
         )
 
     def _rows(self, found: Mapping[int, Readings], most: int) -> NDArray[np.intp]:
-        """Rows of the file whose times are those of the table: of the tag with the most readings;
-        where readings hold, of all tags, as far as they are not closer than those of this one.
+        """Rows of the file that give the times of the table: those of the tag with the most
+        readings or, if readings hold, of all tags, unless they are closer than those of this one.
 
-        Raises `RecordingRefused` where readings seem to hold, and no column map says so.
+        Raises `Unclear` if readings seem to hold, but no column map says so.
         """
         base, form = found[most] if found else self.readings[0], self.form
         if form.hold == "last":
@@ -127,7 +125,7 @@ class LongTable:
         found: Mapping[int, Readings],
         placed: Mapping[int, NDArray[np.intp]],
     ) -> Iterator[str]:
-        """Remarks on readings that have no row of their own time."""
+        """Remarks on readings whose time has no row."""
         if self.untimed:
             count = plural(self.untimed, "reading has", "readings have")
             yield f"{count} no usable time; left out"
@@ -155,21 +153,21 @@ class LongTable:
 
 
 def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
-    """A table with a column per tag of a long one."""
+    """A table with a column per tag, made from a long one."""
     beside = [i for i in (places.quality, places.unit) if i >= 0]
     asked = [*places.time, places.tag, *beside]
     table = sheet.read(asked, [places.value], replace(form, layout="long"))
     cells = dict(zip(asked, table.kept, strict=True))
-    times, seen = time_of_parts(path, [cells[i] for i in places.time], form)
-    stated = [text.strip() for text in texts_of(cells[places.tag])]
-    tags = {name: k for k, name in enumerate(dict.fromkeys(stated))}
-    number = np.array([tags[name] for name in stated], dtype=np.intp)
+    times, notes = time_of_parts(path, [cells[i] for i in places.time], form)
+    names = [text.strip() for text in texts_of(cells[places.tag])]
+    tags = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    number = np.array([tags[name] for name in names], dtype=np.intp)
     (column,) = table.columns
     values, words = column.numbers(), dict(column.placed or {})
     if places.quality >= 0:
         title, texts = sheet.titles[places.quality], texts_of(cells[places.quality])
         good = good_of(path, title, set(texts), form)
-        seen = (*seen, *codes_told(path, title, set(texts), form))
+        notes = (*notes, *codes_told(path, title, set(texts), form))
         words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
     values[[*words]] = np.nan
     units = texts_of(cells[places.unit]) if places.unit >= 0 else []
@@ -190,8 +188,8 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
     count = f"a reading a row; {plural(len(tags), 'tag', 'tags')} became columns"
     others = {*range(len(sheet.titles))} - {*asked, places.value}
     if others:
-        names = ", ".join(f"'{sheet.titles[i].strip()}'" for i in sorted(others))
-        count += f"; not read: {names}"
+        unread = ", ".join(f"'{sheet.titles[i].strip()}'" for i in sorted(others))
+        count += f"; not read: {unread}"
     return replace(
         sheet,
         titles=(sheet.titles[places.time[0]], *tags),
@@ -199,14 +197,14 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
         read=long.read,
         lines=lambda: lines_of(long.read, len(long.tags) + 1),
         rows=None,
-        remarks=(*sheet.remarks, *table.remarks, count, *seen),
+        remarks=(*sheet.remarks, *table.remarks, count, *notes),
     )
 
 
 def _units(
     path: Path, tags: Sequence[str], number: NDArray[np.intp], units: Sequence[str]
 ) -> list[str]:
-    """The unit of each tag, empty where none is told."""
+    """The unit of each tag, empty if none is given."""
     found = [""] * len(tags)
     pairs = dict.fromkeys(zip(number.tolist(), units, strict=True)) if units else {}
     for k, cell in pairs:
@@ -221,7 +219,7 @@ def _units(
 
 
 def _apart(at: Array, least: float) -> NDArray[np.intp]:
-    """Places of times, in order, each `least` behind the one before, or at all behind it."""
+    """Positions of times, in order, each later than the one before, by `least` or more."""
     kept, last = [], -np.inf
     for place, time in enumerate(at.tolist()):
         if time > last and time - last >= least:
@@ -231,24 +229,19 @@ def _apart(at: Array, least: float) -> NDArray[np.intp]:
 
 
 def _nearest(base: Array, own: Array) -> NDArray[np.intp]:
-    """For each time the row of `base` (in order) that is nearest, -1 where none is within half of
-    the usual distance, and where a nearer one took it."""
+    """Index of the reading in each row, -1 for none: a reading goes to the nearest time of `base`,
+    if within half the usual distance; of several in one row the nearest stays."""
+    found = np.full(len(base), -1, dtype=np.intp)
     if not len(base):
-        return np.full(len(own), -1, dtype=np.intp)
+        return found
     near = nearest(base, own)
     away = np.round(np.abs(base[near] - own) * 1e6) / 1e6
     taken = np.where(away <= 0.5 * interval_of(base, 0.0), near, -1)
     order = np.lexsort((away, taken))
     again = np.concatenate([[False], np.diff(taken[order]) == 0])
     taken[order[again]] = -1
-    return taken
-
-
-def _turned(rows: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """From the row of each reading to the reading of each row, -1 where it has none."""
-    found = np.full(count, -1, dtype=np.intp)
-    there = rows >= 0
-    found[rows[there]] = np.flatnonzero(there)
+    there = taken >= 0
+    found[taken[there]] = np.flatnonzero(there)
     return found
 
 

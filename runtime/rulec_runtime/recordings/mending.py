@@ -1,5 +1,5 @@
-"""A recording read otherwise than its header says: columns exchanged, in another unit or sign, or
-of another time."""
+"""Correct a recording whose header is wrong: columns swapped, in another unit or sign, or shifted
+in time."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rulec_runtime.recordings.recording import Recording
 
 @dataclass(frozen=True, kw_only=True)
 class Mending:
-    """What to do with one column, with the two that stand in each other's place, or with those that
-    come from a clock that is `late`, s (less than nothing: early).
+    """The correction of one column, of two swapped columns, or of columns from a clock that is
+    `late`, s (negative: early).
 
-    Read as it should be, a column is SI as recorded * factor + offset.
+    A corrected column is SI as recorded * factor + offset.
     """
 
     signals: tuple[str, ...]
@@ -27,7 +27,7 @@ class Mending:
     late: float = 0.0
 
     def of(self, recording: Recording) -> Recording:
-        """The recording as it should be read."""
+        """The corrected recording."""
         values = dict(recording.values)
         if self.late:
             values |= {name: self._in_time(recording, values[name]) for name in self.signals}
@@ -40,8 +40,8 @@ class Mending:
         return replace(recording, values=values)
 
     def _in_time(self, recording: Recording, values: Array) -> Array:
-        """Readings at the time at which they were taken, shape (n,): those of the row nearest to
-        it, NaN where its file has none within half of a row's usual distance."""
+        """Readings at the time at which they were taken, shape (n,): from the nearest row of the
+        same file, NaN if none is within half the usual distance of rows."""
         found = np.full(len(values), np.nan)
         for segment in np.unique(recording.segment):
             rows = np.flatnonzero(recording.segment == segment)
@@ -54,7 +54,7 @@ class Mending:
 
 
 def mended(recording: Recording, mendings: Iterable[Mending]) -> Recording:
-    """A recording with all columns as they should be read."""
+    """A recording with all corrections."""
     for mending in mendings:
         recording = mending.of(recording)
     return recording

@@ -1,11 +1,11 @@
-"""Results of observers that run in the modules' controllers, one row per operating point.
+"""Read results of observers that run in the modules' controllers, one row per operating point.
 
-Columns: `time` and `seconds` say when a window began and how long it was, `samples` how many it
-has. ``q:<observer>`` is an estimate (m3/s), ``valid:`` 1 or 0, ``s:<observer>:<error>`` its
-slopes, ``dq:<observer>:<fault>`` those by degrees, ``apart:<observer>`` second half of the window
-less first. ``fit:<signal>``, ``noise:<signal>``, ``systematic:<signal>``, ``beyond:<signal>`` and
-``lag:<signal>`` tell of readings (SI, but noise in the unit of the reading), and a mean reading
-stands in a column as in a recording.
+Columns: `time` and `seconds` are beginning and length of a window, `samples` its number of samples.
+``q:<observer>`` is an estimate (m3/s), ``valid:`` 1 or 0, ``s:<observer>:<error>`` its slopes,
+``dq:<observer>:<fault>`` those by degrees, ``apart:<observer>`` second half of the window minus
+first. ``fit:<signal>``, ``noise:<signal>``, ``systematic:<signal>``, ``beyond:<signal>`` and
+``lag:<signal>`` describe readings (SI, but noise in the unit of the reading); a mean reading has a
+column as in a recording.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
 
 KINDS = frozenset({"q", "valid", "s", "dq", "apart", "fit", "noise", "systematic", "beyond", "lag"})
-"""What stands before the first colon of a column."""
+"""Prefixes of columns, before the first colon."""
 
 TIME, SECONDS, SAMPLES = "time", "seconds", "samples"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModuleResults:
-    """What modules say of operating points in order of time.
+    """Results of modules for operating points in order of time.
 
     Attributes
     ----------
     since, until : shape (n,), s.
     samples : shape (n,).
-    columns : per name, as ``q:A.pump``, an array, shape (n,); NaN where there is none.
+    columns : per name, as ``q:A.pump``, an array, shape (n,); NaN where missing.
     readings : per signal its mean, shape (n,), SI.
-    notes : what was found while reading, for the operator.
-    calendar : the date of time 0, where the file has dates.
+    notes : remarks for the operator.
+    calendar : the date of time 0, if the file has dates.
     """
 
     since: Array
@@ -60,13 +60,13 @@ class ModuleResults:
         return len(self.since)
 
     def flags(self, name: str) -> np.ndarray:
-        """Where a column of 1 and 0 says yes, shape (n,)."""
+        """Where a column of 1 and 0 is 1, shape (n,)."""
         column = self.columns.get(name)
         return np.zeros(len(self), dtype=bool) if column is None else column == 1.0
 
 
 def holds_results(path: Path, ruleset: Ruleset) -> bool:
-    """Whether a file holds estimates of observers, and so no recording."""
+    """Whether a file holds estimates of observers instead of a recording."""
     if not is_there(path) or place_of(path)[0].is_dir():
         return False
     with opened_sheet(path, form_of(ruleset)) as sheet:
@@ -110,7 +110,6 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
 
 
 def _header(path: Path, titles: Sequence[str], ruleset: Ruleset) -> Header:
-    """Which columns are of use."""
     header = Header()
     for i, title in enumerate(as_meant(t.strip()) for t in titles):
         name, unit = parts_of(title)
@@ -128,7 +127,7 @@ def _header(path: Path, titles: Sequence[str], ruleset: Ruleset) -> Header:
 def _scale(
     path: Path, title: str, name: str, unit: str, ruleset: Ruleset
 ) -> tuple[float, float] | None:
-    """Factor and offset to SI of a column; None where it is of no use."""
+    """Factor and offset to SI of a column; None if it is not used."""
     if name in (SECONDS, SAMPLES):
         return 1.0, 0.0
     signal = ruleset.signal_by_id.get(name)
@@ -143,7 +142,7 @@ def _scale(
 
 
 def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:
-    """Nothing can be judged without these columns."""
+    """Refuse results without the columns that a diagnosis needs."""
     needed = [SECONDS, SAMPLES]
     needed += [f"{kind}:{o.id}" for o in ruleset.observers for kind in ("q", "valid")]
     needed += [name for name in ruleset.plan.outputs if name.startswith("s:")]

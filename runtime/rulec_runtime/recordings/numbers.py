@@ -1,5 +1,4 @@
-"""How numbers are written in a file: its decimal sign and its marks of thousands, as its cells show
-them."""
+"""Infer from the cells of a file how its numbers are written: decimal sign and thousands marks."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from dataclasses import dataclass, field
 from rulec_runtime.contract.file_form import FileForm
 
 SPACES = " \u00a0\u202f\u2009'\u2019"
-"""Marks of thousands that are no decimal sign anywhere."""
+"""Thousands marks that are no decimal sign anywhere."""
 
 _SHAPE = re.compile(rf"[+-]?(?P<body>\d[\d.,{SPACES}]*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _GROUPS = {
@@ -20,13 +19,13 @@ _GROUPS = {
 
 @dataclass(frozen=True)
 class Convention:
-    """A `decimal` sign, empty where none was seen, and marks of `thousands`."""
+    """A `decimal` sign, empty if none was found, and marks of `thousands`."""
 
     decimal: str = ""
     thousands: str = ""
 
     def plain(self, cell: str) -> str:
-        """A number as every program reads it; a cell that is not grouped by thousands stays.
+        """A number as every program reads it; a cell with wrong groups becomes no number.
 
         >>> Convention(",", ".").plain("1.234,5"), Convention(",", ".").plain("1.5")
         ('1234.5', '1.5,')
@@ -47,15 +46,15 @@ UNKNOWN = Convention()
 
 @dataclass
 class Signs:
-    """What cells show: signs that are surely `decimal`, surely of `thousands`, or one of both, the
-    last with the first cell that shows it."""
+    """Signs found in cells: surely `decimal`, surely of `thousands`, or `either`, each of these
+    with its first cell."""
 
     decimal: set[str] = field(default_factory=set)
     thousands: set[str] = field(default_factory=set)
     either: dict[str, str] = field(default_factory=dict)
 
     def see(self, cells: Iterable[str]) -> None:
-        """Further cells."""
+        """Take in further cells."""
         for cell in cells:
             text = cell.strip()
             match = None if text.isdigit() else _SHAPE.fullmatch(text)
@@ -85,8 +84,8 @@ class Signs:
 
 
 def convention_of(own: Signs, file: Signs, form: FileForm, separator: str) -> Convention | str:
-    """How a column is written, by its `own` signs, those of all its `file`, and what a column map
-    says; a cell that could be two numbers where nothing says which.
+    """The convention of a column, by its `own` signs, those of its whole `file`, and the column
+    map; or else a cell that could be two numbers.
 
     >>> german, column = Signs(), Signs()
     >>> german.see(["1,5"]); column.see(["54.054"])

@@ -1,4 +1,4 @@
-"""Passes over columns, block by block: the same numbers as of the whole, with little in memory."""
+"""Pass over columns block by block: the same results as at once, with little memory."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rulec_runtime.recordings.scratch import array, blocks, let_go
 
 Flags = np.ndarray
 Parts = Callable[[], Iterable[Array]]
-"""Gives numbers in parts, each time anew from the first one on."""
+"""Gives numbers in parts; each call starts again at the first."""
 
 
 def parts_of(values: Array, wanted: Callable[[Array], Flags] = np.isfinite) -> Iterator[Array]:
-    """Those readings that are wanted, by default all that there are."""
+    """The wanted readings in parts, by default all finite ones."""
     for low, high in blocks(len(values), values):
         part = values[low:high]
         yield part[wanted(part)]
 
 
 def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
-    """Differences of numbers in a row; what stands in two parts follows each other as well."""
+    """Differences of consecutive numbers, also across parts."""
     before = np.zeros(0)
     for part in parts:
         row = np.concatenate([before, part])
@@ -33,19 +33,19 @@ def differences(parts: Iterable[Array], order: int) -> Iterator[Array]:
 
 
 def any_of(values: Array, function: Callable[[Array], Flags] = np.isfinite) -> bool:
-    """Whether a function is true of some number."""
+    """Whether a function is true for any number."""
     return any(function(values[low:high]).any() for low, high in blocks(len(values), values))
 
 
 def first_reading(values: Array) -> float | None:
-    """The first number of a column; None where there is none."""
+    """The first number of a column, or None."""
     return next((float(part[0]) for part in parts_of(values) if len(part)), None)
 
 
 def median_of(parts: Parts) -> float:
-    """The median, as of all numbers at once; NaN of none.
+    """The exact median of all numbers; NaN of none.
 
-    Of many, it is looked for near that of a sample; where it is not there, all are put in order.
+    Many numbers are searched near the median of a sample first, and partitioned only if that fails.
     """
     few: list[Array] = []
     sample: list[Array] = []
@@ -68,15 +68,15 @@ def median_of(parts: Parts) -> float:
 
 
 def _near_middle(sample: Array) -> tuple[float, float]:
-    """Two numbers between which the median almost surely is, by an ordered sample."""
+    """Two numbers that almost surely enclose the median, from a sorted sample."""
     middle, wide = 0.5 * len(sample), limits.MEDIAN_WITHIN * 0.5 * len(sample) ** 0.5
     low, high = max(int(middle - wide), 0), min(int(middle + wide), len(sample) - 1)
     return float(sample[low]), float(sample[high])
 
 
 def _between(parts: Parts, rank: int, low: float, high: float) -> tuple[float, float] | None:
-    """The number of a rank, and the one behind it in order of size, if both lie between two
-    numbers; how often these two come is counted, as readings often repeat."""
+    """The numbers of a rank and of the next, if `low` and `high` enclose both; equal numbers are
+    only counted, since readings often repeat."""
     below = lows = highs = 0
     within: list[Array] = []
     for part in parts():
@@ -98,7 +98,7 @@ def _between(parts: Parts, rank: int, low: float, high: float) -> tuple[float, f
 
 
 def _of_all(parts: Parts, total: int, rank: int) -> tuple[float, float]:
-    """The same, wherever they are."""
+    """The same from all numbers."""
     numbers, done = array(total), 0
     for part in parts():
         numbers[done : done + len(part)] = part
@@ -109,7 +109,7 @@ def _of_all(parts: Parts, total: int, rank: int) -> tuple[float, float]:
 
 
 def runs_where(count: int, flags: Callable[[int, int], Flags], least: int) -> list[tuple[int, int]]:
-    """First and behind last of runs of flags, `least` long at least; `flags` gives those of a
+    """First and end (excluded) of runs of flags of at least `least`; `flags` gives those of a
     block."""
     found: list[tuple[int, int]] = []
     begun, before = 0, False
@@ -126,8 +126,8 @@ def runs_where(count: int, flags: Callable[[int, int], Flags], least: int) -> li
 
 
 def runs_of_same(values: Array, least: int) -> tuple[list[tuple[int, int]], int]:
-    """Runs of one and the same number, `least` long at least, first and behind last; and the
-    length of the longest shorter one, at least 1."""
+    """Runs of equal numbers of at least `least`, first and end (excluded), and the length of the
+    longest shorter run, at least 1."""
     found: list[tuple[int, int]] = []
     begun, shorter = 0, 1
 
@@ -154,8 +154,8 @@ def _long(starts: np.ndarray, stops: np.ndarray, least: int) -> list[tuple[int, 
 
 
 def filled_blocks(values: Array, beside: int) -> Iterator[tuple[int, int, int, Array]]:
-    """Blocks ``low : high`` with `beside` numbers more on both sides, from `start` on: gaps hold
-    the last reading, before the first one there is none. Gives low, high, start, numbers."""
+    """Blocks ``low : high`` with `beside` more numbers on both sides, beginning at `start`: low,
+    high, start, numbers. Gaps hold the last reading; before the first there is NaN."""
     last, n = np.nan, len(values)
     for low, high in blocks(n):
         start, stop = max(low - beside, 0), min(high + beside, n)
@@ -174,7 +174,7 @@ def filled_blocks(values: Array, beside: int) -> Iterator[tuple[int, int, int, A
 
 
 def interval_of(time: Array, unknown: float) -> float:
-    """The usual time between samples, s; `unknown` where there is one sample alone."""
+    """The median time between samples, s; `unknown` for fewer than two."""
     if len(time) < 2:
         return unknown
     return median_of(
@@ -183,11 +183,11 @@ def interval_of(time: Array, unknown: float) -> float:
 
 
 def sums_between(values: Array, first: np.ndarray, last: np.ndarray) -> Array:
-    """Sums of the samples ``first : last``, of stretches in order of time, shape (n,)."""
+    """Sums of the samples ``first : last`` of stretches in order of time, shape (n,)."""
     if not len(first):
         return np.zeros(0)
     edges = np.column_stack([first, last]).ravel()
-    # What ends with the samples needs no edge.
+    # A stretch that ends with the samples needs no edge.
     inside = edges[:-1] if edges[-1] == len(values) else edges
     sums: Array = np.add.reduceat(values, np.minimum(inside, len(values) - 1))[::2]
     return np.where(last > first, sums, 0.0)
@@ -199,27 +199,22 @@ def means_between(
     last: np.ndarray,
     usable: Callable[[Array], Array] = lambda values: values,
 ) -> tuple[Array, Array]:
-    """Means of the samples ``first : last`` that have a reading, and how many these are.
+    """Means of the samples ``first : last`` that have a reading, and the number of these.
 
-    `usable` makes numbers of them that do not count NaN.
+    `usable` replaces unusable numbers by NaN. Stretches, in order of time, are taken in groups not
+    longer than a block.
     """
     means, number = np.zeros((2, len(first)))
-    for low, high in _near(first, last):
-        begin, stop = int(first[low]), int(last[high - 1])
-        here = usable(values[begin:stop]), first[low:high] - begin, last[low:high] - begin
-        means[low:high], number[low:high] = _means_at_once(*here)
-        let_go(values)
-    return means, number
-
-
-def _near(first: np.ndarray, last: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Stretches, in order of time, in groups that are not longer than a block."""
     low = 0
     while low < len(first):
         high = int(np.searchsorted(last, first[low] + limits.BLOCK, side="right"))
         high = max(high, low + 1)
-        yield low, high
+        begin, stop = int(first[low]), int(last[high - 1])
+        here = usable(values[begin:stop]), first[low:high] - begin, last[low:high] - begin
+        means[low:high], number[low:high] = _means_at_once(*here)
+        let_go(values)
         low = high
+    return means, number
 
 
 def _means_at_once(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[Array, Array]:
@@ -233,7 +228,7 @@ def _means_at_once(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[
 
 
 def nearest(base: Array, own: Array) -> NDArray[np.intp]:
-    """For each time that of some, in order, that is nearest: its place in `base`."""
+    """Index of the time of `base`, in order, nearest to each time of `own`."""
     behind = np.clip(np.searchsorted(base, own), 1, max(len(base) - 1, 1))
     before, behind = behind - 1, np.minimum(behind, len(base) - 1)
     return np.where(own - base[before] <= base[behind] - own, before, behind)

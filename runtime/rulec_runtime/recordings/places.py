@@ -1,4 +1,4 @@
-"""Which columns of a table are what, by its column map or by its titles."""
+"""Find the roles of the columns of a table, by its column map or by its titles."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ VALUES = ("value", "wert", "val", "varvalue", "messwert", "reading")
 QUALITIES = ("quality", "qualität", "qc", "status", "statuscode", "status code", "validity",
              "isgood", "is good", "confidence", "dataintegrity", "opcquality")  # fmt: skip
 OF_ROWS = ("quality", "qualität", "validity", "isgood", "is good", "opcquality")
-"""Alone in a wide table these judge whole rows; a status may be that of the plant."""
+"""Alone in a wide table these judge whole rows; a status could be that of the plant."""
 
 OF_TIMES, OF_VALUES = ("time", "timestamp", "zeit"), ("valuey", "value", "wert")
 UNITS = ("unit", "units", "einheit", "uom")
 DAYS, CLOCKS = ("date", "datum"), ("time", "zeit", "uhrzeit")
 PARTS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
-
 
 _NUMBERED = re.compile(r"(?:time|zeit)[ ._-]?\d+", re.IGNORECASE)
 _BETWEEN = " ._/:-()[]"
@@ -34,8 +33,8 @@ _BETWEEN = " ._/:-()[]"
 
 @dataclass(frozen=True)
 class Pair:
-    """A column of readings, what it is called, and the columns of its times and, -1 where there is
-    none, of its qualities."""
+    """A column of readings with its title and the columns of its times and its qualities (-1:
+    none)."""
 
     title: str
     value: int
@@ -45,9 +44,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class Places:
-    """Which columns of a table are what; -1 where there is none.
+    """Columns of a table by role; -1 for none.
 
-    `time` are the parts of one time; `quality_of` says which column holds the qualities of another.
+    `time` are the parts of one time; `quality_of` gives the column of qualities of another column.
     """
 
     layout: str
@@ -61,8 +60,8 @@ class Places:
 
 
 def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
-    """What the columns of a table are. Raises `RecordingRefused` where one is not there that the
-    column map names."""
+    """Roles of the columns of a table. Raises `RecordingRefused` if a column of the column map is
+    missing."""
     names = [parts_of(title.strip())[0].lower() for title in titles]
     times = names_of_times(form)
     time = _time(path, titles, names, form, times)
@@ -71,8 +70,8 @@ def places_of(path: Path, titles: Sequence[str], form: FileForm) -> Places:
     pairs = _pairs(titles, times, form)
     is_long = bool(time) and min(tag, value) >= 0
     few = len(titles) <= limits.COLUMNS_OF_LONG
-    seen = "pairs" if pairs else "long" if is_long and few else "wide"
-    match form.layout or seen:
+    inferred = "pairs" if pairs else "long" if is_long and few else "wide"
+    match form.layout or inferred:
         case "pairs" if pairs:
             return Places("pairs", pairs=pairs)
         case "pairs":
@@ -103,7 +102,7 @@ def _stated(
     names: Sequence[str],
     usual: Collection[str],
 ) -> int:
-    """The column that the column map names, else one of a usual name."""
+    """The column that the column map names, else one with a usual name."""
     if not title:
         return _first(names, usual)
     found = [i for i, t in enumerate(titles) if title in (t.strip(), parts_of(t.strip())[0])]
@@ -121,7 +120,7 @@ def _time(
     form: FileForm,
     times: Collection[str],
 ) -> tuple[int, ...]:
-    """Columns that make a time together; none where there is no time."""
+    """Columns that together make the time; empty if there is no time."""
     if len(form.time) > 1:
         return tuple(_stated(path, titles, part, "time", (), ()) for part in form.time)
     plain = [title.strip() for title in titles]
@@ -134,7 +133,7 @@ def _time(
 
 
 def _stem(title: str, words: Collection[str]) -> str:
-    """What stands before a word at the end of a title; empty where none of the words is there.
+    """The title before one of the words at its end; empty if it ends in none of them.
 
     >>> _stem("A.n Time", ("time",)), _stem("A.dp [StatusCode]", ("statuscode",)), _stem("Time", ())
     ('A.n', 'A.dp', '')
@@ -148,8 +147,8 @@ def _stem(title: str, words: Collection[str]) -> str:
 
 
 def _pairs(titles: Sequence[str], times: Collection[str], form: FileForm) -> tuple[Pair, ...]:
-    """Columns of times, each with a column of readings behind it, and perhaps one of qualities;
-    none where titles do not stand so throughout."""
+    """Columns of times, each followed by one of readings and perhaps one of qualities; empty if
+    not all titles follow this pattern."""
     timed = [i for i, title in enumerate(titles) if _is_timed(title, times)]
     count = len(titles)
     while count and timed and not titles[count - 1].strip():
@@ -172,25 +171,25 @@ def _is_timed(title: str, times: Collection[str]) -> bool:
 
 
 def _pair_title(time: str, value: str) -> str:
-    """What the readings behind a column of times are."""
+    """Title of the readings that follow a column of times."""
     generic = value.strip().lower() in (*VALUES, "valuey")
     return (_stem(time, OF_TIMES) if generic else _stem(value, OF_VALUES)) or value.strip()
 
 
 def _judges(title: str, other: str, form: FileForm) -> bool:
-    """Whether a column holds the qualities of another: called so alone, or behind its name."""
-    words = _words(form)
-    name = other.strip()
+    """Whether a column holds the qualities of another: its title is such a word, perhaps after the
+    other's name."""
+    words, name = _words(form), other.strip()
     return title.strip().lower() in words or _stem(title, words) in (name, parts_of(name)[0])
 
 
 def _words(form: FileForm) -> tuple[str, ...]:
-    """What columns of qualities are called."""
+    """Names of columns of qualities."""
     return (*QUALITIES, *((form.quality.lower(),) if form.quality else ()))
 
 
 def _qualities(titles: Sequence[str], times: Collection[str], form: FileForm) -> dict[int, int]:
-    """Per column of readings that of its qualities."""
+    """The column of qualities of each column of readings."""
     words, plain = _words(form), dict[str, int]()
     for i, title in enumerate(titles):
         plain.setdefault(title.strip(), i)

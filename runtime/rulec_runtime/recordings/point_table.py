@@ -1,9 +1,9 @@
 """Recognise a table of operating points: rows without a course in time.
 
 A bench writes one row per point, averaged and steady. To the search for settled stretches such
-rows look like one long transient. They are told from a recording by what happens from row to row:
-a recording that is sampled often enough for settled stretches mostly changes by its noise, a
-table moves on at nearly every row, and in several readings at once.
+rows look like one long transient. The changes from row to row distinguish them: a recording that is
+sampled often enough for settled stretches mostly changes by its noise; a table moves at nearly
+every row, in several readings at once.
 
 Source: own derivation. In real recordings the median change from row to row is at most 1.1
 standard uncertainties of the sensor, in tables of pump curves 4 to 90.
@@ -39,16 +39,16 @@ def is_point_table(recording: Recording, ruleset: Ruleset) -> bool:
 
 
 def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
-    """Whether a table's rows follow each other in time, as those of a plant that slowly ramps do.
+    """Whether the rows of a table follow each other in time, as in a slow ramp of a plant.
 
-    A run goes on where it was. A bench begins each sweep anew, or takes its points in any order:
-    its column of time numbers the rows.
+    A run is continuous. A bench restarts each sweep, or takes its points in any order: its column
+    of time merely numbers the rows.
     """
     return all(_leap(recording.values[name]) <= limits.LEAP for name in _moving(recording, ruleset))
 
 
 def _moving(recording: Recording, ruleset: Ruleset) -> list[str]:
-    """Readings of estimates that usually change from row to row."""
+    """Readings used by observers that usually change from row to row."""
     used = (s for s in ruleset.signals if s.id in ruleset.observed and s.id in recording.values)
     return [s.id for s in used if _moves(s, recording)]
 
@@ -61,7 +61,7 @@ def _leap(values: Array) -> float:
 
 
 def _moves(signal: SignalSpec, recording: Recording) -> bool:
-    """Whether a reading usually changes from one row to the next, where its module works."""
+    """Whether a reading usually changes from row to row while its module works."""
 
     def at_work() -> Iterator[Array]:
         return parts_of(recording.values[signal.id], partial(working, signal))

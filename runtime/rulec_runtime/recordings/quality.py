@@ -1,4 +1,4 @@
-"""Which qualities are good, in the words and codes of historians, OPC DA and OPC UA."""
+"""Decide which qualities are good, in the words and codes of historians, OPC DA and OPC UA."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _CODE = re.compile(r"[+-]?\d+(?:\.0*)?|0[xX][0-9a-fA-F]+")
 
 
 def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> dict[str, bool]:
-    """For each quality that stands in a column whether it is good.
+    """Whether each quality of a column is good.
 
-    Raises `Unclear` where codes mean different things by different standards.
+    Raises `Unclear` if the meaning of codes depends on the standard.
     """
     if form.good and {*form.good} - {OPC_UA, OPC_DA}:
         wanted = {_plain(text) for text in form.good}
@@ -38,13 +38,13 @@ def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> d
 
 
 def _plain(text: str) -> str | int:
-    """A quality by which it can be compared: 1 and 1.0 are the same."""
+    """A quality in comparable form: 1 and 1.0 are equal."""
     code = _code(text)
     return text.strip().lower() if code is None else code
 
 
 def _is_word(text: str) -> bool:
-    """Good, Good (192), GoodLocalOverride, or nothing at all."""
+    """Whether a word is good: Good, Good (192), GoodLocalOverride, or empty."""
     word = text.strip().lower()
     return not word or word.startswith("good") or _WORD.match(word) is not None
 
@@ -58,14 +58,14 @@ def _is_good(code: int, standard: str) -> bool:
 
 
 def standard_of(path: Path, title: str, found: Collection[str]) -> str:
-    """Whose codes stand in a column; 1 where that is good, empty where it has none. Raises
+    """The standard of the codes in a column: 1 if that means good, empty if it has no codes. Raises
     `Unclear`."""
     codes = [code for code in map(_code, found) if code is not None]
     return (_standard(path, title, codes) or "1") if codes else ""
 
 
 def codes_told(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
-    """What is told of codes whose standard no column map names."""
+    """The remark on codes whose standard the column map does not name."""
     standard = "" if form.good else standard_of(path, title, found)
     what = {
         OPC_UA: "codes of OPC UA",
@@ -76,16 +76,16 @@ def codes_told(path: Path, title: str, found: Collection[str], form: FileForm) -
 
 
 def _standard(path: Path, title: str, found: Collection[int | None]) -> str:
-    """Whose codes they are; empty where 1 is good."""
+    """The standard of codes; empty if 1 means good."""
     codes = {code for code in found if code is not None}
     if not codes or max(codes) > 255 or min(codes) < 0:
         return OPC_UA
-    if {*codes} <= {0, 1} and title.strip().lower() in ONE_IS_GOOD:
+    if codes <= {0, 1} and title.strip().lower() in ONE_IS_GOOD:
         return ""
     if max(codes) >= limits.GOOD_QUALITY:
         return OPC_DA
-    told = ", ".join(map(str, sorted(codes)[:4]))
-    only = "every quality is 0, which" if {*codes} == {0} else f"qualities are {told}, and 0"
+    shown = ", ".join(map(str, sorted(codes)[:4]))
+    only = "every quality is 0, which" if codes == {0} else f"qualities are {shown}, and 0"
     raise Unclear(
         f"{path}: {only} is good in OPC UA and bad in OPC DA; say which in the column map, as in "
         f"'file: {{good: {OPC_UA}}}', '{{good: {OPC_DA}}}' or '{{good: [1]}}'",
@@ -109,8 +109,8 @@ def judged(
     found: Collection[str],
     form: FileForm,
 ) -> Column:
-    """A column without the numbers whose quality is not good; the quality stands there as a word
-    does. `found` are all qualities in the file: one column alone may not tell whose they are."""
+    """A column in which bad qualities replace the numbers, as words do. `found` are all qualities
+    in the file: one column alone may not show their standard."""
     good = good_of(path, title, found, form)
     values, parts = column.numbers().copy(), Growing()
     for row in (k for k, text in enumerate(texts) if not good[text]):
@@ -122,7 +122,7 @@ def judged(
 
 
 def as_word(text: str) -> str:
-    """A quality as it is told in place of a reading.
+    """A quality as the word that replaces a reading.
 
     >>> as_word("Bad"), as_word("0")
     ('Bad', 'quality 0')

@@ -1,4 +1,4 @@
-"""Units in the header of a recording, by the table of spellings that the ruleset brings."""
+"""Parse units in the header of a recording, by the table of spellings of the ruleset."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NEGATIVE = re.compile(r"(?<=[A-Za-z])-(\d)")
 
 
 def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
-    """Look a unit up; products, quotients and powers are put together. None if unknown.
+    """Look up a unit; products, quotients and powers are combined. None if unknown.
 
     >>> bar, h = UnitSpec(1e5, 0, (-1, 1, -2, 0)), UnitSpec(3600, 0, (0, 0, 1, 0))
     >>> parse_unit("bar/h", {"bar": bar, "h": h})
@@ -38,8 +38,8 @@ def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
 def _walk(node: ast.expr, units: Mapping[str, UnitSpec]) -> tuple[float, np.ndarray]:
     """Factor and dimension of a tree; ValueError for anything but units and * / **."""
     match node:
-        case ast.Constant(value=1):
-            return 1.0, _plain(units)
+        case ast.Constant(value=1):  # of no dimension
+            return 1.0, np.zeros(max((len(u.dimension) for u in units.values()), default=0))
         case ast.Name(id=name) if name in units and not units[name].offset:
             return units[name].factor, np.array(units[name].dimension)
         case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
@@ -50,11 +50,6 @@ def _walk(node: ast.expr, units: Mapping[str, UnitSpec]) -> tuple[float, np.ndar
             power = _power(right)
             return float(f**power), power * d
     raise ValueError("not a unit")
-
-
-def _plain(units: Mapping[str, UnitSpec]) -> np.ndarray:
-    """The dimension of a plain number, with as many exponents as the table has."""
-    return np.zeros(max((len(u.dimension) for u in units.values()), default=0))
 
 
 def _power(node: ast.expr) -> float:
@@ -70,7 +65,7 @@ def _power(node: ast.expr) -> float:
 
 
 def fitting(wanted: UnitSpec | None, units: Mapping[str, UnitSpec]) -> list[str]:
-    """Spellings of the same dimension."""
-    return (
-        [] if wanted is None else [n for n, u in units.items() if u.dimension == wanted.dimension]
-    )
+    """Spellings of units of the same dimension."""
+    if wanted is None:
+        return []
+    return [name for name, unit in units.items() if unit.dimension == wanted.dimension]

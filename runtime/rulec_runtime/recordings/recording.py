@@ -1,4 +1,4 @@
-"""A recording: readings over time, in SI, with what is wrong with them."""
+"""A recording: readings over time, in SI, with remarks on their flaws."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ __all__ = ["Recording", "RecordingRefused", "read_recording"]
 SHOWN = 5
 
 _ZONES = "zones"
-"""Stands among the columns of a file; no signal is called so."""
+"""Name among the columns of a file; no signal has it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,21 +49,20 @@ class Recording:
     ----------
     time : shape (n,), s; increasing.
     values : per signal id an array, shape (n,), SI; NaN where there is no usable reading.
-    segment : shape (n,); changes where one file ends and the next begins.
-    missing : signals of the ruleset that the recording does not have.
-    notes : what was found while reading, for the operator.
-    left_out : rows of the files that are no part of it: how many, and why.
-    one_clock : whether times of all its files are on one clock; where each begins anew, nobody
-        knows how long a pause there was, nor which was first.
-    clock : when, and by how much, the clock of the logger was set while it recorded.
-    unfit : per signal why readings were taken out; None before anybody looked.
+    segment : shape (n,); changes from one file to the next.
+    missing : signals of the ruleset that the recording lacks.
+    notes : remarks for the operator.
+    left_out : numbers of rows of the files that were left out, with reasons.
+    one_clock : whether times of all files are on one clock; otherwise pauses and order of the files
+        are unknown.
+    clock : when, and by how much, the clock of the logger was set during the recording.
+    unfit : per signal why readings were removed; None before the check.
     scales : per signal how the numbers of its column were read: SI = number * factor + offset.
-    calendar : the date of time 0, where the file has dates.
-    sources : names of the recordings that it was put together from, in the order given; none where
-        it is one.
-    source : shape (n,), the number of its recording for each row; None where it is one.
-    origin : shape (n,), s; when the clock of each row's recording begins; None where all are on one
-        clock.
+    calendar : the date of time 0, if the file has dates.
+    sources : names of the recordings that it joins, in the order given; empty for a single one.
+    source : shape (n,), the number of the recording of each row; None for a single one.
+    origin : shape (n,), s; the time at which the clock of each row's recording begins; None if all
+        share one clock.
     """
 
     time: Array
@@ -86,18 +85,18 @@ class Recording:
 
     @cached_property
     def interval(self) -> float:
-        """The usual time between samples, s; 0 of a single one."""
+        """The usual time between samples, s; 0 for a single one."""
         return interval_of(self.time, 0.0)
 
     @cached_property
     def kept(self) -> dict[object, Any]:
-        """What was worked out of it: see `once`."""
+        """Results computed from it, see `once`."""
         return {}
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One file; `zones` are seconds ahead of UTC, where it has dates."""
+    """One file; `zones` are seconds ahead of UTC, if it has dates."""
 
     name: str
     time: Array
@@ -120,10 +119,9 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
 def recording_of(
     path: Path, files: Iterable[RecordingFile], ruleset: Ruleset, notes: list[str]
 ) -> Recording:
-    """What was read from one file, or from those of a folder, as one recording.
+    """One recording from one file, or from those of a folder.
 
-    `path` is what the user knows it by, `notes` what was said of the files. Raises
-    `RecordingRefused`.
+    `path` is its name for the user, `notes` are remarks on the files. Raises `RecordingRefused`.
     """
     strangers: dict[str, None] = {}
     parts = []
@@ -146,12 +144,15 @@ def recording_of(
     if calendar is not None:
         notes.append(calendar.zero())
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
-    notes += _strangers(strangers, missing, ruleset)
+    notes += _strangers(list(strangers), ruleset)
+    absent = [np.broadcast_to(np.full(1, np.nan), len(part.time)) for part in parts]
+    columns = {
+        name: [part.values.get(name, none) for part, none in zip(parts, absent, strict=True)]
+        for name in signals
+    }
     return Recording(
         time=one_behind_the_other([part.time for part in parts]),
-        values={
-            name: one_behind_the_other([_column(part, name) for part in parts]) for name in signals
-        },
+        values={name: one_behind_the_other(column) for name, column in columns.items()},
         segment=_segments([len(part.time) for part in parts]),
         missing=missing,
         notes=tuple(dict.fromkeys(notes)),
@@ -163,14 +164,8 @@ def recording_of(
     )
 
 
-def _column(part: _Part, name: str) -> Array:
-    """A reading of a file; without numbers where the file has none."""
-    nothing = np.broadcast_to(np.full(1, np.nan), len(part.time))
-    return part.values.get(name, nothing)
-
-
 def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
-    """The number of the file of each row; of one file it takes no memory."""
+    """The number of the file of each row; a single file takes no memory."""
     if len(lengths) == 1:
         return np.broadcast_to(np.zeros(1, dtype=int), lengths[0])
     found, done = array(sum(lengths), int), 0
@@ -181,9 +176,8 @@ def _segments(lengths: Sequence[int]) -> NDArray[np.intp]:
     return found
 
 
-def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
-    """A remark on columns of no use, where one may be what is missing or of another plant."""
-    names = list(strangers)
+def _strangers(names: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
+    """Remarks on columns that belong to no signal, as they may be of another plant."""
     odd = [name for name in names if name.partition(".")[0] in ruleset.modules]
     if odd:
         yield (
@@ -197,29 +191,29 @@ def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Rulese
 
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
-    """A file with its rows in order of time."""
+    """A file in order of time, without unusable rows."""
     has_time = mapped(file.time, lambda t: np.isfinite(t) & (np.abs(t) < limits.ABSURD), bool)
     if not has_time.any():
         raise RecordingRefused(f"{file.path}: no row has a usable time")
     columns = {"": file.time, **file.values}
     if file.zones is not None:
         columns[_ZONES] = file.zones
-    said = ("has", "have"), "no usable time"
-    columns = _without(columns, has_time, file.path, *said, notes, lost)
+    reason = ("has", "have"), "no usable time"
+    columns = _without(columns, has_time, file.path, *reason, notes, lost)
     ordered = in_order(columns[""])
     if ordered.sorted:
         notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
     if ordered.order is not None:
         columns = {name: picked(v, ordered.order) for name, v in columns.items()}
     columns[""] = ordered.time
-    said = ("repeats", "repeat"), "the time of another row"
-    columns = _without(columns, _first_of_a_time(ordered.time), file.path, *said, notes, lost)
+    reason = ("repeats", "repeat"), "the time of another row"
+    columns = _without(columns, _first_of_a_time(ordered.time), file.path, *reason, notes, lost)
     time, zones = columns.pop(""), columns.pop(_ZONES, None)
     return _Part(file.path.name, time, columns, zones, ordered.sets)
 
 
 def _first_of_a_time(time: Array) -> NDArray[np.bool_]:
-    """Rows with a later time than that before them."""
+    """Rows with a later time than the row before."""
     first = array(len(time), bool)
     for low, high in blocks(len(time), time, first):
         behind = max(low, 1)
@@ -237,8 +231,7 @@ def _without(
     notes: list[str],
     lost: list[tuple[int, str]],
 ) -> dict[str, Array]:
-    """Columns without rows that are no part of the recording; how many these are is told the
-    operator and counted."""
+    """Columns with the rows `stay` alone; the others are noted and counted."""
     count = int(stay.sum())
     if count == len(stay):
         return columns
@@ -253,7 +246,7 @@ def _one_behind_the_other(
 ) -> tuple[list[_Part], bool]:
     """Files in order of time, and whether they are on one clock.
 
-    Where their times overlap, in order of name, one after the other.
+    Files whose times overlap are appended in order of name.
     """
     if len({part.zones is None for part in parts}) > 1:
         raise RecordingRefused(
@@ -265,7 +258,7 @@ def _one_behind_the_other(
         start = float(ordered[0].time[0])
         ordered = [_moved(part, -start) for part in ordered]
         parts = [_moved(part, -start) for part in parts]
-    if _follow(ordered):
+    if all(a.time[-1] < b.time[0] for a, b in pairwise(ordered)):
         return ordered, True
     starts = starts_behind([part.time for part in parts])
     result = [_moved(part, start) for part, start in zip(parts, starts, strict=True)]
@@ -276,7 +269,7 @@ def _one_behind_the_other(
 
 
 def starts_behind(times: Sequence[Array]) -> list[float]:
-    """What is added to each of some times, s, so that one follows the other."""
+    """Seconds to add to each series of times so that they follow one another."""
     starts: list[float] = []
     end = 0.0
     for time in times:
@@ -287,22 +280,18 @@ def starts_behind(times: Sequence[Array]) -> list[float]:
 
 
 def _moved(part: _Part, seconds: float) -> _Part:
-    """The same file at another time."""
+    """The same file, shifted in time."""
     clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
     return replace(part, time=mapped(part.time, lambda t: t + seconds), clock=clock)
 
 
 def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
-    """Dates of a recording that begins at `start`, if it has any and its files follow them."""
-    if any(part.zones is None for part in parts):
-        return None
+    """Dates of a recording that begins at `start`, if its files have any."""
     zones = [part.zones for part in parts if part.zones is not None]
+    if len(zones) < len(parts):
+        return None
     time = one_behind_the_other([p.time for p in parts])
     return calendar_of(time, start, one_behind_the_other(zones))
-
-
-def _follow(parts: Iterable[_Part]) -> bool:
-    return all(a.time[-1] < b.time[0] for a, b in pairwise(parts))
 
 
 Found = TypeVar("Found")
@@ -311,7 +300,7 @@ Found = TypeVar("Found")
 def once(
     function: Callable[[Recording, Ruleset], Found],
 ) -> Callable[[Recording, Ruleset], Found]:
-    """The same function, called once for a recording and a ruleset."""
+    """Cache the result of a function per recording and ruleset."""
 
     @wraps(function)
     def asked(recording: Recording, ruleset: Ruleset) -> Found:

@@ -1,4 +1,4 @@
-"""One file of readings: which column is which signal, and its numbers in the order of its rows."""
+"""Read one file: which column is which signal, and its numbers in the order of its rows."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SHOWN = 5
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFile:
-    """Readings as they stand in a file.
+    """Readings in the order of a file.
 
     Attributes
     ----------
@@ -37,8 +37,8 @@ class RecordingFile:
     time : shape (n,), s; NaN where a row has none. Since 1970 if the file is `dated`.
     zones : shape (n,), s ahead of UTC, NaN where a date names no zone; None without dates.
     values : per signal an array, shape (n,), SI; NaN where there is no usable reading.
-    comma : whether its numbers are written with a decimal comma.
-    left_out : rows with another number of cells than the header.
+    comma : whether its numbers have a decimal comma.
+    left_out : number of rows with a wrong number of cells.
     """
 
     path: Path
@@ -56,8 +56,8 @@ class RecordingFile:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The file, or all recordings of a folder in order of their names: its CSV files, and where it
-    has none, those of other formats. A table named behind a folder is that of each file."""
+    """The file, or all recordings of a folder sorted by name: its CSV files, or if it has none,
+    those of other formats. A table named after a folder applies to each file."""
     place, table = place_of(path)
     if place == STANDARD_INPUT:
         return [path]
@@ -75,18 +75,18 @@ def files_of(path: Path) -> list[Path]:
 
 
 def form_of(ruleset: Ruleset) -> FileForm:
-    """How recordings are written, as far as the plant's column map says it."""
+    """The form of recordings, as far as the plant's column map describes it."""
     form = ruleset.file
     return form if form.time else replace(form, time=tuple(filter(None, (ruleset.time_column,))))
 
 
 def times_of(ruleset: Ruleset) -> frozenset[str]:
-    """Names of columns of times, in lower case but the plant's own ones."""
+    """Names of time columns, in lower case except the plant's own."""
     return names_of_times(form_of(ruleset))
 
 
 def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
-    """Read all columns that belong to signals; what is odd about them is added to `notes`."""
+    """Read all columns that belong to signals; remarks on them go to `notes`."""
     header, form = Header(), form_of(ruleset)
     with opened_sheet(path, form) as sheet:
         assign(path, sheet.titles, ruleset, header, notes, sheet.units)
@@ -105,7 +105,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     except RecordingRefused:
         if header.targets:
             raise
-        raise foreign(str(path), ruleset) from None  # nothing is quoted of a file of others
+        raise foreign(str(path), ruleset) from None  # a foreign file is not quoted
     return RecordingFile(
         path=path,
         header=header,
@@ -120,7 +120,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
 def readings_of(
     path: Path, columns: Sequence[Column], header: Header, ruleset: Ruleset, notes: list[str]
 ) -> dict[str, Array]:
-    """Per signal its readings, shape (n,), SI; `columns` are those of the header's targets."""
+    """Readings per signal, shape (n,), SI; `columns` are those of the header's targets."""
     values = {}
     for column, target in zip(columns, header.targets, strict=True):
         most = largest_reading(ruleset.signal_by_id[target.signal])
@@ -129,7 +129,7 @@ def readings_of(
 
 
 def largest_reading(signal: SignalSpec) -> float:
-    """What a reading can be at most, SI."""
+    """The largest possible reading, SI."""
     ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
     known = [abs(end) for end in ends if end is not None and isfinite(end)]
     scale = max(known, default=0.0)
@@ -139,8 +139,8 @@ def largest_reading(signal: SignalSpec) -> float:
 def in_si(
     numbers: Array, target: Target, most: float, missing: Sequence[float] = ()
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Numbers of a column in SI, and which are beyond any sensor: there it has no reading. Nor has
-    it one where a number stands for one that is `missing`."""
+    """Numbers of a column in SI, and flags of those beyond any sensor. These become NaN, as do
+    numbers that mean `missing`."""
     if missing:
         numbers = np.where(np.isin(numbers, missing), np.nan, numbers)
     with np.errstate(over="ignore"):
@@ -158,7 +158,7 @@ def _readings(
     missing: Sequence[float],
     notes: list[str],
 ) -> Array:
-    """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
+    """Numbers of a column in SI; invalid readings become NaN and are noted."""
     cell, cells = f"cell of {target.signal}", f"cells of {target.signal}"
     if column.words:
         assert column.first is not None
@@ -190,7 +190,7 @@ def _readings(
 
 
 def _others(column: Column) -> str:
-    """How often each word stands in a column that holds several."""
+    """Counts of the words of a column with several."""
     if len(column.states) < 2:
         return ""
     counts = [f"'{word}' {times}" for word, times in column.states.most_common(SHOWN)]

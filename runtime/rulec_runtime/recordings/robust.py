@@ -1,4 +1,4 @@
-"""Spread and noise by medians, which outliers, steps and slopes hardly move.
+"""Estimate spread and noise by medians, which outliers, steps and slopes hardly affect.
 
 Source: Hampel 1974 (median of absolute deviations).
 """
@@ -15,12 +15,12 @@ from rulec_runtime.recordings.piecewise import Parts, median_of
 
 
 def spread_about(values: Array, centre: float) -> float:
-    """Standard deviation of normal noise with the median distance of these from a centre."""
+    """Standard deviation of normal noise, from the median distance from a centre."""
     return limits.NORMAL_SPREAD * float(np.median(np.abs(values - centre)))
 
 
 def medians(table: Array) -> Array:
-    """Median of each row, shape (rows,); of a few numbers in a row faster than numpy's.
+    """Median of each row, shape (rows,); faster than numpy's for short rows.
 
     >>> medians(np.array([[3.0, 1.0, 2.0, 9.0], [1.0, np.nan, 2.0, 3.0]])).tolist()
     [2.5, nan]
@@ -32,9 +32,9 @@ def medians(table: Array) -> Array:
 
 
 def white_noise(differences: Array, order: int) -> float:
-    """Standard deviation of white noise from its differences of an order; none of them: 0.
+    """Standard deviation of white noise from its differences of an order; 0 without any.
 
-    The variance of a difference is that of the noise times the sum of the squares of binomials.
+    The variance of a difference is that of the noise times the sum of squared binomials.
 
     >>> from numpy.random import default_rng
     >>> round(white_noise(np.diff(default_rng(1).normal(0.0, 3.0, 100_000), 2), 2), 1)
@@ -46,6 +46,6 @@ def white_noise(differences: Array, order: int) -> float:
 
 
 def white_noise_of(differences: Parts, order: int) -> float:
-    """The same of differences that come in parts; none of them: NaN."""
+    """The same for differences in parts; NaN without any."""
     median = median_of(lambda: (np.abs(part) for part in differences()))
     return limits.NORMAL_SPREAD * median / float(np.sqrt(comb(2 * order, order)))

@@ -1,8 +1,8 @@
 """Arrays that may be larger than memory.
 
-Few numbers stay in memory. Many lie in a file without a name, in the folder for temporary files
-(``TMPDIR``), and are arrays all the same: the system reads what is asked for. A pass goes through
-them block by block and lets go of what it has read, so that a process holds little at a time.
+Small arrays stay in memory. Large ones are mapped from an unnamed file in the folder for temporary
+files (``TMPDIR``). A pass goes through them block by block and releases what it has read, so that a
+process holds little at a time.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
 
 Spec = tuple[tuple[int, ...], Any]
-"""Shape and kind of the numbers of an array."""
+"""Shape and dtype of an array."""
 
 
 def arrays(specs: Sequence[Spec]) -> list[np.ndarray]:
     """Arrays of zeros, in memory if they are small together.
 
-    Raises `Refusal` where there is no room for them on the disk.
+    Raises `Refusal` if the disk has no room for them.
     """
     sizes = [prod(shape) * np.dtype(kind).itemsize for shape, kind in specs]
     if sum(sizes) <= limits.IN_MEMORY:
@@ -51,7 +51,7 @@ def array(shape: tuple[int, ...] | int, kind: Any = float) -> np.ndarray:
 def _room(size: int) -> mmap.mmap:
     try:
         with tempfile.TemporaryFile(prefix="rulec-") as file:
-            # Reserved now: a disk that is full later would end the process without a word.
+            # Reserved now: a disk that fills up later would kill the process without a message.
             if hasattr(os, "posix_fallocate"):
                 os.posix_fallocate(file.fileno(), 0, size)
             else:
@@ -65,37 +65,33 @@ def _room(size: int) -> mmap.mmap:
 
 
 def let_go(*held: np.ndarray) -> None:
-    """Take what was used of arrays out of memory, as far as they lie in files."""
-    for one in held:
-        room = _room_of(one)
-        if room is not None and hasattr(room, "madvise"):
+    """Release the memory of arrays that are mapped from files."""
+    room: Any
+    for room in held:
+        while isinstance(room, np.ndarray):
+            room = room.base
+        if isinstance(room, memoryview):
+            room = room.obj
+        if isinstance(room, mmap.mmap) and hasattr(room, "madvise"):
             room.madvise(mmap.MADV_DONTNEED)
 
 
-def _room_of(one: Any) -> mmap.mmap | None:
-    while isinstance(one, np.ndarray):
-        one = one.base
-    if isinstance(one, memoryview):
-        one = one.obj
-    return one if isinstance(one, mmap.mmap) else None
-
-
 def blocks(count: int, *held: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and behind last of so many in a row, a block at a time; behind each, what was used of
-    arrays that are `held` is let go."""
+    """First and end (excluded) of blocks of `count` numbers; after each block the memory of the
+    arrays `held` is released."""
     for low in range(0, count, limits.BLOCK):
         yield low, min(low + limits.BLOCK, count)
         let_go(*held)
 
 
 def give_back() -> None:
-    """Give memory that is free back to the system, where its allocator keeps it for later."""
+    """Return free memory to the system that its allocator keeps for later."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float) -> np.ndarray:
-    """What a function makes of each number, shape (n,)."""
+    """A function of each number, shape (n,)."""
     found = array(len(values), kind)
     for low, high in blocks(len(values), values, found):
         found[low:high] = function(values[low:high])
@@ -103,12 +99,12 @@ def mapped(values: np.ndarray, function: Callable[[Any], Any], kind: Any = float
 
 
 def copied(values: np.ndarray) -> np.ndarray:
-    """The same once more."""
+    """A copy."""
     return mapped(values, lambda part: part, values.dtype)
 
 
 def picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """``values[at]``; places in order are read block by block."""
+    """``values[at]``; indices in order are read block by block."""
     found = array(len(at), values.dtype)
     for low, high in blocks(len(at), found):
         here = at[low:high]
@@ -130,7 +126,7 @@ def chosen(values: np.ndarray, flags: np.ndarray, count: int) -> np.ndarray:
 
 
 def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = True) -> None:
-    """Set flags between places, in order."""
+    """Set flags ``first : last``, in order."""
     for low in range(0, len(first), limits.MARKED_AT_ONCE):
         high = low + limits.MARKED_AT_ONCE
         for a, b in zip(first[low:high].tolist(), last[low:high].tolist(), strict=True):
@@ -139,7 +135,7 @@ def mark(flags: np.ndarray, first: np.ndarray, last: np.ndarray, value: bool = T
 
 
 def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Arrays, one at least, as one."""
+    """Join at least one array."""
     if len(parts) == 1:
         return parts[0]
     found, done = array(sum(map(len, parts)), np.result_type(*parts)), 0
@@ -151,9 +147,9 @@ def one_behind_the_other(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 class Growing:
-    """Numbers that come in parts; `most` of them at most, where that is known before.
+    """Numbers that come in parts, at most `most` if that is known.
 
-    `beside` says how many such arrays grow at the same time.
+    `beside` is how many such arrays grow at the same time.
     """
 
     def __init__(self, most: int | None = None, beside: int = 1) -> None:
@@ -168,7 +164,7 @@ class Growing:
         return self._count
 
     def append(self, part: np.ndarray) -> None:
-        """Numbers behind those that are there."""
+        """Append numbers."""
         if self._room is None:
             self._parts.append(part)
         else:

@@ -1,8 +1,8 @@
-"""Readings that move slowly: which samples still say something, and by how much they may be off.
+"""Use readings in slow motion: which samples are usable, and how large their error may be.
 
-A law holds for readings of one moment. A reading that lags shows what was so earlier: to first
-order it is off by its lag times its rate of change. The lag of a sensor stays the same, so this
-error has one sign along a ramp and does not average out.
+A law holds for readings of one moment. A reading that lags shows an earlier state: to first order
+its error is its lag times its rate of change. The lag of a sensor is constant, so this error has
+one sign along a ramp and does not average out.
 
 Source: own derivation, docs/method.md; the first order of a lag in time.
 """
@@ -33,8 +33,8 @@ from rulec_runtime.recordings.stationary import (
 
 
 def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
-    """Settled stretches and pieces of slow motion between them, in order of time; the noise of
-    every reading while it is settled, SI."""
+    """Settled stretches and pieces of slow motion between them, in order of time, and the noise of
+    every reading while settled, SI."""
     noise = noise_at_work(recording, ruleset)
     settled = settled_stretches(recording, ruleset)
     within = noise_within(recording, settled, noise)
@@ -44,23 +44,22 @@ def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, d
 def settle_or_slow_by(
     recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> Stretches:
-    """The same stretches where the noise of readings is known."""
+    """The same stretches for known noise of readings."""
     return _with_slow(find_stretches(recording, ruleset, noise), recording, ruleset, noise)
 
 
 def _with_slow(
     settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> Stretches:
-    """Settled stretches with what moves slowly between them."""
     if recording.interval > limits.SEEN_BETWEEN:
         return settled
     return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True))
 
 
 def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
-    """Settled stretches, and what lies between them of stretches in which readings move evenly.
+    """Settled stretches, and the parts between them of stretches in which readings move evenly.
 
-    What moves is cut into short pieces, as laws are not straight.
+    Moving parts are cut into short pieces, since laws are not linear.
     """
     samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
     free, starts = arrays([((samples,), bool), ((samples,), bool)])
@@ -82,7 +81,7 @@ def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
 
 
 def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
-    """First samples of runs of what is free, cut where something starts."""
+    """First samples of runs of `free`, cut at `starts`."""
     before = np.zeros(1, dtype=bool)
     for low, high in blocks(len(free), free, starts):
         here = free[low:high].copy()
@@ -94,10 +93,10 @@ def _begins(free: np.ndarray, starts: np.ndarray) -> Iterator[int]:
 def lag_errors(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> dict[str, Array]:
-    """By how much each reading is off, on average over each stretch, if its lag is one standard
-    uncertainty: SI, with the sign of its rate, shape (n,); readings that never move are left out.
+    """Mean error of each reading per stretch for a lag of one standard uncertainty: SI, with the
+    sign of its rate, shape (n,); readings that never move are left out.
 
-    A rate that noise may have made, or that moves a reading by next to nothing, is none.
+    A rate within the noise, or with a negligible effect, counts as 0.
     """
     found: dict[str, Array] = {}
     if recording.interval > limits.SEEN_BETWEEN:
@@ -124,14 +123,14 @@ def lag_errors(
 
 
 def lag_u(recording: Recording) -> float:
-    """Standard uncertainty of the lag of a reading, s: that of its sensor, and that a logger may
-    show a value that is up to one sample old."""
+    """Standard uncertainty of the lag of a reading, s: that of its sensor, and that of a logger
+    whose values may be up to one sample old."""
     return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * recording.interval))
 
 
 def _apart(values: Array, stretches: Stretches) -> tuple[Array, Array]:
-    """The mean of the last part of each stretch less that of its first, and the variance of this
-    difference by noise, in variances of a reading. Shape (n,) each."""
+    """The mean of the second half of each stretch minus that of the first, and the variance of this
+    difference in units of that of a reading. Shape (n,) each."""
     length = np.maximum(stretches.lengths // 2, 1)
     early, number = means_between(values, stretches.first, stretches.first + length)
     late, behind = means_between(values, stretches.last - length, stretches.last)

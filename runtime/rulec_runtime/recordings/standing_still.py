@@ -1,4 +1,4 @@
-"""Readings that stand still to the last digit while the sensor should show its noise."""
+"""Find readings that stay constant to the last digit although the sensor should show noise."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from rulec_runtime.recordings.scratch import blocks
 def standing_still(
     values: Array, u: float = np.inf, ends: tuple[float | None, float | None] = (None, None)
 ) -> list[tuple[int, int]]:
-    """Spans, first and behind last, in which a reading with noise does not move at all.
+    """Spans, first and end (excluded), in which a noisy reading does not move at all.
 
-    A plant at rest, a coarse display or a set value that is held shows the same for long as well;
-    so what is noisy elsewhere alone is judged, by how long it stays the same there. For a reading
-    that is given, `u`, the standard uncertainty of its class, tells noise from what was set. At the
-    `ends` of its range a reading stands still for another reason.
+    A plant at rest, a coarse display or a constant set value also repeat for long; so only readings
+    with noise elsewhere are judged, by how long they repeat there. For an input, `u`, the standard
+    uncertainty of its class, distinguishes noise from changes of the set value. At the `ends` of
+    its range a reading repeats for another reason.
     """
     long, chance = runs_of_same(values, limits.STILL_RUN)
     if not long or not _restless(partial(_beside, values, long), u):
@@ -39,10 +39,10 @@ def standing_still(
 
 
 def _moves_beside(values: Array, first: int, behind: int) -> bool:
-    """Does a reading move from sample to sample right before and behind, as long as it stood?
+    """Whether a reading moves from sample to sample just before and after, for as long as it stood.
 
-    Noise changes with the operating point; what hides below the last digit there as well is no
-    standstill.
+    Noise depends on the operating point; if it hides below the last digit there too, the reading
+    works.
     """
     long = behind - first
     for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
@@ -53,7 +53,7 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
 
 
 def _steps(parts: Iterable[Array]) -> tuple[int, int]:
-    """How many steps there are from number to number, and how many of zero."""
+    """Number of steps from number to number, and number of zero steps."""
     count = same = 0
     for steps in differences(parts, 1):
         count, same = count + len(steps), same + int((steps == 0).sum())
@@ -61,7 +61,7 @@ def _steps(parts: Iterable[Array]) -> tuple[int, int]:
 
 
 def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Iterator[Array]:
-    """Readings that are in none of some runs."""
+    """Readings outside the runs `long`."""
     edges = np.array(long).reshape(-1, 2)
     for low, high in blocks(len(values), values):
         there = np.isfinite(values[low:high])
@@ -73,7 +73,7 @@ def _beside(values: Array, long: Sequence[tuple[int, int]]) -> Iterator[Array]:
 def _clipped(
     values: Array, first: int, behind: int, ends: tuple[float | None, float | None]
 ) -> bool:
-    """Is it the end of what is shown? There noise comes back to the very same value."""
+    """Whether a span is at an end of the range, where noise returns to exactly the same value."""
     level, (low, high) = values[first], ends
     if (low is not None and level <= low) or (high is not None and level >= high):
         return True
@@ -86,19 +86,18 @@ def _clipped(
 
 
 def _restless(rest: Parts, u: float) -> bool:
-    """Has a reading noise, and no more of it than its class, where it does not stand still?"""
+    """Whether the other readings show white noise, and not more than their class."""
     count, same = _steps(rest())
     if count + 1 < 2 * limits.STILL_RUN or same / count > limits.REPEATED:
         return False
-    noise, finer = (
-        white_noise_of(partial(_differences_of, rest, order), order) for order in (3, 4)
-    )
+    noise = white_noise_of(lambda: differences(rest(), 3), 3)
+    finer = white_noise_of(lambda: differences(rest(), 4), 4)
     white = noise >= limits.RESTLESS * _least_step(rest()) and finer >= limits.RESTLESS * noise
     return bool(white and noise <= limits.INSTRUMENT_NOISE * u)
 
 
 def never_moves(values: Array) -> bool:
-    """Is a reading the same from the first sample to the last?"""
+    """Whether a reading is constant from the first sample to the last."""
     level, count = first_reading(values), 0
     for part in parts_of(values):
         if (part != level).any():
@@ -108,24 +107,16 @@ def never_moves(values: Array) -> bool:
 
 
 def last_digit(value: float) -> float:
-    """The step in which a number is written, by its digits: 1.80 may be one of 1.8, 900 of 900.
+    """The step in which a number is written, by its digits: 0.1 for 1.80, 100 for 900.
 
     >>> last_digit(1.8), round(last_digit(1.82466), 9), last_digit(900.0), last_digit(0.0)
     (0.1, 1e-05, 100.0, 1.0)
     """
     for power in range(6, -12, -1):
-        step = 10.0**power
-        if (
-            value
-            and abs(value / step - round(value / step)) < limits.WRITTEN_DIGIT
-            and round(value / step)
-        ):
+        steps = value / 10.0**power
+        if round(steps) and abs(steps - round(steps)) < limits.WRITTEN_DIGIT:
             return float(f"1e{power}")
     return 1.0
-
-
-def _differences_of(parts: Parts, order: int) -> Iterator[Array]:
-    return differences(parts(), order)
 
 
 def _least_step(parts: Iterable[Array]) -> float:

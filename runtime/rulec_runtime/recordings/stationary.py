@@ -1,8 +1,8 @@
-"""Find the stretches in which the plant stands still enough to be judged.
+"""Find the stretches in which the plant is steady enough to be judged.
 
 The relations of a ruleset hold for settled operation. A stretch ends where a reading jumps by more
-than its noise and its sensor's uncertainty explain; slow drift is no end. The noise is estimated
-from second differences, which neither steps nor slopes disturb (robustly: from their median).
+than its noise and its sensor's uncertainty explain; slow drift does not end it. The noise is
+estimated from the median of second differences, which steps and slopes hardly affect.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ class Stretches:
 
 @dataclass(frozen=True)
 class Timeline:
-    """When stretches were, whether or not their samples are still there.
+    """Times of stretches, also without their samples.
 
     Attributes
     ----------
-    since, until : shape (n,), s, times of the first and the last sample of each.
-    samples : shape (n,), how many each has.
-    later : shape (n,), how many came after it.
-    paused : shape (n,), whether nothing was recorded for long before it.
+    since, until : shape (n,), s, times of first and last sample.
+    samples : shape (n,), number of samples.
+    later : shape (n,), number of samples after it.
+    paused : shape (n,), whether a long pause precedes it.
     """
 
     since: Array
@@ -73,7 +73,7 @@ class Timeline:
 
 
 def stretches_of(first: NDArray[np.intp], last: NDArray[np.intp]) -> Stretches:
-    """Stretches by their first samples and those behind them; many lie in a file."""
+    """Stretches from first samples and ends (excluded); many are kept in a file."""
     found = Stretches(*arrays([((len(one),), np.intp) for one in (first, last)]))
     found.first[:], found.last[:] = first, last
     let_go(found.first, found.last)
@@ -81,7 +81,7 @@ def stretches_of(first: NDArray[np.intp], last: NDArray[np.intp]) -> Stretches:
 
 
 def timeline_of(time: Array, stretches: Stretches) -> Timeline:
-    """When the stretches of a recording were; of many it lies in a file."""
+    """Times of the stretches of a recording; many are kept in a file."""
     kinds = (float, float, np.intp, np.intp, bool)
     found = Timeline(*arrays([((len(stretches),), kind) for kind in kinds]))
     found.since[:] = picked(time, stretches.first)
@@ -94,18 +94,18 @@ def timeline_of(time: Array, stretches: Stretches) -> Timeline:
 
 
 def long_pause(time: Array) -> float:
-    """From which time without samples on what was before is another matter, s."""
+    """Shortest time without samples, s, after which stretches are unrelated."""
     return limits.LONGEST_STRETCH * interval_of(time, np.inf)
 
 
 def noise_of(values: Array, wanted: Callable[[Array], np.ndarray] = np.isfinite) -> float:
-    """Standard deviation of white noise in a record, by second differences of those readings that
-    are wanted: steps and slopes hardly move it."""
+    """Standard deviation of white noise in a record, by second differences of the wanted readings,
+    which steps and slopes hardly affect."""
     return _noise_of_second(lambda: differences(parts_of(values, wanted), 2), 0.0)
 
 
 def _noise_of_second(second: Parts, unknown: float) -> float:
-    """Noise by second differences, some of which may be no numbers; `unknown` where none is."""
+    """Noise by second differences, which may include NaN; `unknown` if all are NaN."""
 
     def known() -> Iterator[Array]:
         return (part[np.isfinite(part)] for part in second())
@@ -123,15 +123,16 @@ def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str,
 
 @once
 def settled_stretches(recording: Recording, ruleset: Ruleset) -> Stretches:
-    """Settled stretches by all readings that some observer uses."""
+    """Settled stretches by all readings that an observer uses."""
     return find_stretches(recording, ruleset, noise_at_work(recording, ruleset))
 
 
 def noise_within(
     recording: Recording, stretches: Stretches, noise: Mapping[str, float]
 ) -> dict[str, float]:
-    """Noise of every reading within stretches, SI; as given where they show none."""
-    within = _within(stretches, len(recording))
+    """Noise of every reading within stretches, SI; as given if they show none."""
+    within = array(max(len(recording) - 2, 0), bool)
+    mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
     return {
         name: _noise_of_second(partial(_second_within, values, within), noise[name])
         for name, values in recording.values.items()
@@ -139,24 +140,17 @@ def noise_within(
 
 
 def _second_within(values: Array, within: np.ndarray) -> Iterator[Array]:
-    """Second differences of what lies within one stretch."""
+    """Second differences with flags `within`, shape (samples - 2,)."""
     for low, high in blocks(len(within), values):
         yield np.diff(values[low : high + 2], 2)[within[low:high]]
 
 
-def _within(stretches: Stretches, samples: int) -> np.ndarray:
-    """Which second differences lie within one stretch, shape (samples - 2,)."""
-    within = array(max(samples - 2, 0), bool)
-    mark(within, stretches.first, np.maximum(stretches.last - 2, stretches.first))
-    return within
-
-
 @once
 def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
-    """Noise of every reading, SI, without the samples in which its module stands.
+    """Noise of every reading, SI, without the samples in which its module is off.
 
-    A pump that stands most of the time shows no noise in most samples; its readings while it
-    runs would then all count as jumps.
+    A pump that is off most of the time shows no noise in most samples; its readings while it runs
+    would then all count as jumps.
     """
     signals = ruleset.signal_by_id
     return {
@@ -166,7 +160,7 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
 
 
 def working(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Which readings are not below the smallest one at which the equations hold, shape (n,)."""
+    """Whether readings are large enough for the equations to hold, shape (n,)."""
     known = np.isfinite(values)
     if signal.minimum is None:
         return known
@@ -193,9 +187,9 @@ def find_stretches(
     longest: int = limits.LONGEST_STRETCH,
     ramps: bool = False,
 ) -> Stretches:
-    """Settled stretches by all readings that some observer (or one of those given) uses.
+    """Settled stretches by all readings that an observer (of those given, or any) uses.
 
-    With `ramps` readings may move evenly: a stretch ends only where a rate changes at once.
+    With `ramps` readings may move evenly: a stretch ends only where a rate changes abruptly.
     """
     n = len(recording)
     breaks, jumps = arrays([((n,), bool), ((n,), bool)])
@@ -222,13 +216,13 @@ def find_stretches(
 
 
 def _level(signal: SignalSpec, values: Array) -> float:
-    """The usual size of a reading while its module works; 0 where it has none."""
+    """The median size of a reading while its module works; 0 without any."""
     median = median_of(lambda: map(np.abs, parts_of(values, partial(working, signal))))
     return 0.0 if np.isnan(median) else median
 
 
 def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
-    """Mark the first sample, and those behind a pause or of another file."""
+    """Mark the first sample, and those after a pause or at the start of a file."""
     breaks[0] = True
     time, segment = recording.time, recording.segment
     longest = limits.PAUSE * (recording.interval or np.inf)
@@ -254,14 +248,14 @@ def _mark_shifts(values: Array, jumps: np.ndarray, limit: float) -> None:
     if len(values) < 2 * n or begin is None:
         return
     for low, high, start, filled in filled_blocks(values, 2 * n):
-        # Only before the first reading is there none: that is no shift.
+        # NaN remains only before the first reading; that is no shift.
         known = np.where(np.isfinite(filled), filled, begin)
         jumps[low:high] |= _shifts(known, limit)[low - start : high - start]
         let_go(jumps)
 
 
 def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
-    """Mark the first samples of, and behind, runs without reading; shorter ones end no stretch."""
+    """Mark the first samples of, and after, runs without reading; short ones end no stretch."""
 
     def blank(low: int, high: int) -> np.ndarray:
         found = ~np.isfinite(values[low:high])
@@ -275,10 +269,10 @@ def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
 
 
 def _shifts(known: Array, limit: float) -> np.ndarray:
-    """First samples of a new level: where the means before and behind differ most, and enough.
+    """First samples of a new level: where the means before and after differ most, and enough.
 
-    Means over a few samples show a step that the noise hides between two samples. On a slope the
-    values change within the means as well: that is drift or settling, and no end.
+    Means over a few samples reveal a step that noise hides between two samples. On a slope the
+    values change within the means as well: that is drift or settling, and ends no stretch.
     """
     n = limits.SHORTEST_STRETCH
     found = np.zeros(len(known), dtype=bool)
@@ -296,7 +290,7 @@ def _shifts(known: Array, limit: float) -> np.ndarray:
 
 
 def _ranges(values: Array, n: int) -> Array:
-    """Largest less smallest of each n values in a row."""
+    """Range of each n consecutive values."""
     count = len(values) - n + 1
     low = high = values[:count]
     for place in range(1, n):
@@ -307,13 +301,13 @@ def _ranges(values: Array, n: int) -> Array:
 
 @dataclass(frozen=True)
 class Levels:
-    """Readings, shape (n,) each, in units of what still counts as noise."""
+    """Readings, shape (n,) each, with the scales of what counts as noise."""
 
     columns: Sequence[Array]
     scales: Sequence[float]
 
     def between(self, first: int, last: int) -> Array:
-        """Those of some samples, shape (signals, samples)."""
+        """Scaled readings of some samples, shape (signals, samples)."""
         pairs = zip(self.columns, self.scales, strict=True)
         table = np.array([values[first:last] / scale for values, scale in pairs])
         let_go(*self.columns)
@@ -321,7 +315,7 @@ class Levels:
 
 
 def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) -> Stretches:
-    """Runs between ends; the sample behind a jump may still average over it and is left out."""
+    """Runs between ends; the sample after a jump may average over it and is left out."""
     first, last = packed("q"), packed("q")
     for start, stop in pairwise(_ends(breaks, jumps)):
         begin = _settled_from(levels, start + 1, stop) if jumps[start] else start
@@ -333,21 +327,21 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
 
 
 def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:
-    """First samples of about equal pieces of a run, and those behind them; too short ones go."""
+    """First samples and ends (excluded) of about equal pieces of a run, without too short ones."""
     edges = np.linspace(begin, stop, max(1, pieces) + 1).astype(int)
     long = np.diff(edges) >= limits.SHORTEST_STRETCH
     return edges[:-1][long].tolist(), edges[1:][long].tolist()
 
 
 def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
-    """First samples of runs, and the end of the last one."""
+    """First samples of runs, and the end of the last."""
     for low, high in blocks(len(breaks), breaks, jumps):
         yield from (np.flatnonzero(breaks[low:high] | jumps[low:high]) + low).tolist()
     yield len(breaks)
 
 
 def _settled_from(levels: Levels, begin: int, stop: int) -> int:
-    """First sample from which on no reading differs from the next few by more than its noise."""
+    """First sample after which no reading differs from the next few by more than its noise."""
     middle = (limits.PERSISTENCE + 1) / 2
     latest = min(begin + limits.SETTLING, stop - limits.PERSISTENCE)
     if latest <= begin:

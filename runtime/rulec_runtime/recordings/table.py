@@ -1,4 +1,4 @@
-"""What every reader gives: the tables of a file, each read when and as far as it is wanted."""
+"""What every reader returns: the tables of a file, each read on demand."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rulec_runtime.recordings.csv_table import Column
 
 @dataclass(frozen=True)
 class Dates:
-    """Dates, shape (n,): `seconds` since 1970, NaN where there is none; `zones` are seconds ahead
-    of UTC, NaN where a date names no zone and counts as it is written."""
+    """Dates, shape (n,): `seconds` since 1970, NaN where missing; `zones` are seconds ahead of UTC,
+    NaN where a date names no zone and counts as UTC."""
 
     seconds: Array
     zones: Array
@@ -27,7 +27,7 @@ class Dates:
 
 
 Cells = Sequence[str] | Array | Dates
-"""A column as the file holds it: text, numbers or dates."""
+"""A column in the form of the file: text, numbers or dates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +36,10 @@ class Table:
 
     Attributes
     ----------
-    kept : columns as the file holds them (times), in the order asked for.
+    kept : columns in the form of the file (times), in the order asked for.
     columns : the others, as numbers.
-    left_out : rows with another number of cells than the titles; the first is `first_left_out`.
-    remarks : what was odd while reading.
+    left_out : number of rows with a wrong number of cells; the first is `first_left_out`.
+    remarks : on oddities found while reading.
     """
 
     kept: tuple[Cells, ...]
@@ -50,8 +50,8 @@ class Table:
 
 
 class Read(Protocol):
-    """Reads columns by their indexes, some as they are and some as numbers, in a form as far as it
-    is told."""
+    """Reads columns by their indexes, some as they are and some as numbers, as far as known in a
+    form."""
 
     def __call__(
         self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = ..., /
@@ -64,13 +64,13 @@ class Sheet:
 
     Attributes
     ----------
-    name : of the table within its file; empty where the file is one table.
+    name : of the table within its file; empty if the file is one table.
     titles : of its columns.
-    units : that stand in the file beside the titles, empty where there is none; as many as titles.
-    rows : how many there are, where that is known before reading.
-    read : its columns.
-    lines : all rows as text, as far as `read` keeps them.
-    separator : what separates its cells; a comma where it is no text.
+    units : beside the titles in the file, empty if missing; as many as titles.
+    rows : their number, if known before reading.
+    read : reads columns.
+    lines : all rows that `read` keeps, as text.
+    separator : of its cells; a comma if it is no text.
     """
 
     name: str
@@ -84,13 +84,13 @@ class Sheet:
 
 
 def lines_of(read: Read, count: int) -> Iterator[list[str]]:
-    """All rows of a table of so many columns as text."""
+    """All rows of a table of `count` columns as text."""
     columns = (texts_of(cells) for cells in read(range(count), ()).kept)
     return (list(row) for row in zip(*columns, strict=True))
 
 
 def texts_of(cells: Cells) -> list[str]:
-    """Cells as they are written into a CSV file; numbers keep every digit."""
+    """Cells as in a CSV file; numbers keep every digit."""
     if isinstance(cells, Dates):
         return [_date(s, z) for s, z in zip(cells.seconds, cells.zones, strict=True)]
     if isinstance(cells, np.ndarray):

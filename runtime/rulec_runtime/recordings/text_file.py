@@ -1,5 +1,4 @@
-"""Text of a file, packed or not, in whatever encoding it is: read as often as it is asked for, and
-never all of it at once."""
+"""Text of a file, packed or not, in any encoding: readable repeatedly, and never loaded at once."""
 
 from __future__ import annotations
 
@@ -17,11 +16,11 @@ from rulec_runtime import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 
 _ANY = "latin-1"
-"""An encoding that takes every byte."""
+"""An encoding that accepts every byte."""
 
 
 class _Reader(io.RawIOBase):
-    """A file read from its begin on; several of them do not disturb each other."""
+    """A file read from its beginning; several readers are independent of each other."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._place = file, 0
@@ -40,7 +39,7 @@ class _Reader(io.RawIOBase):
 
 @dataclass(frozen=True)
 class TextFile:
-    """Text with not more than so many `lines`."""
+    """Text with at most `lines` lines."""
 
     file: BinaryIO
     packed: bool
@@ -48,14 +47,14 @@ class TextFile:
     lines: int
 
     def opened(self) -> io.TextIOWrapper:
-        """The text from its begin on, with its line ends as they stand."""
+        """The text from its beginning, with its line ends unchanged."""
         stream = _unpacked(self.file, self.packed)
         return io.TextIOWrapper(stream, self.encoding, "replace", newline="")
 
 
 def text_file(file: BinaryIO, path: Path) -> TextFile:
-    """Text in UTF-8 or UTF-16 with mark, else Latin-1, which takes every byte. Raises
-    `RecordingRefused` where the file cannot be read, or is no text."""
+    """Text in UTF-8 or in UTF-16 with a byte order mark, else in Latin-1, which accepts every byte.
+    Raises `RecordingRefused` if the file cannot be read or is binary."""
     file.seek(0)
     packed = file.read(2) == b"\x1f\x8b"
     begin = next(_pieces(file, packed, path), b"")
@@ -69,7 +68,7 @@ def text_file(file: BinaryIO, path: Path) -> TextFile:
         encoding, zero = _decoded(decoder, piece, encoding, wide)
         holds_zero = holds_zero or zero
         if holds_zero or (zero_bytes and not wide):
-            break  # it may go on for long
+            break  # a binary file may be long
         end = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
         open_line = open_line + len(piece) if end < 0 else len(piece) - end
         if open_line > limits.LONGEST_LINE:
@@ -86,7 +85,7 @@ def text_file(file: BinaryIO, path: Path) -> TextFile:
 def _decoded(
     decoder: codecs.IncrementalDecoder, piece: bytes, encoding: str, wide: bool, final: bool = False
 ) -> tuple[str, bool]:
-    """The encoding that is still possible, and whether a character is zero."""
+    """The encoding that is still possible, and whether a wide character is zero."""
     if encoding == _ANY:
         return encoding, False
     try:
@@ -96,7 +95,7 @@ def _decoded(
 
 
 def _pieces(file: BinaryIO, packed: bool, path: Path) -> Iterator[bytes]:
-    """Bytes piece by piece, so that a small file cannot fill the memory."""
+    """Bytes piece by piece, so that a small packed file cannot fill the memory."""
     total, size = 0, file.seek(0, os.SEEK_END)
     stream = _unpacked(file, packed)
     try:

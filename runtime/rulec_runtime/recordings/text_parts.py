@@ -1,4 +1,4 @@
-"""Rows of a CSV file in parts: those that hold plain numbers alone become numbers all at once."""
+"""Rows of a CSV file in parts; parts of plain numbers are converted at once."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 BATCH = 1000
-"""Rows read at a time: cells become numbers before the next rows are read, while they are still in
-the cache."""
+"""Rows read at a time: cells become numbers while they are still in the cache."""
 
 Part = Array | list[list[str]]
 """Some rows: numbers, shape (rows, cells), NaN where a cell is empty, or the cells as text."""
 
 
 def rows_of(path: Path, lines: Iterable[str], separator: str) -> Iterator[list[str]]:
-    """Cells of the rows that hold anything. Raises `RecordingRefused`."""
+    """Cells of the rows that are not empty. Raises `RecordingRefused`."""
     try:
         yield from filter(any, csv.reader(lines, delimiter=separator))
     except csv.Error as error:
-        # All else may stand in a cell: only a quote that nothing closes makes one too large.
+        # A cell may hold anything else: only an unclosed quote makes one too large.
         raise RecordingRefused(
             f'{path}: not a readable CSV file ({error}); look for a quote (") that is not closed'
         ) from None
 
 
 def batches_of(rows: Iterator[list[str]]) -> Iterator[Part]:
-    """The same rows, some at a time."""
+    """Rows in batches."""
     while batch := list(islice(rows, BATCH)):
         yield batch
 
@@ -41,15 +40,15 @@ def batches_of(rows: Iterator[list[str]]) -> Iterator[Part]:
 def parts_of(
     path: Path, lines: Iterator[str], separator: str, above: int, wanted: tuple[int, Sequence[int]]
 ) -> Iterator[Part]:
-    """Rows below so many rows; as numbers where each cell is a number or empty, and each row has so
-    many cells as `wanted`, of which some, by their places, are not empty."""
+    """Rows below the first `above` ones; as numbers if each cell is a number or empty, and each row
+    has the `wanted` number of cells, of which those with the `wanted` indexes are finite."""
     rows = rows_of(path, lines, separator)
     for _ in islice(rows, above):
         pass
     while some := list(islice(lines, BATCH)):
         text = "".join(some)
         if '"' in text:
-            # A cell in quotes may go on in the next lines.
+            # A quoted cell may continue on the next lines.
             yield from batches_of(rows_of(path, chain(some, lines), separator))
             return
         numbers = _numbers_of(text, separator, *wanted)
@@ -57,8 +56,8 @@ def parts_of(
 
 
 def _numbers_of(text: str, separator: str, width: int, finite: Sequence[int]) -> Array | None:
-    """Lines as numbers, shape (lines, width); None if a cell is a word, or a row is of another
-    width, or of nothing but empty cells, or not finite where it should be.
+    """Lines as numbers, shape (lines, width); None if a cell is a word, or if a row has another
+    width, has empty cells alone, or is not finite where required.
 
     >>> _numbers_of("0,1.5\\n1,\\n", ",", 2, [0]).tolist()
     [[0.0, 1.5], [1.0, nan]]
@@ -82,13 +81,13 @@ def _numbers_of(text: str, separator: str, width: int, finite: Sequence[int]) ->
 
 
 def _without_gaps(text: str, separator: str) -> str:
-    """The same lines with nan for empty cells.
+    """Lines with nan for empty cells.
 
     >>> _without_gaps(",,1\\r\\n2,,\\n", ",")
     'nan,nan,1\\r\\n2,nan,nan\\n'
     """
     if separator * 2 in text:
-        # Of three in a row, the second pass fills what the first leaves.
+        # The first pass leaves every second of several adjacent gaps.
         for _ in range(2):
             text = text.replace(separator * 2, f"{separator}nan{separator}")
     for end in ("\n", "\r"):

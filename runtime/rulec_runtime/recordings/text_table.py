@@ -1,4 +1,4 @@
-"""A table whose rows are text, from CSV files and spreadsheets."""
+"""Tables whose rows are text, from CSV files and spreadsheets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ from rulec_runtime.recordings.titles import is_time, units_below
 
 @dataclass(kw_only=True)
 class _Taken:
-    """What was read so far: numbers of `columns`, texts as they are, `places` of both in a row."""
+    """The rows read so far: numbers of `columns`, texts, and the `places` of texts and numbers in
+    a row."""
 
     path: Path
     columns: tuple[Column, ...]
@@ -44,7 +45,7 @@ class _Taken:
     first_left_out: int = 0
 
     def take(self, part: Part) -> None:
-        """Rows behind those that were read."""
+        """Append rows."""
         kept, numbers = self.places
         if isinstance(part, np.ndarray):
             for column, index in zip(self.columns, numbers, strict=True):
@@ -64,7 +65,7 @@ class _Taken:
         self.whole += len(rows)
 
     def _whole_of(self, part: list[list[str]]) -> list[list[str]]:
-        """Those of some rows that have all cells; the others are counted."""
+        """The rows with all cells; the others are counted."""
         rows = part
         if {*map(len, part)} != {self.width}:
             flags = [is_whole(row, self.width) for row in part]
@@ -78,9 +79,9 @@ class _Taken:
 
 @dataclass(frozen=True)
 class TextTable:
-    """Titles of a table, and how its rows are read, from those below the titles on.
+    """Titles of a table, and functions that give the rows below them, each call anew.
 
-    `parts` gives them below so many rows, as numbers where they are, and finite at some places.
+    `parts` gives the rows below the first few in parts, see `parts_of`.
     """
 
     path: Path
@@ -93,11 +94,11 @@ class TextTable:
     parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
-        """Rows with another number of cells than the titles are left out, as no cell of them can
-        be trusted. Raises `RecordingRefused`."""
+        """Read columns; rows with a wrong number of cells are left out, since none of their cells
+        can be trusted. Raises `RecordingRefused`."""
         beside = len(numbers) + 3 * len(kept)
         sample = list(islice(self.lines(), limits.SHOWING_ROWS))
-        seen = list[str]()
+        notes = list[str]()
         written = conventions(self.path, self.titles, sample, numbers, self.separator, form)
         taken = _Taken(
             path=self.path,
@@ -110,7 +111,7 @@ class TextTable:
                 )
                 for i, one in zip(numbers, written, strict=True)
             ),
-            texts=tuple(self._growing(index, beside, form, seen) for index in kept),
+            texts=tuple(self._growing(index, beside, form, notes) for index in kept),
             places=(tuple(kept), tuple(numbers)),
             width=len(self.titles),
             comma=self.separator != ",",
@@ -121,13 +122,13 @@ class TextTable:
         return Table(
             kept=tuple(text.joined() for text in taken.texts),
             columns=taken.columns,
-            remarks=(*_marks_told(taken.columns, form), *seen),
+            remarks=(*_thousands(taken.columns, form), *notes),
             left_out=taken.left_out,
             first_left_out=taken.first_left_out,
         )
 
     def _parts(self, taken: _Taken) -> Iterator[Part]:
-        """The rows in parts; what is kept as text is never a number."""
+        """The rows in parts; as numbers only if no column is kept as text."""
         plain = all(c.written.decimal != "," and not c.written.thousands for c in taken.columns)
         timed = all(isinstance(text, GrowingTimes) for text in taken.texts)
         if self.parts is None or not plain or not timed:
@@ -140,12 +141,12 @@ class TextTable:
         return (row[:width] for row in self._below() if is_whole(row, width))
 
     def _growing(
-        self, index: int, beside: int, form: FileForm, seen: list[str]
+        self, index: int, beside: int, form: FileForm, notes: list[str]
     ) -> GrowingCells | GrowingTimes:
-        """Texts of a column; of a large table those of times become numbers as they come."""
+        """Collects the texts of a column; times of a large table become numbers at once."""
         timed = is_time(self.titles[index], self.times)
         if self.most is not None and self.most > BATCH and timed and len(form.time) < 2:
-            order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, seen)
+            order = order_in(self.path, lambda: (row[index] for row in self.lines()), form, notes)
             return GrowingTimes(self.most, beside, order)
         return GrowingCells(None, 1)
 
@@ -176,8 +177,8 @@ def conventions(
     separator: str,
     form: FileForm,
 ) -> list[Convention]:
-    """How columns of numbers are written, by the first rows. Raises `RecordingRefused` where a cell
-    could be two numbers."""
+    """The conventions of columns of numbers, by the first rows. Raises `Unclear` if a cell could be
+    two numbers."""
     signs = [Signs() for _ in titles]
     for column, cells in zip(signs, zip(*sample, strict=False), strict=False):
         column.see(cells)
@@ -200,8 +201,8 @@ def conventions(
     return found
 
 
-def _marks_told(columns: Sequence[Column], form: FileForm) -> Iterator[str]:
-    """That marks of thousands were found, where no column map says so."""
+def _thousands(columns: Sequence[Column], form: FileForm) -> Iterator[str]:
+    """A remark on thousands marks that the column map does not name."""
     marks = sorted({mark for column in columns for mark in column.written.thousands})
     if marks and not form.thousands:
         shown = " and ".join(f"'{mark}'" for mark in marks)
@@ -219,11 +220,10 @@ def text_sheet(
     times: frozenset[str] = frozenset(),
     parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None,
 ) -> Sheet:
-    """A table of rows of text; `rows` gives them from the one below the titles on, each time anew.
+    """A table of rows of text; each call of `rows` gives those below the titles.
 
-    A row of units below the titles gives the units. Where it is known that there are not more than
-    `most` rows, numbers need not stay in memory; `times` are names of columns of times; `parts` are
-    those of `TextTable`.
+    A row of units below the titles gives the units. If there are at most `most` rows, numbers need
+    not stay in memory; `times` are names of time columns; `parts` as in `TextTable`.
     """
     units = units_below(titles, next(rows(), []))
     table = TextTable(path, tuple(titles), rows, separator, units is not None, most, times, parts)

@@ -1,4 +1,4 @@
-"""Fewer and cleaner samples: neighbours averaged, gaps of given readings filled, glitches out."""
+"""Thin and clean samples: average neighbours, fill gaps of inputs, remove glitches."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import SignalSpec
 
 
 def glitches_in(values: Array) -> np.ndarray:
-    """Flags of single readings that neither neighbour bears out, shape (n,)."""
+    """Flags of single readings far from both neighbours, shape (n,)."""
     step = np.abs(np.diff(values))
     usual = limits.NORMAL_SPREAD * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
     usual = max(usual, 1e-12 + limits.LEAST_USUAL_STEP * float(np.nanstd(values)))
@@ -25,7 +25,7 @@ def glitches_in(values: Array) -> np.ndarray:
 
 
 def without_glitches(values: Array) -> tuple[Array, int]:
-    """Readings without such, and how many those were."""
+    """Readings with NaN for glitches, and the number of these."""
     odd = glitches_in(values)
     return np.where(odd, np.nan, values), int(odd.sum())
 
@@ -33,7 +33,8 @@ def without_glitches(values: Array) -> tuple[Array, int]:
 def thinned(
     time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array], factor: int
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Neighbours averaged: inputs over the time for which they hold, readings around its start."""
+    """Averages of neighbours: inputs over the time for which they hold, readings around its
+    start."""
     if factor == 1:
         return time, dict(inputs), dict(measured)
     count = len(time) // factor
@@ -60,7 +61,7 @@ def thinned(
 
 
 def filled(values: Array) -> Array:
-    """Gaps hold the last value; before the first one stands the first."""
+    """Gaps hold the last value; those at the beginning take the first."""
     known = np.isfinite(values)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     first = int(np.argmax(known))
@@ -69,11 +70,10 @@ def filled(values: Array) -> Array:
 
 
 def resolution(values: Array, signal: SignalSpec) -> float:
-    """Smallest step between readings over root 12, or a thousandth of what they span."""
-    steps = np.diff(np.unique(values[np.isfinite(values)]))
-    steps = steps[
-        steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))
-    ]
+    """Smallest step between readings over root 12, or a thousandth of their spread."""
+    known = values[np.isfinite(values)]
+    steps = np.diff(np.unique(known))
+    steps = steps[steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(known))]
     smallest = float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else abs(signal.factor)
     span = float(np.nanstd(values))
     rounding = min(smallest / np.sqrt(12.0), limits.COARSEST_RESOLUTION * span)

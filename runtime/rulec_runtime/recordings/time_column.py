@@ -1,5 +1,4 @@
-"""The time of a recording: seconds in any unit of time, or dates; one column, or several that make
-it together."""
+"""Read the time of a recording: numbers in any unit of time, or dates, in one column or several."""
 
 from __future__ import annotations
 
@@ -31,11 +30,11 @@ NAMES = (
 """Names of the time column, in lower case."""
 
 TEMPERATURE = "T"
-"""What is no name of the time column: t is a time, and T a temperature (ISO 80000)."""
+"""Not a name of the time column: t is a time, T a temperature (ISO 80000)."""
 
 
 def is_time(name: str) -> bool:
-    """Does a column by its name hold times?
+    """Whether a column holds times, by its name.
 
     >>> is_time("Time"), is_time("t"), is_time("T")
     (True, True, False)
@@ -53,24 +52,25 @@ def read_times(
     notes: list[str] | None = None,
     form: FileForm = AS_SEEN,
 ) -> tuple[Array, Array | None]:
-    """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
-    as seconds ahead of UTC, NaN where a date names none.
+    """Seconds, NaN where there is no time; second, for dates (since 1970), their zones as seconds
+    ahead of UTC, NaN where a date names none.
 
-    `zone` is the name of the zone of dates that name none; what is odd in it goes to `notes`.
+    `zone` is the name of the zone of dates that name none; remarks go to `notes`.
     """
-    told, seen = ([] if notes is None else notes), list[str]()
+    notes = [] if notes is None else notes
+    own = list[str]()
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
         if any_of(numbers):
             factor = form.time_factor or factor_of_time(path, title, unit, units)
-            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, seen)
+            counting = counting_of(path, numbers, title, factor if unit else 0.0, form, own)
             if counting is None:
                 return mapped(numbers, lambda part: part * factor), None
             cells, texts = dated(numbers, counting), []
         else:
             texts = texts_of(cells)
-            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, seen)))
-        told += (f"{path.name}: {one}" for one in seen)
+            cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, own)))
+        notes += (f"{path.name}: {one}" for one in own)
     else:
         texts = []
     dates, zones = cells.seconds, cells.zones
@@ -81,15 +81,15 @@ def read_times(
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
     if zone and any_of(zones, np.isnan):
-        return in_zone(path, dates, zones, zone, told)
+        return in_zone(path, dates, zones, zone, notes)
     return dates, zones
 
 
 def order_in(
     path: Path, cells: Callable[[], Iterable[str]], form: FileForm, notes: list[str]
 ) -> Order:
-    """The order of day, month and year in a column of times; one that was found goes to `notes`.
-    Raises `Unclear` where its dates can be read in several."""
+    """The order of day, month and year in a column of times; an inferred one goes to `notes`.
+    Raises `Unclear` if several orders are possible."""
     if form.dates:
         return form.dates
     found = order_of(islice(cells(), limits.SHOWING_ROWS))
@@ -109,13 +109,13 @@ def order_in(
 
 
 def _day_of(date: str, order: Order) -> str:
-    """A date in words, with the order in which it is read."""
+    """A date in words, with its order."""
     seconds, _ = date_of(date, order)
     return f"{datetime.fromtimestamp(seconds, UTC):%-d %B %Y} ({order})"
 
 
 def plain_times(cells: Sequence[str]) -> Array:
-    """Cells as numbers, NaN where they are none."""
+    """Cells as numbers, NaN for others."""
     try:
         return np.array(cells, dtype=float)
     except ValueError:
@@ -143,44 +143,44 @@ def factor_of_time(path: Path, title: str, text: str, units: Mapping[str, UnitSp
 def time_of_parts(
     path: Path, parts: Sequence[Cells], form: FileForm, remarks: tuple[str, ...] = ()
 ) -> tuple[Cells, tuple[str, ...]]:
-    """A column of times from its parts, with what is told of it: numbers, or dates. Raises
-    `RecordingRefused` as `order_in` does."""
-    told = list(remarks)
-    first = comparable(path, parts[0], form, told)
+    """A column of times from its parts, as numbers or dates, and the remarks on it. Raises
+    `Unclear` as `order_in` does."""
+    notes = list(remarks)
+    first = comparable(path, parts[0], form, notes)
     if len(parts) < 2 or not isinstance(first, Dates):
-        return first, tuple(told)
+        return first, tuple(notes)
     clock = _seconds_of_day(texts_of(parts[1]))
     midnights = first.seconds[np.isfinite(first.seconds)] % SPREADSHEET.factor == 0
     if not np.isfinite(clock).any() or not midnights.all():
-        return first, tuple(told)  # the date holds the time of day
+        return first, tuple(notes)  # the date includes the time of day
     seconds = first.seconds + clock
     if len(parts) > 2:
         seconds = seconds + np.nan_to_num(plain_times(texts_of(parts[2]))) / 1000
-    told.append(f"the time is made of {len(parts)} columns")
-    return Dates(seconds, first.zones), tuple(told)
+    notes.append(f"the time is made of {len(parts)} columns")
+    return Dates(seconds, first.zones), tuple(notes)
 
 
-def comparable(path: Path, times: Cells, form: FileForm, told: list[str]) -> Cells:
-    """Times as numbers or dates; what was found about them is added to what is `told`."""
+def comparable(path: Path, times: Cells, form: FileForm, notes: list[str]) -> Cells:
+    """Times as numbers or dates; remarks on them go to `notes`."""
     if isinstance(times, Dates):
         return times
     numbers = times if isinstance(times, np.ndarray) else plain_times(times)
     if np.isfinite(numbers).any():
-        counting = counting_of(path, numbers, "time", 0.0, form, told)
+        counting = counting_of(path, numbers, "time", 0.0, form, notes)
         return numbers if counting is None else dated(numbers, counting)
     texts = texts_of(times)
-    return Dates(*dates_of(texts, order_in(path, lambda: texts, form, told)))
+    return Dates(*dates_of(texts, order_in(path, lambda: texts, form, notes)))
 
 
 def seconds_in(times: Cells, form: FileForm) -> Array:
-    """Numbers of times that were made comparable, s."""
+    """Times from `comparable` in s."""
     if isinstance(times, Dates):
         return times.seconds
     return np.asarray(times, dtype=float) * (form.time_factor or 1.0)
 
 
 def _seconds_of_day(cells: Sequence[str]) -> Array:
-    """Seconds since midnight; of a spreadsheet they may be a share of a day."""
+    """Seconds since midnight; numbers below 1 are shares of a day, as in spreadsheets."""
     numbers = plain_times(cells)
     if np.isfinite(numbers).any():
         return numbers * SPREADSHEET.factor if np.nanmax(numbers) < 1 else numbers

@@ -1,4 +1,4 @@
-"""Where the titles of a table are: behind lines that belong to no table, before a row of units."""
+"""Find the titles of a table: after lines that belong to no table, before a row of units."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _DATE = re.compile(
 
 
 def names_of_times(form: FileForm) -> frozenset[str]:
-    """Names of columns of times, in lower case but those that a column map names."""
+    """Names of time columns, in lower case except those of the column map."""
     return frozenset((*NAMES, *form.time))
 
 
 def is_time(title: str, times: Collection[str]) -> bool:
-    """Whether a column of this title holds times; `times` are names of such columns."""
+    """Whether a column with this title holds times; `times` are names of such columns."""
     title = title.strip()
     plain = parts_of(title)[0].lower()
     return title in times or plain in times or plain.partition(" (")[0] in times
 
 
 def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:
-    """Whether a row holds titles: one is that of a time, and none is a number or a date."""
+    """Whether a row holds titles: at least two, one of a time, and no number or date."""
     return (
         sum(1 for cell in cells if cell.strip()) > 1
         and any(is_time(cell, times) for cell in cells)
@@ -49,12 +49,12 @@ def are_titles(cells: Sequence[str], times: Collection[str]) -> bool:
 
 
 def left_out_above(lines: int) -> tuple[str, ...]:
-    """What is told of so many lines above the titles."""
+    """The remark on lines above the titles, if there are any."""
     return (f"{plural(lines, 'line', 'lines')} above the titles left out",) if lines else ()
 
 
 def rejoined(titles: Sequence[str], separator: str) -> list[str]:
-    """Titles of which some may be node ids that were cut at their semicolon.
+    """Titles in which node ids that were split at their semicolon are rejoined.
 
     >>> rejoined(["time", "ns=2", "s=A.dp", "ns=2;s=A.n"], ";")
     ['time', 'ns=2;s=A.dp', 'ns=2;s=A.n']
@@ -70,7 +70,7 @@ def rejoined(titles: Sequence[str], separator: str) -> list[str]:
 
 
 def units_below(titles: Sequence[str], row: Sequence[str]) -> tuple[str, ...] | None:
-    """Units of the columns, where the row below the titles holds them.
+    """Units of the columns if the row below the titles holds them, else None.
 
     >>> units_below(["time", "A.dp"], ["s", "[bar]"]), units_below(["time", "A.dp"], ["0", "1"])
     (('s', 'bar'), None)
@@ -82,7 +82,7 @@ def units_below(titles: Sequence[str], row: Sequence[str]) -> tuple[str, ...] | 
 
 
 def are_values(cells: Sequence[str]) -> bool:
-    """Whether a row is one of readings: two at least, and each of them a number or a date.
+    """Whether a row holds readings: at least two, each a number or a date, and not only 1.
 
     >>> are_values(["1", "2"]), are_values(["1", "bar"]), are_values(["1", "1"])
     (True, False, False)
@@ -93,7 +93,7 @@ def are_values(cells: Sequence[str]) -> bool:
 
 
 def are_units(cells: Sequence[str]) -> bool:
-    """Whether the row below the titles holds units: two at least, and neither number nor date.
+    """Whether the row below the titles holds units: at least two, and no number or date.
 
     >>> are_units(["s", "bar", "m3/h", "1"]), are_units(["0.5", "Bad", "Bad"]), are_units("111")
     (True, False, False)
@@ -103,7 +103,7 @@ def are_units(cells: Sequence[str]) -> bool:
 
 
 def unit_in(cell: str) -> str:
-    """A unit as it stands in a row of units, without its brackets.
+    """A unit in a row of units, without its brackets.
 
     >>> unit_in("[bar]"), unit_in("(l/h)"), unit_in("-")
     ('bar', 'l/h', '')
@@ -115,7 +115,7 @@ def unit_in(cell: str) -> str:
 
 
 def is_value(cell: str) -> bool:
-    """Whether a cell is a number (but 1, which is a unit) or begins as a date."""
+    """Whether a cell is a number (except 1, which is a unit) or begins like a date."""
     text = cell.strip()
     try:
         return text != "1" and float(_MARKS.sub("", text)) is not None
@@ -125,8 +125,8 @@ def is_value(cell: str) -> bool:
 
 @dataclass(frozen=True)
 class TitleLine:
-    """The `number` of the line of titles, from 0, its `separator`, and how many lines `above` it
-    are no part of the table."""
+    """The `number` of the line of titles, from 0, its `separator`, and the number of lines `above`
+    it that are not part of the table."""
 
     number: int
     separator: str
@@ -135,8 +135,6 @@ class TitleLine:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line that may hold titles."""
-
     number: int
     separator: str
     cells: list[str]
@@ -144,18 +142,18 @@ class _Line:
 
 
 class TitleSearch:
-    """The titles are the first line that looks so, with a row below it that is as wide. Where no
-    line looks like titles, the first one holds them."""
+    """Searches for the first line that looks like titles and has a row at least as wide below it.
+    If no line looks like titles, the first line holds them."""
 
     def __init__(self, times: Collection[str]) -> None:
         self._times = times
         self._found: list[_Line] = []
         self._number, self._stated = 0, ""
         self.in_sight = False
-        """Whether a line looks like titles, or like a row of numbers."""
+        """Whether a line so far looks like titles, or like a row of numbers."""
 
     def add(self, line: str) -> TitleLine | None:
-        """The titles, as soon as further lines would change nothing."""
+        """Take in a line; gives the titles once further lines would change nothing."""
         number, self._number = self._number, self._number + 1
         stated, is_header = before_header(line)
         self._stated = stated or self._stated
@@ -172,7 +170,7 @@ class TitleSearch:
         return self.so_far() if len(self._found) > limits.LINES_ABOVE_TITLES else None
 
     def so_far(self) -> TitleLine | None:
-        """The titles, where no further line comes; None without a line that may hold them."""
+        """The titles if no further line comes; None without a line that may hold them."""
         if not self._found:
             return None
         likely = [k for k, line in enumerate(self._found) if line.likely]
@@ -180,7 +178,7 @@ class TitleSearch:
         return self._as_titles(last if last in likely else next(iter(likely), 0))
 
     def _holds_titles(self, line: _Line, before_values: bool) -> bool:
-        """Titles may be numbers, as channels of a logger are, if numbers alone are below them."""
+        """Titles may be numbers, such as channels of a logger, if only numbers are below them."""
         timed = len(line.cells) > 1 and any(is_time(cell, self._times) for cell in line.cells)
         return line.likely or (before_values and timed)
 

@@ -1,9 +1,8 @@
-"""Several recordings of one plant as one, each with a clock of its own.
+"""Join several recordings of one plant, each with a clock of its own.
 
-Recordings with dates stand on one axis of time. Without dates nobody knows how long the pauses
-between them were: they stand one behind the other in the order given, and the clock of each begins
-anew. Each keeps its number, so that what belongs to a recording, such as the zero of a sensor that
-was set in between, can be its own.
+Recordings with dates share one axis of time. Without dates the pauses between them are unknown:
+they follow one another in the order given, and the clock of each restarts. Each keeps its number,
+so that a quantity such as the zero of a sensor can differ between recordings.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ OWN_CLOCKS = (
     "the files have no dates, so nobody knows the pauses between the recordings: what follows time "
     "begins anew in each, and a fault that began lasts through those behind it"
 )
-"""What is said where recordings have no dates."""
+"""The remark on recordings without dates."""
 
 
 def read_recordings(paths: Sequence[Path], ruleset: Ruleset) -> Recording:
-    """Read one recording, or several of one plant as one.
+    """Read one recording, or join several of one plant.
 
-    Raises `RecordingRefused` where they cannot be judged together.
+    Raises `RecordingRefused` if they cannot be judged together.
     """
     if len(paths) == 1:
         return read_recording(paths[0], ruleset)
@@ -46,7 +45,7 @@ def read_recordings(paths: Sequence[Path], ruleset: Ruleset) -> Recording:
 
 
 def check_different(paths: Sequence[Path]) -> None:
-    """Refuse a file that is given twice, by its content."""
+    """Refuse files with the same content."""
     known: dict[str, Path] = {}
     for path in paths:
         for file in files_of(path):
@@ -62,17 +61,16 @@ def check_different(paths: Sequence[Path]) -> None:
 
 
 def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset) -> Recording:
-    """Recordings that were read, as one; `paths` are theirs."""
+    """Join recordings that were read from `paths`."""
     names = names_of(paths)
     _check_alike(names, parts)
     parts = _alike(names, parts, ruleset)
     dated = [part.calendar for part in parts if part.calendar is not None]
     one_axis = len(dated) == len(parts)
-    starts = (
-        _dated_starts(names, parts, dated)
-        if one_axis
-        else starts_behind([part.time for part in parts])
-    )
+    if one_axis:
+        starts = _dated_starts(names, parts, dated)
+    else:
+        starts = starts_behind([part.time for part in parts])
     order = sorted(range(len(parts)), key=lambda i: starts[i])
     counts = [len(parts[i]) for i in order]
     behind = np.cumsum([0, *(int(p.segment.max(initial=0)) + 1 for p in parts)]).tolist()
@@ -111,7 +109,7 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
 
 
 def part_of(recording: Recording, numbers: Collection[int]) -> Recording:
-    """Some of the recordings that were put together, by their numbers, where and when they were."""
+    """Some of the joined recordings, by their numbers; their times stay."""
     assert recording.source is not None
     rows = np.isin(recording.source, list(numbers))
     several = len(numbers) > 1
@@ -129,7 +127,7 @@ def part_of(recording: Recording, numbers: Collection[int]) -> Recording:
 
 
 def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
-    """What each recording is called: its file, with its folder where two are called alike."""
+    """Name of each recording: its file, with its folder if two names are equal."""
     names = [path.resolve().name for path in paths]
     return tuple(
         name if names.count(name) == 1 else f"{path.resolve().parent.name}/{name}"
@@ -138,7 +136,7 @@ def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _check_alike(names: Sequence[str], parts: Sequence[Recording]) -> None:
-    """Refuse recordings that do not show one plant in one way."""
+    """Refuse recordings with different columns or units."""
     first, known = parts[0], parts[0].values.keys()
     for name, part in zip(names[1:], parts[1:], strict=True):
         lacking, more = sorted(known - part.values.keys()), sorted(part.values.keys() - known)
@@ -159,7 +157,7 @@ def _check_alike(names: Sequence[str], parts: Sequence[Recording]) -> None:
 def _alike(
     names: Sequence[str], parts: Sequence[Recording], ruleset: Ruleset
 ) -> Sequence[Recording]:
-    """Beside a table of operating points a course in time counts by those in which it rests."""
+    """Turn courses in time into tables of operating points if another recording is one."""
     kinds = [is_point_table(part, ruleset) for part in parts]
     if all(kinds) or not any(kinds):
         return parts
@@ -171,7 +169,7 @@ def _alike(
 
 
 def _as_table(name: str, part: Recording, ruleset: Ruleset, other: str) -> Recording:
-    """A row per state in which a course rests: means of its readings."""
+    """One row per settled state of a course: means of its readings."""
     noise = noise_at_work(part, ruleset)
     states = find_stretches(part, ruleset, noise, longest=len(part))
     if not len(states):
@@ -194,7 +192,7 @@ def _as_table(name: str, part: Recording, ruleset: Ruleset, other: str) -> Recor
 def _dated_starts(
     names: Sequence[str], parts: Sequence[Recording], calendars: Sequence[Calendar]
 ) -> list[float]:
-    """When time 0 of each recording is on the axis of all, s; refuses those that overlap."""
+    """Time 0 of each recording on the common axis, s; refuses recordings that overlap."""
     zones = [bool(calendar.offsets) for calendar in calendars]
     if any(zones) and not all(zones):
         raise RecordingRefused(
@@ -215,7 +213,7 @@ def _dated_starts(
 
 
 def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calendar:
-    """Dates of the axis of all."""
+    """Dates of the common axis."""
     offsets = [
         (since + start, seconds)
         for start, calendar in zip(starts, calendars, strict=True)
@@ -225,7 +223,7 @@ def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calenda
 
 
 def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:
-    """A remark on where recordings stand on the axis of time."""
+    """A remark on the positions of recordings on the common axis."""
     shown = [
         f"{name} from {start + float(part.time[0]):g} s"
         for name, start, part in zip(names, starts, parts, strict=True)

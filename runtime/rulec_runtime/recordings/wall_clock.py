@@ -1,4 +1,4 @@
-"""Wall-clock time: what a second of a recording is on the clock of the plant."""
+"""Convert times of a recording to the clock of the plant."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 class Calendar:
     """Dates of a recording.
 
-    `start` is the date of time 0 in seconds since 1970. `offsets` are those of local time from
-    UTC, s, each from a time of the recording on, s, in order; empty where the file names no zone:
-    its stamps are then shown as they are.
+    `start` is the date of time 0 in seconds since 1970. `offsets` are pairs of a time of the
+    recording, s, in order, and the offset of local time from UTC, s, from then on; empty if the
+    file names no zone: its stamps are then shown unchanged.
     """
 
     start: float
     offsets: tuple[tuple[float, float], ...] = ()
 
     def at(self, time: float) -> datetime:
-        """The date of a time of the recording, in its own zone."""
+        """The date of a time of the recording, in its zone."""
         utc = datetime.fromtimestamp(self.start, UTC) + timedelta(seconds=time)
         offset = None
         for since, seconds in self.offsets:
@@ -37,30 +37,25 @@ class Calendar:
         return utc.astimezone(timezone(timedelta(seconds=offset)))
 
     def iso(self, time: float) -> str:
-        """ISO 8601, with the zone where the recording names one."""
+        """ISO 8601, with the zone if the recording names one."""
         date = self.at(time)
-        whole = date.microsecond == 0
-        return date.isoformat(timespec="seconds" if whole else "milliseconds")
+        return date.isoformat(timespec="milliseconds" if date.microsecond else "seconds")
 
     def zone(self) -> str:
-        """Zone in which times are told."""
+        """Zone of the dates, in words."""
         if not self.offsets:
             return "the recording names no zone"
-        names = dict.fromkeys(_offset(seconds) for _, seconds in self.offsets)
-        return " and ".join(names)
+        return " and ".join(dict.fromkeys(_offset(seconds) for _, seconds in self.offsets))
 
     def zero(self) -> str:
-        """What time 0 is, for people."""
+        """The date of time 0, in words."""
         return f"time 0 s is {self.clock(0.0)} ({self.zone()})"
 
     def clock(self, time: float, before: float | None = None) -> str:
-        """Date and time of day; of a date that `before` has named already the time alone."""
+        """Date and time of day; the time alone if `before` is on the same day."""
         date = self.at(time)
-        day = (
-            ""
-            if before is not None and self.at(before).date() == date.date()
-            else f"{date:%Y-%m-%d} "
-        )
+        same_day = before is not None and self.at(before).date() == date.date()
+        day = "" if same_day else f"{date:%Y-%m-%d} "
         fine = f".{date.microsecond // 100_000}" if date.microsecond >= 100_000 else ""
         return f"{day}{date:%H:%M:%S}{fine}"
 
@@ -74,7 +69,7 @@ def _offset(seconds: float) -> str:
 
 
 def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
-    """Calendar of samples, `time` in order, s from `start` on; `offset` NaN without a zone."""
+    """Calendar of samples: `time`, in order, is s after `start`; `offset` is NaN without a zone."""
     found: list[tuple[float, float]] = []
     for low, high in blocks(len(time), time, offset):
         known = np.isfinite(offset[low:high])
@@ -86,7 +81,7 @@ def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
 
 
 def duration(seconds: float) -> str:
-    """How long something lasts, for people.
+    """A duration in words.
 
     >>> duration(8.0), duration(90.0), duration(7260.0), duration(200000.0)
     ('8 s', '1 min 30 s', '2 h 1 min', '2 d 7 h')

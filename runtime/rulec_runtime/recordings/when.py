@@ -1,4 +1,4 @@
-"""When something was: by the clock of the plant where the recording has dates, else in seconds."""
+"""Word times by the clock of the plant if the recording has dates, else in seconds."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from rulec_runtime.recordings.wall_clock import Calendar, duration
 
 ENDED, TO_THE_END, UNSETTLED, UNJUDGED = None, "", "not settled", "not judged"
 BRIEFLY_GONE = "not seen, too briefly to be over"
-"""What is behind a finding: stretches that show it no more, the end of the recording, or a part
-that moves, cannot be judged, or is too short to tell, in which it may go on."""
+"""What follows a finding: stretches that no longer show it, the end of the recording, or a part
+that moves, cannot be judged, or is too short, in which it may continue."""
 
 
 def moment(calendar: Calendar | None, time: float, before: float | None = None) -> str:
-    """A time of the recording; `before` is one that was told just now.
+    """A time of the recording; `before` is the time mentioned last.
 
     >>> moment(None, 11.0)
     '11 s'
@@ -20,7 +20,7 @@ def moment(calendar: Calendar | None, time: float, before: float | None = None) 
 
 
 def span(calendar: Calendar | None, since: float, until: float) -> str:
-    """A period, short.
+    """A period in short form.
 
     >>> span(None, 11.0, 19.0), span(Calendar(86390.0), 0.0, 20.0)
     ('11-19 s', '1970-01-01 23:59:50 to 1970-01-02 00:00:10')
@@ -33,7 +33,7 @@ def span(calendar: Calendar | None, since: float, until: float) -> str:
 def course(
     calendar: Calendar | None, since: float, until: float, behind: str | None, short: bool = False
 ) -> str:
-    """A period with what is behind it.
+    """A period and what follows it.
 
     >>> course(None, 11.0, 19.0, ENDED), course(None, 11.0, 19.0, UNSETTLED)
     ('11-19 s (8 s)', 'since 11 s, still active at 19 s (8 s); from 19 s on not settled')

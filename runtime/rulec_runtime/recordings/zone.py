@@ -1,4 +1,4 @@
-"""Dates without a zone, of a plant whose zone has a name, as Europe/Berlin."""
+"""Dates without a zone, of a plant whose zone is known by name, such as Europe/Berlin."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _STEP = 900.0
 """Zones change at whole quarters of an hour."""
 
 _ANOTHER_HOUR = 2 * 3600.0
-"""Seconds behind which an hour that is shown twice is that of another year."""
+"""Seconds after which a repeated hour is that of another year."""
 
 
 def in_zone(
     path: Path, dates: Array, zones: Array, zone: str, notes: list[str]
 ) -> tuple[Array, Array]:
-    """Seconds since 1970 in UTC, and seconds ahead of it, of dates in the order of their rows.
+    """Seconds since 1970 in UTC, and seconds ahead of UTC, of dates in the order of their rows.
 
-    `dates`, shape (n,), are as written where `zones` is NaN.
+    `dates`, shape (n,), are local where `zones` is NaN.
     """
     clock = ZoneClock(path, zone)
     utc, ahead = arrays([((len(dates),), float)] * 2)
@@ -47,9 +47,9 @@ def in_zone(
 class ZoneClock:
     """Dates of a zone, block by block in the order of their rows.
 
-    In the hour that is shown twice at the end of summer time, dates behind a step back are the
-    second ones. `twice` counts rows in such hours, `again` those of the second time, `never` rows
-    in hours that the zone leaves out.
+    In the repeated hour at the end of summer time, dates after a step back belong to the second
+    pass. `twice` counts rows in such hours, `again` those of the second pass, `never` rows in hours
+    that the zone skips.
     """
 
     def __init__(self, path: Path, zone: str) -> None:
@@ -58,15 +58,15 @@ class ZoneClock:
         self.twice = self.again = self.never = 0
 
     def resume(self, utc: float) -> None:
-        """The last date that was read before, s since 1970."""
-        with suppress(OverflowError):  # where the calendar ends
+        """Continue after a date that was read before, s since 1970."""
+        with suppress(OverflowError):  # beyond the end of the calendar
             ahead = offset_of(self._clock, utc)
             first, second = (_offset(self._clock, utc + ahead, fold) for fold in (0, 1))
             if first > second:
                 self._wall, self._second = utc + ahead, ahead == second
 
     def read(self, dates: Array, zones: Array) -> tuple[Array, Array]:
-        """As `in_zone`, of further dates."""
+        """As `in_zone`, for further dates."""
         bare = np.isnan(zones) & np.isfinite(dates)
         wall = np.where(bare, dates, 0.0)
         quarters, which = np.unique(np.floor(wall / _STEP), return_inverse=True)
@@ -84,12 +84,12 @@ class ZoneClock:
         return np.where(bare, wall - ahead, dates), np.where(bare, ahead, zones)
 
     def left_out(self) -> str:
-        """What is told of rows that cannot be."""
+        """The remark on rows in skipped hours."""
         count = plural(self.never, "row is", "rows are")
         return f"{count} in the hour that {self._zone} leaves out; is the zone right?"
 
     def _behind_a_step_back(self, wall: Array) -> NDArray[np.bool_]:
-        """Which dates of hours that are shown twice are of the second time, shape (n,)."""
+        """Which dates of repeated hours are of the second pass, shape (n,)."""
         found = np.zeros(len(wall), dtype=bool)
         for k, date in enumerate(wall.tolist()):
             same_hour = date - self._wall <= _ANOTHER_HOUR

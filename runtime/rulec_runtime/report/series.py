@@ -243,7 +243,7 @@ def detail(curves: Curves) -> Curves:
 
 
 def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Residuals that fire for three judged samples in a row, with first and last sample of each run.
+    """Residuals that fire for three judged samples in a row, with the ends of each run.
 
     A sample that was not judged ends a run.
     """

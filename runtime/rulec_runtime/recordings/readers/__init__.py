@@ -1,1 +1,1 @@
-"""Readers of other formats than CSV: each needs an extra, and is loaded when such a file comes."""
+"""Readers of formats other than CSV: each needs an extra, and is loaded on demand."""

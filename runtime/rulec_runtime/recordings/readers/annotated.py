@@ -1,4 +1,4 @@
-"""Annotated CSV, as InfluxDB answers queries: tables with heads of their own, one behind the other.
+"""Read annotated CSV, the answer of InfluxDB to queries: consecutive tables, each with its head.
 
 Source: InfluxData, Annotated CSV.
 """
@@ -24,13 +24,12 @@ _NO_READINGS = ("", "result", "table", "_start", "_stop", TIME)
 _NUMBERS = ("double", "long", "unsignedLong")
 
 Series = tuple[tuple[str, str], ...]
-"""What tells a series from others: titles with their cells."""
+"""Key of a series: titles with their cells."""
 
 
 @dataclass(frozen=True)
 class _Head:
-    """Titles of a table, and per title its type, what stands for an empty cell, and whether it
-    tells series apart."""
+    """Titles of a table, with type, default for an empty cell, and membership in the group key."""
 
     titles: tuple[str, ...]
     types: Mapping[str, str]
@@ -39,7 +38,7 @@ class _Head:
 
     @property
     def readings(self) -> list[str]:
-        """Columns of readings: the value, or in a table that was pivoted all that are numbers."""
+        """Columns of readings: the value or, in a pivoted table, all numbers."""
         if VALUE in self.titles:
             return [VALUE]
         return [
@@ -49,7 +48,7 @@ class _Head:
 
 
 def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
-    """The readings of all tables, one a row."""
+    """The readings of all tables, one per row."""
     text = text_file(file, path)
     series = {key for key, _, _ in _cells(text, path)}
     if not series:
@@ -63,20 +62,20 @@ def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
 
 
 def _names(series: set[Series]) -> dict[Series, str]:
-    """What series are called: measurement, tags and field, without what is the same in all; a
-    measurement stays before fields that are not called by a module."""
+    """Names of series: measurement, tags and field, without constant parts; a measurement stays
+    before fields that name no module."""
     values: dict[str, set[str]] = {}
     for key in series:
         for title, cell in key:
             values.setdefault(title, set()).add(cell)
     bare = any("." not in cell for cell in values[FIELD])
-    told = {t for t, cells in values.items() if len(cells) > 1 or t == FIELD}
-    told |= {MEASUREMENT} if bare and not told - {FIELD} else set()
-    return {key: ".".join(cell for title, cell in key if title in told) for key in series}
+    used = {t for t, cells in values.items() if len(cells) > 1 or t == FIELD}
+    used |= {MEASUREMENT} if bare and not used - {FIELD} else set()
+    return {key: ".".join(cell for title, cell in key if title in used) for key in series}
 
 
 def _cells(text: TextFile, path: Path) -> Iterator[tuple[Series, str, str]]:
-    """Each reading: its series, its time, and itself."""
+    """Series, time and value of each reading."""
     with text.opened() as lines:
         for head, row in _tables(path, lines):
             cells = {
@@ -88,7 +87,7 @@ def _cells(text: TextFile, path: Path) -> Iterator[tuple[Series, str, str]]:
 
 
 def _series(head: _Head, cells: Mapping[str, str], title: str) -> Series:
-    """What tells a series from others: measurement, tags in the order of their columns, field."""
+    """Key of a series: measurement, tags in the order of their columns, field."""
     field = cells.get(FIELD, "") if title == VALUE else title
     tags = [
         (t, cells[t]) for t in head.titles
@@ -98,7 +97,7 @@ def _series(head: _Head, cells: Mapping[str, str], title: str) -> Series:
 
 
 def _tables(path: Path, lines: Iterator[str]) -> Iterator[tuple[_Head, Sequence[str]]]:
-    """Rows with the head of their table; annotations, or a row of titles, begin another one."""
+    """Rows with the head of their table; annotations, or a row of titles, begin another table."""
     notes: dict[str, list[str]] = {}
     head: _Head | None = None
     for row in rows_of(path, lines, ","):

@@ -1,4 +1,4 @@
-"""Parquet and Arrow files: titles, units, and what the values of their columns are."""
+"""Read Parquet and Arrow files."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from rulec_runtime.recordings.titles import is_time
 from rulec_runtime.recordings.zone import offset_of
 
 PARQUET = b"PAR1"
-"""So a Parquet file begins."""
+"""First bytes of a Parquet file."""
 
 Batches = Callable[[Sequence[str]], Iterable[Any]]
-"""Record batches that hold columns of these names."""
+"""Gives record batches with the columns of these names."""
 
 UNITS = (b"unit", b"units", b"Unit", b"Units")
-"""Keys of a field's metadata below which its unit stands."""
+"""Keys of a unit in a field's metadata."""
 
 _INDEX = "__index_level_0__"
-"""What pandas calls an index without a name."""
+"""Name that pandas gives to an index without a name."""
 
 _QUARTER = 900.0
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
-    """The one table of a Parquet or an Arrow file; units stand in the metadata of its fields.
-    Fields that hold lists or structures are no columns."""
+    """The one table of a Parquet or an Arrow file; units are in the metadata of its fields. Fields
+    with lists or structures are skipped."""
     is_parquet = file.read(len(PARQUET)) == PARQUET
     file.seek(0)
     schema, rows, batches = _parquet(file) if is_parquet else _arrow(file)
@@ -59,7 +59,7 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 
 def _arrow(file: BinaryIO) -> tuple[Any, int, Batches]:
-    """Schema and number of rows of an Arrow file (also called Feather), read batch by batch."""
+    """Schema, number of rows, and batches of an Arrow (Feather) file."""
     source = pyarrow.ipc.open_file(file)
     numbers = range(source.num_record_batches)
     rows = sum(source.get_batch(k).num_rows for k in numbers)
@@ -67,13 +67,13 @@ def _arrow(file: BinaryIO) -> tuple[Any, int, Batches]:
 
 
 def _parquet(file: BinaryIO) -> tuple[Any, int, Batches]:
-    """The same of a Parquet file: some rows after the other, the wanted columns alone."""
+    """The same for a Parquet file; batches hold the wanted columns alone."""
     import pyarrow.parquet
 
     source = pyarrow.parquet.ParquetFile(file, buffer_size=limits.PARQUET_BUFFER, pre_buffer=False)
 
     def batches(names: Sequence[str]) -> Iterator[Any]:
-        # Threads would each keep memory of their own, and reading is not what takes long.
+        # Each thread would keep memory of its own, and reading is not the bottleneck.
         yield from source.iter_batches(limits.PARQUET_ROWS, columns=names, use_threads=False)
         pyarrow.default_memory_pool().release_unused()
 
@@ -81,8 +81,7 @@ def _parquet(file: BinaryIO) -> tuple[Any, int, Batches]:
 
 
 def _titles(fields: Sequence[Any], times: Collection[str]) -> list[str]:
-    """Names of the fields; the index of pandas is the time, if it holds dates and nothing else is
-    called so."""
+    """Names of the fields; a pandas index of dates is the time if no field has such a name."""
     titles = [field.name for field in fields]
     if not any(is_time(title, times) for title in titles):
         for k, field in enumerate(fields):
@@ -123,14 +122,14 @@ def _values(column: Any) -> Any:
 
 
 def _ticks(column: Any) -> np.ndarray:
-    """Dates or durations as whole numbers of their unit; where null, numpy's number of no date."""
+    """Dates or durations as integers of their unit; null becomes numpy's NaT."""
     return _filled(column.cast(pyarrow.int64()), np.iinfo(np.int64).min)
 
 
 def _filled(column: Any, missing: float) -> np.ndarray:
     """Numbers of a column, shape (n,), `missing` where null.
 
-    pyarrow's own `to_numpy` loads pandas, which alone takes more memory than a long recording.
+    `to_numpy` of pyarrow loads pandas, which takes more memory than a long recording.
     """
     found = np.full(len(column), missing)
     begin = 0
@@ -143,7 +142,7 @@ def _filled(column: Any, missing: float) -> np.ndarray:
 
 
 def _zones(seconds: Array, zone: str | None) -> Array:
-    """Seconds ahead of UTC of dates in UTC, NaN where they are in no zone."""
+    """Seconds ahead of UTC of dates in UTC, NaN without a zone."""
     if zone is None:
         return np.full(len(seconds), np.nan)
     if zone[:1] in "+-":

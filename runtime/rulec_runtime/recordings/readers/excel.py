@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx): each sheet with a row of titles is a table."""
+"""Read Excel workbooks (.xlsx): each sheet with a row of titles is a table."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PIECE = 1 << 20
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
-    """Tables of a workbook: values as they were calculated when it was saved, no formulas."""
+    """Tables of a workbook: values as calculated when it was saved, no formulas."""
     _check(file, path)
     book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
     found = [_sheet(path, page, times) for page in book.worksheets]
@@ -37,7 +37,7 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 
 def _check(file: BinaryIO, path: Path) -> None:
-    """Refuse a packed file that is no workbook, that unpacks to far more than it is, or that
+    """Refuse a packed file that is no workbook, that unpacks to far more than its size, or that
     declares entities, which no workbook needs."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
@@ -56,13 +56,13 @@ def _check(file: BinaryIO, path: Path) -> None:
                         f"{path}: {name[:60]} in it declares a document type, as no workbook does; "
                         "it is not read"
                     )
-                while part.read(PIECE):  # its check sum holds the size that it states
+                while part.read(PIECE):  # the checksum verifies the stated size
                     pass
     file.seek(0)
 
 
 def _sheet(path: Path, page: Any, times: Collection[str]) -> Sheet | None:
-    """The table of a sheet; None where no row holds titles."""
+    """The table of a sheet; None if no row holds titles."""
     first = list(islice(_rows(page), limits.LINES_ABOVE_TITLES))
     at = next((k for k, row in enumerate(first) if are_titles(row, times)), None)
     if at is None:
@@ -74,14 +74,14 @@ def _sheet(path: Path, page: Any, times: Collection[str]) -> Sheet | None:
     width = len(titles)
 
     def below() -> Iterator[list[str]]:
-        # Cells at the end of a row that are empty are not stored.
+        # Empty cells at the end of a row are not stored.
         return ([*row, *[""] * (width - len(row))] for row in islice(_rows(page), at + 1, None))
 
     return text_sheet(path, page.title, titles, below, ",", above)
 
 
 def _rows(page: Any) -> Iterator[list[str]]:
-    """Rows that hold anything; what a sheet says of its own size is not relied on."""
+    """Rows that are not empty; the stated size of a sheet is not trusted."""
     page.reset_dimensions()
     for row in page.iter_rows(values_only=True):
         cells = [_text(value) for value in row]
@@ -90,7 +90,7 @@ def _rows(page: Any) -> Iterator[list[str]]:
 
 
 def _text(value: Any) -> str:
-    """A cell as it would stand in a CSV file."""
+    """A cell as in a CSV file."""
     match value:
         case None:
             return ""

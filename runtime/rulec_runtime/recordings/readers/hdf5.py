@@ -1,6 +1,6 @@
-"""HDF5 files, and MAT files of version 7.3: groups of arrays, and arrays of records.
+"""Read HDF5 files, and MAT files of version 7.3: groups of arrays, and arrays of records.
 
-Links and data that lead out of the file are not followed.
+Links and data outside the file are not followed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
 from rulec_runtime.recordings.table import Sheet
 
 UNITS = ("units", "unit", "Units", "Unit", "unit_string")
-"""Attributes of an array that hold its unit."""
+"""Attributes that may hold the unit of an array."""
 
 MATLAB = "MATLAB_class"
 OPAQUE = "MATLAB_object_decode"
@@ -72,17 +72,17 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 
 class _Walk:
-    """Looks at each group of a file once."""
+    """Visits each group of a file once."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size
-        self._seen: set[Any] = set()
+        self._visited: set[Any] = set()
         self._places = 0
         self.outside: list[str] = []
         self._opaque: list[str] = []
 
     def hint(self) -> str:
-        """Why there may be nothing to read."""
+        """Why there may be no columns."""
         if self.outside:
             return (
                 f"; '{self.outside[0]}' leads out of the file and is not followed: copy what it "
@@ -98,15 +98,15 @@ class _Walk:
     def groups(self, name: str, group: Any, depth: int) -> Iterator[Group]:
         """Arrays of a group, and those of the groups in it."""
         address = h5py.h5o.get_info(group.id).addr
-        if address in self._seen or depth > limits.MOST_IN_TREE:
+        if address in self._visited or depth > limits.MOST_IN_TREE:
             return
-        self._seen.add(address)
+        self._visited.add(address)
         leaves: dict[str, Leaf] = {}
         inner = []
         for key in group:
             self._count()
             full = f"{name}/{key}".strip("/")
-            if key.startswith("#"):  # MATLAB keeps there what its objects refer to
+            if key.startswith("#"):  # where MATLAB keeps data of its objects
                 continue
             if not isinstance(group.get(key, getlink=True), h5py.HardLink):
                 self.outside.append(full)
@@ -128,7 +128,7 @@ class _Walk:
         return {n: _Series(self._path, self._size, data, n) for n in names}
 
     def _is_here(self, name: str, data: Any) -> bool:
-        """Whether the values of an array stand in this file."""
+        """Whether the values of an array are in this file."""
         if data.attrs.get(OPAQUE) is not None:
             self._opaque.append(name)
             return False
@@ -147,7 +147,7 @@ class _Walk:
 
 
 def _is_series(data: Any) -> bool:
-    """Whether an array holds one number or text a row: along one axis (MATLAB: a row or column)."""
+    """Whether an array has one number or text per row, along one axis (MATLAB: row or column)."""
     if data.shape is None or max(data.shape, default=0) != data.size or data.size < 2:
         return False
     if data.attrs.get(MATLAB, b"") in (b"char", b"cell", b"function_handle"):

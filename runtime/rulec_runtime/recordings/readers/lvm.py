@@ -1,4 +1,4 @@
-"""LabVIEW measurement files (.lvm): text in segments, each with a head that says when it begins.
+"""Read LabVIEW measurement files (.lvm): text in segments, each with a head that gives its start.
 
 Source: National Instruments, Specification for the LabVIEW Measurement File.
 """
@@ -23,7 +23,7 @@ _LABVIEW = next(one for one in COUNTINGS if one.since.startswith("1904"))
 
 
 def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
-    """The channels of all segments; they have to be the same in each."""
+    """The channels of all segments, which must be the same in each."""
     text = text_file(file, path)
     head, titles, units = _begin(text, path)
     separator = _separator(head)
@@ -33,8 +33,7 @@ def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
 
     shown = [f"{t} [{u}]" if u and "[" not in t else t for t, u in zip(titles, units, strict=True)]
     decimal = "," if _first(head, "Decimal_Separator") == "," else "."
-    sheet = text_sheet(path, "", ["time", *shown], rows, ";" if decimal == "," else ",")
-    return [sheet]
+    return [text_sheet(path, "", ["time", *shown], rows, ";" if decimal == "," else ",")]
 
 
 def _separator(head: Mapping[str, Sequence[str]]) -> str:
@@ -46,7 +45,7 @@ def _first(head: Mapping[str, Sequence[str]], tag: str) -> str:
 
 
 def _heads(lines: Iterator[str], known: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Tags of a head, up to its end, added to those that are known."""
+    """Tags of a head, up to its end, added to the known ones."""
     found = {tag: list(cells) for tag, cells in known.items()}
     for line in lines:
         sign = _separator(found)
@@ -78,9 +77,10 @@ def _begin(text: TextFile, path: Path) -> tuple[dict[str, list[str]], list[str],
 
 
 def _channels(titles: Sequence[str], channels: int, columns: str) -> list[int]:
-    """Where the channels stand in a row: behind one column of x, behind one each, or at once."""
+    """Positions of the channels in a row: after one column of x, after one each, or from the first
+    column on."""
     kind = columns.lower()
-    # Without x its column is there, and empty.
+    # Without x its column may still exist, empty.
     first = 0 if kind == "no" and titles[0].strip() not in ("", "X_Value") else 1
     return [first + k * (2 if kind == "multi" else 1) for k in range(channels)]
 
@@ -92,7 +92,7 @@ def _rows(
     titles: Sequence[str],
     separator: str,
 ) -> Iterator[list[str]]:
-    """Rows of all segments: a date, or seconds where no head has one, and the channels."""
+    """Rows of all segments: a date, or seconds if no head has one, and the channels."""
     lines = iter(text.opened())
     _heads(lines, {})
     kind = _first(head, "X_Columns")
@@ -114,7 +114,7 @@ def _rows(
 
 
 def _times(segment: Mapping[str, Sequence[str]], kind: str) -> Callable[[int, str], str]:
-    """From the number of a row and its x to its time as text."""
+    """A function from the number of a row and its x to its time as text."""
     start = date_of(_first(segment, "Date"))[0] + time_of_day(_first(segment, "Time"))
     origin, step = (_number(_first(segment, tag)) for tag in ("X0", "Delta_X"))
 

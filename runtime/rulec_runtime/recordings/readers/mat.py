@@ -1,4 +1,4 @@
-"""MAT files up to version 7: arrays, and structures of arrays. Objects are not read."""
+"""Read MAT files up to version 7: arrays, and structures of arrays, but no objects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ REMEDY = (
 
 @dataclass(frozen=True)
 class _Values:
-    """An array in memory; `unit` stands beside it in a structure."""
+    """An array in memory."""
 
     values: Any
     unit: str = ""
@@ -41,7 +41,6 @@ class _Values:
         return int(np.size(self.values)) if _is_series(self.values) else 0
 
     def load(self) -> Any:
-        """Its values, one a row; the rows of a table of characters are texts."""
         return np.asarray(self.values).reshape(-1)
 
 
@@ -52,7 +51,7 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
     content = {k: v for k, v in data.items() if not k.startswith("__") and k}
     groups = list(_groups("", content, 0))
     found = tables(groups, times)
-    # An opaque object of MATLAB may be listed without a name of its own.
+    # An opaque object of MATLAB may have no name.
     objects = [k for k, v in data.items() if isinstance(v, OBJECTS)]
     if objects and not any(group.leaves for group in groups):
         raise RecordingRefused(
@@ -65,7 +64,7 @@ def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
 
 
 def _groups(name: str, content: Mapping[str, Any], depth: int) -> Iterator[Group]:
-    """Variables or fields side by side, then those of the structures among them."""
+    """Variables or fields side by side, then those of structures among them."""
     yield Group(name, {k: _Values(v) for k, v in content.items() if _is_series(v)})
     if depth >= limits.MOST_IN_TREE:
         return
@@ -76,7 +75,7 @@ def _groups(name: str, content: Mapping[str, Any], depth: int) -> Iterator[Group
 
 
 def _fields(value: Any) -> Mapping[str, Any] | None:
-    """Fields of a structure; of an array of structures, one per row, columns of its fields."""
+    """Fields of a structure; for an array of structures, one per row, columns of its fields."""
     if isinstance(value, OBJECTS) or not isinstance(value, np.ndarray | np.void):
         return None
     names = value.dtype.names
@@ -90,7 +89,7 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
 
 
 def _column(values: Any) -> Any:
-    """A field of all rows, as numbers where each row holds one."""
+    """A field of all rows, as numbers if each row has one."""
     try:
         return np.array(values.tolist(), dtype=float)
     except (TypeError, ValueError):
@@ -98,7 +97,7 @@ def _column(values: Any) -> Any:
 
 
 def _is_series(value: Any) -> bool:
-    """Whether an array is one value a row: numbers or texts along one axis."""
+    """Whether an array has one number or text per row, along one axis."""
     if isinstance(value, OBJECTS) or not isinstance(value, np.ndarray):
         return False
     if value.dtype.kind == "O":
@@ -107,7 +106,7 @@ def _is_series(value: Any) -> bool:
 
 
 def _check(file: BinaryIO, path: Path) -> None:
-    """Refuse a file whose parts unpack to far more than it is."""
+    """Refuse a file whose parts unpack to far more than its size."""
     size = file.seek(0, os.SEEK_END)
     file.seek(HEAD - 2)
     order = "<" if file.read(2) == b"IM" else ">"
@@ -122,7 +121,7 @@ def _check(file: BinaryIO, path: Path) -> None:
 
 
 def _unpacked(path: Path, packed: bytes, before: int, size: int) -> int:
-    """Bytes of a part when it is unpacked."""
+    """Number of bytes of an unpacked part."""
     unpacker, total = zlib.decompressobj(), 0
     while packed:
         total += len(unpacker.decompress(packed, PIECE))

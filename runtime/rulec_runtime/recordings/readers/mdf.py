@@ -1,4 +1,4 @@
-"""MDF files (versions 3 and 4): each channel group is a table with a clock of its own."""
+"""Read MDF files (versions 3 and 4): each channel group is a table with its own clock."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.table import Dates, Sheet
 
 FORMULA = {3: 10, 4: 3}
-"""Kind of a conversion by a formula in text, by the main version of the format."""
+"""Type of a conversion by a text formula, per main version of the format."""
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
-    """Tables of an MDF file. Times count from its start, and are dates where it states one."""
+    """Tables of an MDF file. Times count from its start, and are dates if it states one."""
     source = MDF(file)
     found = [_sheet(source, k) for k, group in enumerate(source.groups) if group.channels]
     tables = [sheet for sheet in found if sheet is not None]
@@ -64,7 +64,7 @@ def _sheet(source: MDF, number: int) -> Sheet | None:
 
 
 def _name(source: MDF, number: int) -> str:
-    """What a group is called: its acquisition name, or its number from 0."""
+    """Name of a group: its acquisition name if unique, else its number from 0."""
     names = [str(getattr(g.channel_group, "acq_name", "") or "").strip() for g in source.groups]
     name = names[number]
     return name if name and names.count(name) == 1 else f"group {number}"
@@ -75,7 +75,7 @@ def _unit(channel: Any) -> str:
 
 
 def _has_formula(conversion: Any, version: int) -> bool:
-    """Whether a conversion, or one that it refers to, is a formula."""
+    """Whether a conversion, or one to which it refers, is a formula."""
     if conversion is None:
         return False
     if conversion.conversion_type == FORMULA.get(version):
@@ -85,13 +85,13 @@ def _has_formula(conversion: Any, version: int) -> bool:
 
 
 def _start(source: MDF) -> datetime | None:
-    """When the recording began, None where the file does not state it."""
+    """The start of the recording, None if the file does not state it."""
     start: datetime = source.header.start_time
     return None if start.year <= 1970 else start
 
 
 def _times(seconds: Array, start: datetime | None) -> Any:
-    """Dates of seconds since the start, rounded to microseconds."""
+    """Dates from seconds since the start, rounded to microseconds; the seconds without a start."""
     if start is None:
         return np.asarray(seconds, dtype=float)
     zone = start.utcoffset()

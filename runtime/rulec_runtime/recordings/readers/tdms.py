@@ -1,4 +1,4 @@
-"""TDMS files: each group is a table, or one per rate where its channels have several."""
+"""Read TDMS files: each group is a table, or several if its channels have different rates."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rulec_runtime.recordings.table import Dates, Sheet
 from rulec_runtime.recordings.titles import is_time
 
 UNITS = ("unit_string", "NI_UnitDescription", "unit", "units")
-"""Properties of a channel below which its unit stands."""
+"""Properties that may hold the unit of a channel."""
 
 STEP, START, OFFSET = "wf_increment", "wf_start_time", "wf_start_offset"
 
 
 def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
-    """Tables of a TDMS file. Their time is a channel that is called so, or that of waveforms."""
+    """Tables of a TDMS file. Their time is a channel with such a name, or that of waveforms."""
     source = TdmsFile.open(file)
     found = [sheet for group in source.groups() for sheet in _sheets(group, times)]
     if not found:
@@ -78,7 +78,7 @@ def _values(channel: Any) -> Any:
 
 
 def _track(channel: Any) -> Any:
-    """Times of a waveform: dates in UTC where it states its start, else seconds."""
+    """Times of a waveform: dates in UTC if it states its start, else seconds."""
     step = float(channel.properties[STEP])
     seconds = float(channel.properties.get(OFFSET, 0.0)) + step * np.arange(len(channel))
     start = channel.properties.get(START)

@@ -1,4 +1,4 @@
-"""Tables in a tree of named arrays: arrays of one length in one group, with a time among them."""
+"""Find tables in a tree of named arrays: arrays of one length in one group, one of them a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rulec_runtime.recordings.titles import is_time
 
 
 class Leaf(Protocol):
-    """An array of a file: its length, its unit where the file tells it, and what loads it."""
+    """An array of a file: its length, its unit if the file gives it, and its values."""
 
     @property
     def rows(self) -> int: ...
@@ -23,18 +23,18 @@ class Leaf(Protocol):
 
 @dataclass(frozen=True)
 class Group:
-    """Arrays that stand side by side under a name."""
+    """Arrays side by side under a name."""
 
     name: str
     leaves: Mapping[str, Leaf]
 
 
 def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
-    """A table for each time column of a group, with what is as long as it; where a group has none,
-    one for each length.
+    """A table for each time column of a group, with the arrays of its length; one for each length
+    if a group has none.
 
-    A group without a time belongs to the nearest one around it that has one: its array `dp` is
-    there `A.dp`, if the group is called `A`.
+    A group without a time belongs to the nearest enclosing group that has one: array `dp` of group
+    `A` is `A.dp` there.
     """
     timed = {g.name: g for g in groups if _timed(g.leaves, times)}
     whole: dict[str, dict[str, Leaf]] = {g.name: {} for g in groups}
@@ -50,12 +50,12 @@ def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
 
 
 def _timed(names: Iterable[str], times: Collection[str]) -> bool:
-    """Whether one of some arrays holds times; `T` is mostly a temperature."""
+    """Whether one of the arrays holds times; `T` is usually a temperature."""
     return any(name != "T" and is_time(name, times) for name in names)
 
 
 def _around(name: str, timed: Collection[str]) -> str | None:
-    """The nearest group around one that has a time."""
+    """The nearest enclosing group that has a time."""
     while name:
         name = name.rpartition("/")[0]
         if name in timed:
