@@ -139,7 +139,14 @@ class _Reader:
         tag = name.rpartition(":")[2]
         if self._skipped:
             if tag == _CLASS and self._classes:
-                self._derived(attributes)
+                name = attributes.get("Name", "")
+                if len(name) > limits.LONGEST_NAME:
+                    raise self._refused(
+                        f"the name of a class has {len(name)} characters; is it an MTP?"
+                    )
+                outer = "/".join(self._classes)
+                self._classes.append(name)
+                self.bases[f"{outer}/{name}"] = attributes.get("RefBaseClassPath", "") or outer
             return
         if tag in _TEXTS:
             self._of, self._parts, self._length = tag, [], 0
@@ -167,14 +174,6 @@ class _Reader:
         else:
             raise self._refused(f"the file begins with '{tag}'; an MTP begins with 'CAEXFile'")
         self._here = element
-
-    def _derived(self, attributes: dict[str, str]) -> None:
-        name = attributes.get("Name", "")
-        if len(name) > limits.LONGEST_NAME:
-            raise self._refused(f"the name of a class has {len(name)} characters; is it an MTP?")
-        self._classes.append(name)
-        base = attributes.get("RefBaseClassPath", "")
-        self.bases["/".join(self._classes)] = base or "/".join(self._classes[:-1])
 
     def _end(self, name: str) -> None:
         self._depth -= 1

@@ -45,7 +45,7 @@ class Imported:
 
 
 def import_files(
-    paths: Iterable[Path], knowledge: Knowledge, online: str | None = None
+    paths: Iterable[Path], knowledge: Knowledge, online: str | None
 ) -> tuple[list[Imported], list[tuple[Path, str]]]:
     """Modules of all files under unique names, and the refused files with reasons.
 

@@ -47,9 +47,8 @@ def _read(
 ) -> Mapping[str, str]:
     from rulec_runtime.live.sources.opcua_once import read_once
 
-    source = Source(name="", endpoint=address, access=Access())
     try:
-        found = read_once(source, asked, limits.ONLINE)
+        found = read_once(Source(name="", endpoint=address, access=Access()), asked, limits.ONLINE)
     except ConnectionError as error:
         remedy = "where it has another address, import the file alone with --online ADDRESS"
         text = f"{address}: {error}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from rulec.mtp import limits
@@ -84,12 +84,14 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
         )
     symbols, connections = read_pictures(space, parts)
     version = element.attribute("Version")
+    headers = (e.texts for root in space.roots for e in root.walk() if e.tag == "WriterHeader")
+    writer: Mapping[str, str] = next(headers, {})
     return Package(
         file=path.name,
         name=space.name(element),
         title=element.texts.get("Description", ""),
         version=element.texts.get("Version") or (version.texts.get("Value", "") if version else ""),
-        writer=_writer(space.roots),
+        writer=writer.get("WriterVendor") or writer.get("WriterName", ""),
         tags=tags,
         servers=servers or (Server(name="", endpoint=""),),
         services=tuple(read_services(space, parts, tags, odd)),
@@ -125,12 +127,3 @@ def _twice(space: Space) -> Iterator[Oddity]:
             )
         remedy = "what refers to it is left out; give each element an id of its own"
         yield Oddity("ids that stand twice", elements[1].place, text, remedy)
-
-
-def _writer(roots: Sequence[Element]) -> str:
-    """Vendor or name of the program that wrote the files."""
-    for root in roots:
-        for element in root.walk():
-            if element.tag == "WriterHeader":
-                return element.texts.get("WriterVendor") or element.texts.get("WriterName", "")
-    return ""

@@ -65,15 +65,11 @@ def _entry(reading: Reading) -> dict[str, object]:
         "sensor": reading.sensor or "TODO",
     }
     if reading.range is not None:
-        entry["range"] = [_plain(end) for end in reading.range]
+        ends = (rounded(end, 9) for end in reading.range)
+        entry["range"] = [int(x) if x.is_integer() and abs(x) < 1e15 else x for x in ends]
     if reading.is_input:
         entry["input"] = True
     return entry
-
-
-def _plain(number: float) -> float | int:
-    short = rounded(number, 9)
-    return int(short) if short.is_integer() and abs(short) < 1e15 else short
 
 
 def _because(reading: Reading) -> str:

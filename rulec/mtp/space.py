@@ -74,11 +74,10 @@ class Space:
 
     def kind(self, element: Element) -> str:
         """The class of a data assembly: the last part of a path that the tables know."""
-        known = tables().classes
         for path in self.paths(element):
             for part in reversed(path.split("/")):
                 for name in (part, part.removeprefix("Mon").removeprefix("Lock")):
-                    if name in known:
+                    if name in tables().classes:
                         return name
         return ""
 

@@ -4,7 +4,7 @@ and columns of qualities are recognised by the column map or by their titles."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,64 +30,53 @@ def arrange(path: Path, sheet: Sheet, form: FileForm) -> Sheet:
         return pair_sheet(path, sheet, places.pairs, form)
     if len(places.time) < 2 and not places.quality_of and form.hold != "last":
         return sheet
-    return _wide(path, sheet, places, form)
+    return wide_sheet(path, sheet, places, form)
 
 
-def _wide(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
+def wide_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Sheet:
     """A table without its columns of qualities and with one column of time."""
     aside = {*places.time[1:], *(places.quality_of or {}).values()}
     there = [i for i in range(len(sheet.titles)) if i not in aside]
     titles = [sheet.titles[i] for i in there]
     if len(form.time) > 1:
         titles[there.index(places.time[0])] = form.time_title
-    table = _WideTable(path, sheet, places, tuple(there), form)
+
+    def read(kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
+        wanted = [there[i] for i in kept], [there[i] for i in numbers]
+        return _read_wide(path, sheet, places, form, *wanted)
+
     return replace(
         sheet,
         titles=tuple(titles),
         units=tuple(sheet.units[i] for i in there),
-        read=table.read,
-        lines=lambda: lines_of(table.read, len(there)),
+        read=read,
+        lines=lambda: lines_of(read, len(there)),
     )
 
 
-@dataclass(frozen=True)
-class _WideTable:
-    """The columns `there` of a table; the others are parts of its time, and qualities."""
-
-    path: Path
-    sheet: Sheet
-    places: Places
-    there: tuple[int, ...]
-    form: FileForm
-
-    def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
-        form = self.form
-        wanted = [self.there[i] for i in numbers]
-        judges = {i: q for i, q in (self.places.quality_of or {}).items() if i in wanted}
-        parts = self.places.time if len(self.places.time) > 1 or form.hold == "last" else ()
-        asked = [*(self.there[i] for i in kept), *parts, *judges.values()]
-        table = self.sheet.read(asked, wanted, form)
-        cells, beside = table.kept[: len(kept)], table.kept[len(kept) :]
-        columns = dict(zip(wanted, table.columns, strict=True))
-        qualities = [texts_of(cells) for cells in beside[len(parts) :]]
-        found = set().union(*qualities)
-        remarks = table.remarks
-        if found:
-            title = self.sheet.titles[next(iter(judges.values()))]
-            remarks = (*remarks, *codes_told(self.path, title, found, form))
-        for (index, quality), texts in zip(judges.items(), qualities, strict=True):
-            title = self.sheet.titles[quality]
-            columns[index] = judged(self.path, columns[index], title, texts, found, form)
-        time = None
-        if parts:
-            time, remarks = time_of_parts(self.path, beside[: len(parts)], form, remarks)
-            places = [i for i, k in enumerate(kept) if self.there[k] == parts[0]]
-            cells = tuple(time if i in places else cell for i, cell in enumerate(cells))
-        if form.hold == "last" and time is not None:
+def _read_wide(
+    path: Path, sheet: Sheet, places: Places, form: FileForm, kept: list[int], numbers: list[int]
+) -> Table:
+    """Columns of a table, read together with the other parts of its time and with qualities."""
+    judges = {i: q for i, q in (places.quality_of or {}).items() if i in numbers}
+    parts = places.time if len(places.time) > 1 or form.hold == "last" else ()
+    table = sheet.read([*kept, *parts, *judges.values()], numbers, form)
+    cells, beside = table.kept[: len(kept)], table.kept[len(kept) :]
+    columns = dict(zip(numbers, table.columns, strict=True))
+    qualities = [texts_of(cells) for cells in beside[len(parts) :]]
+    found = set().union(*qualities)
+    remarks = table.remarks
+    if found:
+        title = sheet.titles[next(iter(judges.values()))]
+        remarks = (*remarks, *codes_told(path, title, found, form))
+    for (index, quality), texts in zip(judges.items(), qualities, strict=True):
+        columns[index] = judged(path, columns[index], sheet.titles[quality], texts, found, form)
+    if parts:
+        time, remarks = time_of_parts(path, beside[: len(parts)], form, remarks)
+        cells = tuple(time if i == parts[0] else c for i, c in zip(kept, cells, strict=True))
+        if form.hold == "last":
             columns, remarks = held(columns, time, form, remarks)
-        return replace(
-            table, kept=cells, columns=tuple(columns[i] for i in wanted), remarks=remarks
-        )
+    return replace(table, kept=cells, columns=tuple(columns[i] for i in numbers), remarks=remarks)
 
 
 def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) -> Sheet:

@@ -39,6 +39,5 @@ def correlations_of(error: Array, known: Flags) -> tuple[Array, int]:
     if lags[0] <= 0.0:
         return none, 1
     correlation = lags / lags[0]
-    floor = limits.WHITE_CORRELATION / np.sqrt(n)
-    ends = np.flatnonzero(correlation[1:] < floor)
+    ends = np.flatnonzero(correlation[1:] < limits.WHITE_CORRELATION / np.sqrt(n))
     return (correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]), most

@@ -58,8 +58,7 @@ def in_order(time: Array) -> Ordered:
     moved, sets = time.copy(), []
     for before, here in pairwise(runs):
         start, end = time[here[0]], time[before[1] - 1]
-        shift = moved[before[1] - 1] + usual - start
-        moved[here[0] : here[1]] += shift
+        moved[here[0] : here[1]] += moved[before[1] - 1] + usual - start
         sets.append(ClockSet(float(moved[here[0]]), float(end + usual - start)))
     return Ordered(None, moved, (*stood, *sets), False)
 

@@ -107,7 +107,7 @@ def _orders(text: str) -> tuple[Order, ...]:
     return tuple(found)
 
 
-def dates_of(cells: Sequence[str], order: Order = "") -> tuple[Array, Array]:
+def dates_of(cells: Sequence[str], order: Order) -> tuple[Array, Array]:
     """Seconds since 1970, NaN where a cell is no date, and seconds ahead of UTC, NaN if unknown.
 
     A date without a zone counts as UTC, so no hour is lost or doubled.

@@ -91,7 +91,7 @@ def opened_sheet(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
 
 
 @contextmanager
-def opened_table(path: Path, form: FileForm = AS_SEEN) -> Iterator[Sheet]:
+def opened_table(path: Path, form: FileForm) -> Iterator[Sheet]:
     """The same as it is written."""
     place, name = place_of(path)
     times = names_of_times(form)

@@ -30,8 +30,15 @@ def held(
     columns: Mapping[int, Column], time: Cells, form: FileForm, remarks: tuple[str, ...]
 ) -> tuple[dict[int, Column], tuple[str, ...]]:
     """Columns whose empty cells take the reading above them while it holds; a word ends it."""
-    seconds = seconds_in(time, form)
-    found = {index: _filled(column, seconds, form.hold_for) for index, column in columns.items()}
+    seconds, found = seconds_in(time, form), {}
+    for index, column in columns.items():
+        values = column.numbers()
+        rows = rows_written(values, column, seconds)
+        if len(rows):
+            at = last_before(seconds[rows], seconds, form.hold_for)
+            values = np.where(at >= 0, values[rows[np.maximum(at, 0)]], np.nan)
+        found[index] = replace(column, parts=Growing())
+        found[index].parts.append(values)
     return found, (*remarks, told(form))
 
 
@@ -47,16 +54,6 @@ def rows_written(values: Array, column: Column, seconds: Array) -> NDArray[np.in
     there[[*(column.placed or ())]] = True
     rows = np.flatnonzero(there & np.isfinite(seconds))
     return rows[np.argsort(seconds[rows], kind="stable")]
-
-
-def _filled(column: Column, seconds: Array, longest: float | None) -> Column:
-    values = column.numbers()
-    rows = rows_written(values, column, seconds)
-    at = last_before(seconds[rows], seconds, longest)
-    filled = np.where(at >= 0, values[rows[np.maximum(at, 0)]], np.nan) if len(rows) else values
-    parts = Growing()
-    parts.append(filled)
-    return replace(column, parts=parts)
 
 
 def written_on_change(times: Array, rows: int) -> bool:

@@ -20,11 +20,7 @@ Cells = np.ndarray | list[str]
 
 
 def file_of(
-    name: str,
-    columns: Mapping[str, Cells],
-    ruleset: Ruleset,
-    notes: list[str],
-    zoned: bool = False,
+    name: str, columns: Mapping[str, Cells], ruleset: Ruleset, notes: list[str], zoned: bool = False
 ) -> RecordingFile:
     """Columns of equal length as the file that would hold them.
 
@@ -62,7 +58,6 @@ def file_of(
 def _times(
     path: Path, cells: Cells, header: Header, ruleset: Ruleset, zoned: bool, notes: list[str]
 ) -> tuple[Array, Array | None]:
-    """Seconds and zones, as from `read_times`."""
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
     if isinstance(cells, list):
         return read_times(path, cells, title, unit, ruleset.units, zone, notes)

@@ -8,7 +8,7 @@ readings hold, it goes to all rows until the next one. A remark counts readings 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -50,9 +50,9 @@ class LongTable:
     readings: tuple[Readings, ...]
     times: Cells
     form: FileForm
-    untimed: int = 0
-    left_out: tuple[int, int] = (0, 0)
-    decimals: set[str] = field(default_factory=set)
+    untimed: int
+    left_out: tuple[int, int]
+    decimals: set[str]
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], _: FileForm = AS_SEEN) -> Table:
         form = self.form

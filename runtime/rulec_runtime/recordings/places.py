@@ -114,11 +114,7 @@ def _stated(
 
 
 def _time(
-    path: Path,
-    titles: Sequence[str],
-    names: Sequence[str],
-    form: FileForm,
-    times: Collection[str],
+    path: Path, titles: Sequence[str], names: Sequence[str], form: FileForm, times: Collection[str]
 ) -> tuple[int, ...]:
     """Columns that together make the time; empty if there is no time."""
     if len(form.time) > 1:
@@ -161,7 +157,10 @@ def _pairs(titles: Sequence[str], times: Collection[str], form: FileForm) -> tup
         if until - at != 2 and not judged:
             return ()
         quality = at + 2 if judged else -1
-        found.append(Pair(_pair_title(titles[at], titles[at + 1]), at + 1, at, quality))
+        value = titles[at + 1].strip()
+        generic = value.lower() in (*VALUES, "valuey")
+        title = _stem(titles[at], OF_TIMES) if generic else _stem(value, OF_VALUES)
+        found.append(Pair(title or value, at + 1, at, quality))
     return tuple(found)
 
 
@@ -170,27 +169,20 @@ def _is_timed(title: str, times: Collection[str]) -> bool:
     return is_time(title, times) or bool(_stem(text, OF_TIMES) or _NUMBERED.fullmatch(text))
 
 
-def _pair_title(time: str, value: str) -> str:
-    """Title of the readings that follow a column of times."""
-    generic = value.strip().lower() in (*VALUES, "valuey")
-    return (_stem(time, OF_TIMES) if generic else _stem(value, OF_VALUES)) or value.strip()
-
-
 def _judges(title: str, other: str, form: FileForm) -> bool:
     """Whether a column holds the qualities of another: its title is such a word, perhaps after the
     other's name."""
-    words, name = _words(form), other.strip()
+    words, name = _quality_names(form), other.strip()
     return title.strip().lower() in words or _stem(title, words) in (name, parts_of(name)[0])
 
 
-def _words(form: FileForm) -> tuple[str, ...]:
-    """Names of columns of qualities."""
+def _quality_names(form: FileForm) -> tuple[str, ...]:
     return (*QUALITIES, *((form.quality.lower(),) if form.quality else ()))
 
 
 def _qualities(titles: Sequence[str], times: Collection[str], form: FileForm) -> dict[int, int]:
     """The column of qualities of each column of readings."""
-    words, plain = _words(form), dict[str, int]()
+    words, plain = _quality_names(form), dict[str, int]()
     for i, title in enumerate(titles):
         plain.setdefault(title.strip(), i)
         plain.setdefault(parts_of(title.strip())[0], i)

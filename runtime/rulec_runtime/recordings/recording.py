@@ -280,7 +280,6 @@ def starts_behind(times: Sequence[Array]) -> list[float]:
 
 
 def _moved(part: _Part, seconds: float) -> _Part:
-    """The same file, shifted in time."""
     clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
     return replace(part, time=mapped(part.time, lambda t: t + seconds), clock=clock)
 
@@ -297,9 +296,7 @@ def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
 Found = TypeVar("Found")
 
 
-def once(
-    function: Callable[[Recording, Ruleset], Found],
-) -> Callable[[Recording, Ruleset], Found]:
+def once(function: Callable[[Recording, Ruleset], Found]) -> Callable[[Recording, Ruleset], Found]:
     """Cache the result of a function per recording and ruleset."""
 
     @wraps(function)

@@ -37,8 +37,8 @@ def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, d
     every reading while settled, SI."""
     noise = noise_at_work(recording, ruleset)
     settled = settled_stretches(recording, ruleset)
-    within = noise_within(recording, settled, noise)
-    return _with_slow(settled, recording, ruleset, noise), within
+    stretches = _with_slow(settled, recording, ruleset, noise)
+    return stretches, noise_within(recording, settled, noise)
 
 
 def settle_or_slow_by(

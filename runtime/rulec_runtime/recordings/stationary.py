@@ -152,9 +152,8 @@ def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
     A pump that is off most of the time shows no noise in most samples; its readings while it runs
     would then all count as jumps.
     """
-    signals = ruleset.signal_by_id
     return {
-        name: noise_of(values, partial(working, signals[name]))
+        name: noise_of(values, partial(working, ruleset.signal_by_id[name]))
         for name, values in recording.values.items()
     }
 

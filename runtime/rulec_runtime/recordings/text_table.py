@@ -89,9 +89,9 @@ class TextTable:
     rows: Callable[[], Iterator[list[str]]]
     separator: str
     has_units: bool
-    most: int | None = None
-    times: frozenset[str] = frozenset()
-    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None = None
+    most: int | None
+    times: frozenset[str]
+    parts: Callable[[int, Sequence[int]], Iterator[Part]] | None
 
     def read(self, kept: Sequence[int], numbers: Sequence[int], form: FileForm = AS_SEEN) -> Table:
         """Read columns; rows with a wrong number of cells are left out, since none of their cells

@@ -52,9 +52,8 @@ def thinned(
     def around(values: Array) -> Array:
         return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
 
-    thin = time[:used].reshape(count, factor)[:, 0]
     return (
-        np.ascontiguousarray(thin),
+        np.ascontiguousarray(time[:used].reshape(count, factor)[:, 0]),
         {n: mean(v) for n, v in inputs.items()},
         {n: around(v) for n, v in measured.items()},
     )

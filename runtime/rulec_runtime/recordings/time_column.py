@@ -109,7 +109,6 @@ def order_in(
 
 
 def _day_of(date: str, order: Order) -> str:
-    """A date in words, with its order."""
     seconds, _ = date_of(date, order)
     return f"{datetime.fromtimestamp(seconds, UTC):%-d %B %Y} ({order})"
 

@@ -61,8 +61,8 @@ def rejoined(titles: Sequence[str], separator: str) -> list[str]:
     """
     found: list[str] = []
     for title in titles:
-        cut = separator == ";" and found and _NAMESPACE.match(found[-1])
-        if cut and _IDENTIFIER.match(title):
+        split = separator == ";" and found and _NAMESPACE.match(found[-1])
+        if split and _IDENTIFIER.match(title):
             found[-1] = f"{found[-1]};{title}"
         else:
             found.append(title)

@@ -170,8 +170,7 @@ def _alike(
 
 def _as_table(name: str, part: Recording, ruleset: Ruleset, other: str) -> Recording:
     """One row per settled state of a course: means of its readings."""
-    noise = noise_at_work(part, ruleset)
-    states = find_stretches(part, ruleset, noise, longest=len(part))
+    states = find_stretches(part, ruleset, noise_at_work(part, ruleset), longest=len(part))
     if not len(states):
         raise RecordingRefused(
             f"{name}: it never settles, and {other} is a table of operating points; hold each set "
@@ -213,7 +212,6 @@ def _dated_starts(
 
 
 def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calendar:
-    """Dates of the common axis."""
     offsets = [
         (since + start, seconds)
         for start, calendar in zip(starts, calendars, strict=True)
@@ -223,7 +221,6 @@ def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calenda
 
 
 def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:
-    """A remark on the positions of recordings on the common axis."""
     shown = [
         f"{name} from {start + float(part.time[0]):g} s"
         for name, start, part in zip(names, starts, parts, strict=True)

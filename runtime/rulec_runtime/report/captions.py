@@ -110,7 +110,7 @@ def _some(names: Sequence[str]) -> str:
     return listed([*names[:NAMED], *more])
 
 
-def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
+def say_degrees(diagnosis: Diagnosis, missed: Sequence[str]) -> str:
     """How large each diagnosed fault becomes, and when; `missed` were there but not named."""
     findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
     if not diagnosis.judged:
@@ -163,9 +163,8 @@ def say_shares(cases: Cases, table: np.ndarray) -> str:
     """Shares of the cases close to the truth."""
     middle = len(table) // 2
     near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
-    off = float(np.abs(cases.discrepancy).mean())
     return (
         f"{percent(float(near))} of {counted(len(cases), 'case')} lie within 0.05 of the true "
         f"degree and {percent(float(next_to))} within 0.15; the mean absolute discrepancy is "
-        f"{number(off, 2)}."
+        f"{number(float(np.abs(cases.discrepancy).mean()), 2)}."
     )

@@ -24,5 +24,4 @@ def plot(svg: str, foot: bool, below: str, deep: bool = False) -> str:
     """A panel with room for its axes; the last of a stack (`foot`) has the title of the horizontal
     axis, further down if labels are `deep`."""
     label = f'<div class="below">{safe(below)}</div>' if foot else ""
-    style = "plot deep" if deep else "plot"
-    return f'<div class="{style}">{svg}{label}</div>'
+    return f'<div class="plot{" deep" * deep}">{svg}{label}</div>'

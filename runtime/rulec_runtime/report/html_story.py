@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -80,8 +79,7 @@ def told(diagnosis: Diagnosis) -> str:
 
 
 def _remarked(letter: str, title: str, periods: Sequence[Period], calendar: Calendar | None) -> str:
-    shown = remarks(periods, calendar)
-    return f'<div class="finding is-{letter}"><h3>{title}</h3>{shown}</div>'
+    return f'<div class="finding is-{letter}"><h3>{title}</h3>{remarks(periods, calendar)}</div>'
 
 
 def _card(letter: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
@@ -196,8 +194,7 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     for finding in worst_first(diagnosis.findings):
         when = period_told(diagnosis.calendar, finding.since, finding.until)
         title = safe(f"{finding.fault.id} {when}, where it shows most")
-        why = ground_of(diagnosis.ruleset, finding)
-        yield f'<div class="evidence"><h3>{title}</h3>{why}</div>'
+        yield f'<div class="evidence"><h3>{title}</h3>{ground_of(diagnosis.ruleset, finding)}</div>'
 
 
 def ground_of(ruleset: Ruleset, finding: Finding) -> str:
@@ -219,15 +216,14 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
         *columns(what, f".differ by{unit}", f".threshold{unit}"),
         *(Column("fired", "mid"), Column("expected", "mid"), Column("")),
     ]
-    return table(what, of, (_residual_row(ruleset, finding, e) for e in ordered[:LISTED])) + more
-
-
-def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> list[Cell | str]:
-    kind, words = agreement(ruleset, finding, e)
-    value, threshold = told_residual(ruleset, e, L_PER_H)
-    value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
-    first = map(safe, (e.residual, value, threshold, fired, expected))
-    return [*first, Cell(safe(words), kind)]
+    rows = []
+    for e in ordered[:LISTED]:
+        kind, words = agreement(ruleset, finding, e)
+        value, threshold = told_residual(ruleset, e, L_PER_H)
+        value, fired, expected = (s.replace("-", "−") for s in (value, e.verdict, e.expected))
+        first = map(safe, (e.residual, value, threshold, fired, expected))
+        rows.append([*first, Cell(safe(words), kind)])
+    return table(what, of, rows) + more
 
 
 def _estimates(ruleset: Ruleset, finding: Finding) -> str:

@@ -152,8 +152,7 @@ def growth_form(fault: FaultSpec, growth: Growth, calendar: Calendar | None) -> 
         ends = {"earliest": ahead.earliest, "latest": ahead.latest}
         form["reaches"] = {"degree": ahead.degree, **ends}
         if calendar is not None:
-            dates = {f"{key}_time": calendar.iso(time) for key, time in ends.items()}
-            form["reaches"] |= dates
+            form["reaches"] |= {f"{key}_time": calendar.iso(time) for key, time in ends.items()}
     return form
 
 

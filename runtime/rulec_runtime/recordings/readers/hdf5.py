@@ -115,17 +115,15 @@ class _Walk:
             if isinstance(item, h5py.Group):
                 inner.append((full, item))
             elif isinstance(item, h5py.Dataset) and self._is_here(full, item):
-                if item.dtype.names:
-                    yield Group(full, self._records(item))
+                kind = item.dtype
+                if kind.names:
+                    fields = [n for n in kind.names if not kind[n].names and not kind[n].shape]
+                    yield Group(full, {n: _Series(self._path, self._size, item, n) for n in fields})
                 elif _is_series(item):
                     leaves[key] = _Series(self._path, self._size, item)
         yield Group(name, leaves)
         for full, item in inner:
             yield from self.groups(full, item, depth + 1)
-
-    def _records(self, data: Any) -> dict[str, Leaf]:
-        names = [n for n in data.dtype.names if not data.dtype[n].names and not data.dtype[n].shape]
-        return {n: _Series(self._path, self._size, data, n) for n in names}
 
     def _is_here(self, name: str, data: Any) -> bool:
         """Whether the values of an array are in this file."""

@@ -26,10 +26,9 @@ def sheets(file: BinaryIO, path: Path, _: Collection[str]) -> list[Sheet]:
     """The channels of all segments, which must be the same in each."""
     text = text_file(file, path)
     head, titles, units = _begin(text, path)
-    separator = _separator(head)
 
     def rows() -> Iterator[list[str]]:
-        return _rows(text, path, head, titles, separator)
+        return _rows(text, path, head, titles)
 
     shown = [f"{t} [{u}]" if u and "[" not in t else t for t, u in zip(titles, units, strict=True)]
     decimal = "," if _first(head, "Decimal_Separator") == "," else "."
@@ -86,16 +85,12 @@ def _channels(titles: Sequence[str], channels: int, columns: str) -> list[int]:
 
 
 def _rows(
-    text: TextFile,
-    path: Path,
-    head: Mapping[str, Sequence[str]],
-    titles: Sequence[str],
-    separator: str,
+    text: TextFile, path: Path, head: Mapping[str, Sequence[str]], titles: Sequence[str]
 ) -> Iterator[list[str]]:
     """Rows of all segments: a date, or seconds if no head has one, and the channels."""
     lines = iter(text.opened())
     _heads(lines, {})
-    kind = _first(head, "X_Columns")
+    kind, separator = _first(head, "X_Columns"), _separator(head)
     for line in lines:
         if not line.strip():
             continue

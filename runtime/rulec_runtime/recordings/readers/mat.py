@@ -114,14 +114,13 @@ def _check(file: BinaryIO, path: Path) -> None:
     while len(tag := file.read(8)) == 8:
         kind, count = struct.unpack(f"{order}II", tag)
         if kind == COMPRESSED:
-            total += _unpacked(path, file.read(count), total, size)
+            total += _unpacked_size(path, file.read(count), total, size)
         else:
             file.seek(count, os.SEEK_CUR)
     file.seek(0)
 
 
-def _unpacked(path: Path, packed: bytes, before: int, size: int) -> int:
-    """Number of bytes of an unpacked part."""
+def _unpacked_size(path: Path, packed: bytes, before: int, size: int) -> int:
     unpacker, total = zlib.decompressobj(), 0
     while packed:
         total += len(unpacker.decompress(packed, PIECE))

@@ -41,7 +41,8 @@ def _sheet(source: MDF, number: int) -> Sheet | None:
     rows = int(group.channel_group.cycles_nr)
     if not channels or not rows:
         return None
-    start = _start(source)
+    stated: datetime = source.header.start_time
+    start = stated if stated.year > 1970 else None
 
     def pieces(indexes: Sequence[int]) -> Iterator[list[Any]]:
         yield [
@@ -52,7 +53,10 @@ def _sheet(source: MDF, number: int) -> Sheet | None:
         ]
 
     titles = [group.channels[k].name.partition("\\")[0] for k in channels]
-    units = [_unit(group.channels[k]) for k in channels]
+    units = [
+        str(c.unit or getattr(c.conversion, "unit", "") or "").strip("\0 ")
+        for c in (group.channels[k] for k in channels)
+    ]
     remarks = [
         f"'{group.channels[k].name}' is to be calculated by a formula in the file, which is not "
         "evaluated"
@@ -70,10 +74,6 @@ def _name(source: MDF, number: int) -> str:
     return name if name and names.count(name) == 1 else f"group {number}"
 
 
-def _unit(channel: Any) -> str:
-    return str(channel.unit or getattr(channel.conversion, "unit", "") or "").strip("\0 ")
-
-
 def _has_formula(conversion: Any, version: int) -> bool:
     """Whether a conversion, or one to which it refers, is a formula."""
     if conversion is None:
@@ -82,12 +82,6 @@ def _has_formula(conversion: Any, version: int) -> bool:
         return True
     inner = (getattr(conversion, "referenced_blocks", None) or {}).values()
     return any(_has_formula(part, version) for part in inner if hasattr(part, "conversion_type"))
-
-
-def _start(source: MDF) -> datetime | None:
-    """The start of the recording, None if the file does not state it."""
-    start: datetime = source.header.start_time
-    return None if start.year <= 1970 else start
 
 
 def _times(seconds: Array, start: datetime | None) -> Any:
