@@ -92,8 +92,8 @@ def node_id(identifier: str, namespace: str, data_type: str = "") -> str:
         value = _valid(kind, value)
     except ValueError:
         what = {"i": "a whole number of 32 bits", "g": "a GUID", "b": "base64"}[kind]
-        said = f" of type {data_type}" if not whole else ""
-        raise ValueError(f"the identifier '{identifier}'{said}, which is not {what}") from None
+        what_type = f" of type {data_type}" if not whole else ""
+        raise ValueError(f"the identifier '{identifier}'{what_type}, which is not {what}") from None
     if own is None and namespace:
         own = f"{'ns' if namespace.isdigit() else 'nsu'}={namespace};"
     return f"{own or ''}{kind}={value}"

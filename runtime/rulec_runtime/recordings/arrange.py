@@ -15,7 +15,7 @@ from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.held import held, rows_written
 from rulec_runtime.recordings.long_table import LongTable, Readings, long_sheet
 from rulec_runtime.recordings.places import Pair, Places, places_of
-from rulec_runtime.recordings.quality import codes_told, judged
+from rulec_runtime.recordings.quality import codes_remark, judged
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import comparable, seconds_in, time_of_parts
 
@@ -68,7 +68,7 @@ def _read_wide(
     remarks = table.remarks
     if found:
         title = sheet.titles[next(iter(judges.values()))]
-        remarks = (*remarks, *codes_told(path, title, found, form))
+        remarks = (*remarks, *codes_remark(path, title, found, form))
     for (index, quality), texts in zip(judges.items(), qualities, strict=True):
         columns[index] = judged(path, columns[index], sheet.titles[quality], texts, found, form)
     if parts:
@@ -90,7 +90,7 @@ def pair_sheet(path: Path, sheet: Sheet, pairs: Sequence[Pair], form: FileForm) 
     qualities = {p: texts_of(cells[p.quality]) for p in pairs if p.quality >= 0}
     found = set().union(*qualities.values())
     if found:
-        notes += codes_told(path, sheet.titles[next(iter(qualities)).quality], found, form)
+        notes += codes_remark(path, sheet.titles[next(iter(qualities)).quality], found, form)
     for pair, column, own in zip(pairs, table.columns, times, strict=True):
         if pair.quality >= 0:
             title = sheet.titles[pair.quality]

@@ -39,10 +39,10 @@ def held(
             values = np.where(at >= 0, values[rows[np.maximum(at, 0)]], np.nan)
         found[index] = replace(column, parts=Growing())
         found[index].parts.append(values)
-    return found, (*remarks, told(form))
+    return found, (*remarks, remark_on_hold(form))
 
 
-def told(form: FileForm) -> str:
+def remark_on_hold(form: FileForm) -> str:
     """The remark on readings that hold."""
     most = "" if form.hold_for is None else f", for {form.hold_for:g} s at most"
     return f"a reading holds until the next one of its signal{most}, as the column map says"

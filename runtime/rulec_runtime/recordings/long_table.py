@@ -22,7 +22,7 @@ from rulec_runtime.recordings import held
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, Unclear
 from rulec_runtime.recordings.piecewise import interval_of, nearest
 from rulec_runtime.recordings.places import Places
-from rulec_runtime.recordings.quality import as_word, codes_told, good_of
+from rulec_runtime.recordings.quality import as_word, codes_remark, good_of
 from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, lines_of, texts_of
 from rulec_runtime.recordings.time_column import seconds_in, time_of_parts
 from rulec_runtime.recordings.titles import unit_in
@@ -130,7 +130,7 @@ class LongTable:
             count = plural(self.untimed, "reading has", "readings have")
             yield f"{count} no usable time; left out"
         if self.form.hold == "last":
-            yield held.told(self.form)
+            yield held.remark_on_hold(self.form)
             return
         moved, lost, largest = 0, 0, 0.0
         for k, own in found.items():
@@ -167,7 +167,7 @@ def long_sheet(path: Path, sheet: Sheet, places: Places, form: FileForm) -> Shee
     if places.quality >= 0:
         title, texts = sheet.titles[places.quality], texts_of(cells[places.quality])
         good = good_of(path, title, set(texts), form)
-        notes = (*notes, *codes_told(path, title, set(texts), form))
+        notes = (*notes, *codes_remark(path, title, set(texts), form))
         words |= {k: as_word(text) for k, text in enumerate(texts) if not good[text]}
     values[[*words]] = np.nan
     units = texts_of(cells[places.unit]) if places.unit >= 0 else []

@@ -64,7 +64,7 @@ def standard_of(path: Path, title: str, found: Collection[str]) -> str:
     return (_standard(path, title, codes) or "1") if codes else ""
 
 
-def codes_told(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
+def codes_remark(path: Path, title: str, found: Collection[str], form: FileForm) -> tuple[str, ...]:
     """The remark on codes whose standard the column map does not name."""
     standard = "" if form.good else standard_of(path, title, found)
     what = {

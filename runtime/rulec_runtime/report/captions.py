@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.report.series import Curves, persistent, sides_of
 from rulec_runtime.report.text import bounds, counted, degree, listed, number, percent
-from rulec_runtime.report.time_axis import told
+from rulec_runtime.report.time_axis import period_in_words
 from rulec_runtime.report.truth import Cases
 from rulec_runtime.report.wording import worst_first
 
@@ -50,7 +50,7 @@ def say_estimates(curves: Curves) -> str:
     run = slice(first, last + 1)
     apart = float(np.mean(curves.apart(one, other)[run]))
     side = "above" if apart > 0 else "below"
-    when = told(curves.calendar, float(curves.time[first]), float(curves.time[last]))
+    when = period_in_words(curves.calendar, float(curves.time[first]), float(curves.time[last]))
     again = f"; {counted(times - 1, 'other period')} shown lie beyond it" if times > 1 else ""
     return (
         f"The {one.short} estimate of {module} stands {number(abs(apart))} l/h {side} the "
@@ -125,7 +125,7 @@ def say_degrees(diagnosis: Diagnosis, missed: Sequence[str]) -> str:
         parts.append(
             f"{finding.fault.id} reaches {degree(finding.degree, finding.fault.unit)} "
             f"({bounds(finding.lower, finding.upper)}) "
-            f"{told(diagnosis.calendar, finding.since, finding.until)}{often}"
+            f"{period_in_words(diagnosis.calendar, finding.since, finding.until)}{often}"
         )
     if missed:
         parts.append(f"truly present but never named: {_some(missed)}")
@@ -153,8 +153,8 @@ def say_cases(cases: Cases) -> str:
             )
     if healthy.any():
         alarms = int((healthy & ~right).sum())
-        said = "nothing is reported" if not alarms else f"{alarms} are false alarms"
-        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {said}")
+        reported = "nothing is reported" if not alarms else f"{alarms} are false alarms"
+        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {reported}")
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "."
 

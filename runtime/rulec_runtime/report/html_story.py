@@ -22,7 +22,7 @@ from rulec_runtime.report.blindness import (
 from rulec_runtime.report.growth import grown
 from rulec_runtime.report.tables import Cell, Column, columns, table
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, safe
-from rulec_runtime.report.time_axis import told as period_told
+from rulec_runtime.report.time_axis import period_in_words
 from rulec_runtime.report.wording import (
     L_PER_H,
     LISTED,
@@ -192,7 +192,7 @@ def _between(unit: str, low: float, high: float) -> str:
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
-        when = period_told(diagnosis.calendar, finding.since, finding.until)
+        when = period_in_words(diagnosis.calendar, finding.since, finding.until)
         title = safe(f"{finding.fault.id} {when}, where it shows most")
         yield f'<div class="evidence"><h3>{title}</h3>{ground_of(diagnosis.ruleset, finding)}</div>'
 
@@ -216,7 +216,7 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
         *columns(what, f".differ by{unit}", f".threshold{unit}"),
         *(Column("fired", "mid"), Column("expected", "mid"), Column("")),
     ]
-    rows = []
+    rows: list[list[Cell | str]] = []
     for e in ordered[:LISTED]:
         kind, words = agreement(ruleset, finding, e)
         value, threshold = told_residual(ruleset, e, L_PER_H)

@@ -108,10 +108,10 @@ def time_plot(svg: str, foot: bool, across: Axis, calendar: Calendar | None) -> 
     return plot(svg, foot, named(across, calendar), bool(across.second_lines()))
 
 
-def told(calendar: Calendar | None, since: float, until: float) -> str:
+def period_in_words(calendar: Calendar | None, since: float, until: float) -> str:
     """A period in words, with dates if there are any.
 
-    >>> told(Calendar(86390.0), 0.0, 20.0)
+    >>> period_in_words(Calendar(86390.0), 0.0, 20.0)
     'from 1970-01-01 23:59:50 to 1970-01-02 00:00:10'
     """
     if calendar is None or not np.isfinite([since, until]).all():
