@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,12 +29,8 @@ def good_of(path: Path, title: str, found: Collection[str], form: FileForm) -> d
     if form.good and {*form.good} - {OPC_UA, OPC_DA}:
         wanted = {_plain(text) for text in form.good}
         return {text: _plain(text) in wanted for text in found}
-    codes = {text: _code(text) for text in found}
-    standard = form.good[0] if form.good else _standard(path, title, codes.values())
-    return {
-        text: _is_word(text) if code is None else _is_good(code, standard)
-        for text, code in codes.items()
-    }
+    standard = form.good[0] if form.good else _standard(path, title, map(_code, found))
+    return {text: _is_good(text, standard) for text in found}
 
 
 def _plain(text: str) -> str | int:
@@ -43,13 +39,12 @@ def _plain(text: str) -> str | int:
     return text.strip().lower() if code is None else code
 
 
-def _is_word(text: str) -> bool:
-    """Whether a word is good: Good, Good (192), GoodLocalOverride, or empty."""
-    word = text.strip().lower()
-    return not word or word.startswith("good") or _WORD.match(word) is not None
-
-
-def _is_good(code: int, standard: str) -> bool:
+def _is_good(text: str, standard: str) -> bool:
+    """Whether a code is good, or a word: Good, Good (192), GoodLocalOverride, or none."""
+    code = _code(text)
+    if code is None:
+        word = text.strip().lower()
+        return not word or word.startswith("good") or _WORD.match(word) is not None
     if standard == OPC_UA:
         return code % 2**32 < 2**30
     if standard == OPC_DA:
@@ -75,7 +70,7 @@ def codes_remark(path: Path, title: str, found: Collection[str], form: FileForm)
     return (f"'{title.strip()}' holds {what[standard]}",) if standard else ()
 
 
-def _standard(path: Path, title: str, found: Collection[int | None]) -> str:
+def _standard(path: Path, title: str, found: Iterable[int | None]) -> str:
     """The standard of codes; empty if 1 means good."""
     codes = {code for code in found if code is not None}
     if not codes or max(codes) > 255 or min(codes) < 0:

@@ -51,16 +51,13 @@ def settle_or_slow_by(
 def _with_slow(
     settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> Stretches:
-    if recording.interval > limits.SEEN_BETWEEN:
-        return settled
-    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True))
-
-
-def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
     """Settled stretches, and the parts between them of stretches in which readings move evenly.
 
     Moving parts are cut into short pieces, since laws are not linear.
     """
+    if recording.interval > limits.SEEN_BETWEEN:
+        return settled
+    smooth = find_stretches(recording, ruleset, noise, ramps=True)
     samples = int(max(smooth.last.max(initial=0), settled.last.max(initial=0))) + 1
     free, starts = arrays([((samples,), bool), ((samples,), bool)])
     mark(free, smooth.first, smooth.last)

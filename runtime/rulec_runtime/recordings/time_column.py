@@ -58,7 +58,7 @@ def read_times(
     `zone` is the name of the zone of dates that name none; remarks go to `notes`.
     """
     notes = [] if notes is None else notes
-    own = list[str]()
+    own, texts = list[str](), list[str]()
     if not isinstance(cells, Dates):
         numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
         if any_of(numbers):
@@ -66,13 +66,11 @@ def read_times(
             counting = counting_of(path, numbers, title, factor if unit else 0.0, form, own)
             if counting is None:
                 return mapped(numbers, lambda part: part * factor), None
-            cells, texts = dated(numbers, counting), []
+            cells = dated(numbers, counting)
         else:
             texts = texts_of(cells)
             cells = Dates(*dates_of(texts, order_in(path, lambda: texts, form, own)))
         notes += (f"{path.name}: {one}" for one in own)
-    else:
-        texts = []
     dates, zones = cells.seconds, cells.zones
     if not any_of(dates):
         shown = f"'{texts[0].strip()[:30]}'" if texts else "no date"

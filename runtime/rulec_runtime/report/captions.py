@@ -45,7 +45,7 @@ def say_estimates(curves: Curves) -> str:
         agree = f"The estimates of {module} ({listed(names)})"
         return f"{agree} agree within their thresholds in {judged}."
     strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
-    i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
+    i, first, last, times = max(strongest, key=lambda x: excess(curves, x[0], [x[1:3]]))
     one, other = compared[i]
     run = slice(first, last + 1)
     apart = float(np.mean(curves.apart(one, other)[run]))
@@ -72,12 +72,9 @@ def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
 
 def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
     """Ratio of a residual to its threshold, averaged over each run: the largest."""
-    return max(_excess(curves, row, first, last) for first, last in runs)
-
-
-def _excess(curves: Curves, row: int, first: int, last: int) -> float:
-    ratio = np.abs(curves.values[row, first : last + 1]) / curves.thresholds[row, first : last + 1]
-    return float(np.mean(ratio))
+    parts = (slice(first, last + 1) for first, last in runs)
+    values, thresholds = np.abs(curves.values[row]), curves.thresholds[row]
+    return max(float(np.mean(values[part] / thresholds[part])) for part in parts)
 
 
 def say_residuals(curves: Curves) -> str:

@@ -35,11 +35,14 @@ def sketch(ruleset: Ruleset, marks: Mapping[str, str]) -> str:
         for place, box in enumerate(layer)
     }
     words = _words(ruleset, drawn, known)
+    named = [m[0] if len(m) == 1 else f"{len(m)} further modules" for m in drawn.boxes]
+    pipes = ", ".join(f"{named[a]} to {named[b]}" for a, b in (*drawn.pipes, *drawn.back))
+    spoken = f"Sketch of the plant: {words}. Connections: {pipes or 'none'}"
     body = "".join([*_lines(drawn, at, height), *_boxes(ruleset, drawn, known, at)])
     return (
         '<div class="sketch"><div class="scroll" tabindex="0" role="region" '
         f'aria-label="sketch of the plant"><svg width="{width}" height="{height}" '
-        f'viewBox="0 0 {width} {height}" role="img" aria-label="{safe(_spoken(drawn, words))}">'
+        f'viewBox="0 0 {width} {height}" role="img" aria-label="{safe(spoken)}">'
         f'{body}</svg></div><p class="key">{safe(words)}</p></div>'
     )
 
@@ -92,13 +95,6 @@ def _words(ruleset: Ruleset, drawn: Topology, marks: Mapping[str, str]) -> str:
             shorter = names if len(names) <= 6 else [*names[:5], f"{len(names) - 5} more"]
             parts.append(f"{STATUS[letter][0]} {letter} here: {listed(shorter)}")
     return "; ".join(parts)
-
-
-def _spoken(drawn: Topology, words: str) -> str:
-    """The drawing in words, for screen readers."""
-    named = [m[0] if len(m) == 1 else f"{len(m)} further modules" for m in drawn.boxes]
-    pipes = ", ".join(f"{named[a]} to {named[b]}" for a, b in (*drawn.pipes, *drawn.back))
-    return f"Sketch of the plant: {words}. Connections: {pipes or 'none'}"
 
 
 MOST = 12

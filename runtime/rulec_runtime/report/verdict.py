@@ -56,15 +56,10 @@ def size_of(finding: Finding) -> str:
         return degree(value, unit) if unit else percent(value)
     scale, shown = (1.0, f"\u00a0{unit}") if unit else (100.0, "\u00a0%")
     value, half = scale * value, scale * half
-    digits = _decimals(half)
-    return f"{fixed(value, digits)}{shown} ± {fixed(half, digits)}{shown}"
-
-
-def _decimals(half: float) -> int:
-    """Decimals that keep one digit of an uncertainty, or two if the first is 1."""
+    # One digit of an uncertainty is significant, or two if the first is 1.
     place = int(np.floor(np.log10(half)))
-    first = round(half / 10.0**place, 1)
-    return max(0, -place + (1 if first < 2.0 else 0))
+    digits = max(0, -place + (1 if round(half / 10.0**place, 1) < 2.0 else 0))
+    return f"{fixed(value, digits)}{shown} ± {fixed(half, digits)}{shown}"
 
 
 def meaning(diagnosis: Diagnosis) -> str:
