@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.evaluated_points import judgeable
 from rulec_runtime.recordings.formats import opened_sheet
-from rulec_runtime.recordings.header import Header, assign
+from rulec_runtime.recordings.header import assign
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of, form_of
 
@@ -265,10 +265,9 @@ def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], tuple[str, .
     titles: dict[str, str] = {}
     strangers: dict[str, None] = {}
     for file in files_of(path):
-        header = Header()
         with opened_sheet(file, form_of(ruleset)) as sheet:
             names = sheet.titles
-            assign(file, names, ruleset, header, [], sheet.units)
+            header = assign(file, names, ruleset, [], sheet.units)
         titles |= {target.signal: names[target.index].strip() for target in header.targets}
         strangers |= dict.fromkeys(header.strangers)
     return titles, tuple(strangers)

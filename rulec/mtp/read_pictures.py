@@ -55,10 +55,10 @@ def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connect
     drawn = {id(e): e for e in things if not space.passes(e, "Connection")}
     named = _names(space, drawn)
     owners = {**{id(e): e for e in pipes}, **drawn}
-    links: dict[int, list[tuple[int, Element]]] = {}
+    links: dict[int, list[int]] = {}
     for one, other in _links(space, picture, owners):
-        for here, there in ((one, other), (other, one)):
-            links.setdefault(id(here[0]), []).append((id(there[0]), here[1]))
+        links.setdefault(id(one), []).append(id(other))
+        links.setdefault(id(other), []).append(id(one))
     boxes = {named[k]: box for k, e in drawn.items() if (box := _box(e)) is not None}
     if max(len(boxes), len(pipes)) > limits.MOST_DRAWN:
         boxes = {}
@@ -89,28 +89,23 @@ def _symbol(element: Element, name: str) -> Symbol:
 
 def _links(
     space: Space, picture: Element, owners: Mapping[int, Element]
-) -> Iterator[tuple[tuple[Element, Element], tuple[Element, Element]]]:
-    """Pairs of linked symbols or pipes, each with its linked port."""
-    for element in picture.walk():
-        if element.tag != "InternalLink":
-            continue
-        partners = [element.get(f"RefPartnerSide{side}") for side in ("A", "B")]
-        ends = [_owner(space, element, partner, owners) for partner in partners]
-        if ends[0] is not None and ends[1] is not None and ends[0][0] is not ends[1][0]:
-            yield ends[0], ends[1]
+) -> Iterator[tuple[Element, Element]]:
+    """Pairs of linked symbols or pipes."""
+    for link in (element for element in picture.walk() if element.tag == "InternalLink"):
+        one, other = (_owner(space, link, f"RefPartnerSide{side}", owners) for side in "AB")
+        if one is not None and other is not None and one is not other:
+            yield one, other
 
 
-def _owner(
-    space: Space, link: Element, partner: str, owners: Mapping[int, Element]
-) -> tuple[Element, Element] | None:
-    """Owner and port of the end of a link: `id`, `id:connector` or `id/connector`."""
+def _owner(space: Space, link: Element, side: str, owners: Mapping[int, Element]) -> Element | None:
+    """Symbol or pipe at a side of a link: `id`, `id:connector` or `id/connector` of its port."""
+    partner = link.get(side)
     for text in (partner, partner.rpartition(":")[0], partner.rpartition("/")[0]):
-        port = space.find(text, link) if text else None
-        here = port
-        while here is not None:
-            if id(here) in owners and port is not None:
-                return here, port
-            here = here.parent
+        element = space.find(text, link) if text else None
+        while element is not None:
+            if id(element) in owners:
+                return element
+            element = element.parent
     return None
 
 
@@ -119,20 +114,19 @@ def _joined(
     pipe: Element,
     boxes: Mapping[str, _Box],
     named: Mapping[int, str],
-    links: Sequence[tuple[int, Element]],
+    links: Sequence[int],
 ) -> Iterator[Connection]:
     """Symbols at the ends of a pipe: the linked ones, else the nearest to an end."""
     path = _edge_path(pipe.values().get("edgepath", ""))
-    ends = {named[key]: True for key, _ in links if key in named}
-    through = [named[key] for key, _ in links if key in named]
-    if len(through) < 2 and path:
+    linked = [named[key] for key in links if key in named]
+    ends = dict.fromkeys(linked)
+    if len(linked) < 2 and path:
         for x, y in (path[0], path[-1]):
             near = min(boxes, key=lambda name: boxes[name].distance(x, y), default=None)
             if near is not None and boxes[near].is_near(x, y):
-                ends.setdefault(near, False)
-    for one, other in itertools.pairwise(ends):
-        linked = ends[one] and ends[other]
-        yield Connection(ends=(one, other), linked=linked, pipe=space.name(pipe))
+                ends[near] = None
+    for pair in itertools.pairwise(ends):
+        yield Connection(ends=pair, linked={*pair} <= {*linked}, pipe=space.name(pipe))
 
 
 def _box(element: Element) -> _Box | None:

@@ -42,18 +42,14 @@ class Header:
 
 
 def assign(
-    path: Path,
-    titles: Sequence[str],
-    ruleset: Ruleset,
-    header: Header,
-    notes: list[str],
-    units: Sequence[str] = (),
-) -> None:
-    """Enter into `header` which column is which signal.
+    path: Path, titles: Sequence[str], ruleset: Ruleset, notes: list[str], units: Sequence[str] = ()
+) -> Header:
+    """Which column is which signal.
 
     `units` are those that the file holds beside the titles, or empty; they count if title and
-    column map name none.
+    column map name none. Raises `RecordingRefused`.
     """
+    header = Header()
     foreign: dict[str, list[tuple[str, float, float]]] = {}
     for c in ruleset.columns:
         foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
@@ -104,6 +100,7 @@ def assign(
             first = header.strangers[0]
             hint = f"; if it is '{first}', rename it, or say so in the column map (columns.yaml)"
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'{hint}")
+    return header
 
 
 def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:

@@ -35,12 +35,12 @@ def file_of(
     RecordingRefused
         There is no time column or no row, or lengths differ.
     """
-    path, header, titles = Path(name), Header(), list(columns)
+    path, titles = Path(name), list(columns)
     lengths = {title: len(cells) for title, cells in columns.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"'{title}' {n}" for title, n in list(lengths.items())[:4])
         raise RecordingRefused(f"{name}: columns have different numbers of rows: {shown}")
-    assign(path, titles, ruleset, header, notes)
+    header = assign(path, titles, ruleset, notes)
     if not any(lengths.values()):
         raise RecordingRefused(f"{name}: there are no rows")
     time, zones = _times(path, columns[titles[header.time]], header, ruleset, zoned, notes)

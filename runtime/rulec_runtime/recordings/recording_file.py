@@ -87,9 +87,9 @@ def times_of(ruleset: Ruleset) -> frozenset[str]:
 
 def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     """Read all columns that belong to signals; remarks on them go to `notes`."""
-    header, form = Header(), form_of(ruleset)
+    form = form_of(ruleset)
     with opened_sheet(path, form) as sheet:
-        assign(path, sheet.titles, ruleset, header, notes, sheet.units)
+        header = assign(path, sheet.titles, ruleset, notes, sheet.units)
         table = sheet.read([header.time], [target.index for target in header.targets])
     notes += (f"{path.name}: {remark}" for remark in (*sheet.remarks, *table.remarks))
     if table.left_out:

@@ -29,7 +29,6 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import counted, percent
 from rulec_runtime.report.truth import Truth, cases_of
 from rulec_runtime.report.verdict import marks, meaning, verdict
-from rulec_runtime.report.wording import part_judged
 
 
 def report(
@@ -89,7 +88,8 @@ def _nothing(diagnosis: Diagnosis) -> str:
 def _facts(diagnosis: Diagnosis, truth: Truth | None) -> str:
     ruleset = diagnosis.ruleset
     share = percent(diagnosis.judged / max(diagnosis.samples, 1))
-    amount = f"{counted(diagnosis.judged, 'sample')} ({share}) {part_judged(ruleset)}"
+    parts = "windows" if ruleset.dynamics is not None else "settled stretches"
+    amount = f"{counted(diagnosis.judged, 'sample')} ({share}) in {parts}"
     mode = {
         "default": "default: the whole residual vector with its uncertainties",
         "paper": "paper: Eqs. 17 to 19 of Wetterich, Kuhr, Pelz 2025 as printed",

@@ -32,7 +32,6 @@ from rulec_runtime.report.wording import (
     estimates,
     evidence_first,
     flow_unit,
-    ground,
     headline,
     kept_of,
     readings_of,
@@ -146,12 +145,13 @@ def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
     if finding.step is not None:
         tree.add(f"to tell them apart: {finding.step.text}")
     unit = flow_unit(ruleset)
-    flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
-    why = tree.add(f"because {ground(ruleset)}{flow}")
-    why.add(_residual_table(ruleset, finding))
+    because = f"these estimates of the same flow disagree ({unit.name})"
     rows = "estimates and the readings behind them"
     if ruleset.dynamics is not None:
+        because = "these readings are not what the balances predict"
         rows = f"typical readings there: {readings_of(ruleset, finding)}"
+    why = tree.add(f"because {because}")
+    why.add(_residual_table(ruleset, finding))
     flows = why.add(rows)
     for e in estimates(ruleset, finding):
         value, half = f"{unit.factor * e.flow:.1f}", f"±{unit.factor * e.half:.1f} {unit.name}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -73,11 +73,11 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
 
     Raises `RecordingRefused` if nothing in the file can be compared with the recording.
     """
-    header = _Header()
+    notes: list[str] = []
     with opened_sheet(path) as sheet:
-        time_index, chosen = header.assign(path, sheet.titles, ruleset)
-        table = sheet.read([time_index], chosen)
-    time, zones = read_times(path, table.kept[0], *header.time, ruleset.units)
+        (index, title, unit), chosen = _columns(path, sheet.titles, ruleset, notes)
+        table = sheet.read([index], list(chosen.values()))
+    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units)
     if zones is not None:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"
@@ -92,57 +92,48 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
             f"{path}: no time of it lies at a sample of the recording, which runs from "
             f"{recording.time[0]:g} s to {recording.time[-1]:g} s"
         )
-    notes = header.notes
     if table.left_out:
         notes.append(f"{path.name}: {table.left_out} rows are broken and left out")
     if unknown:
         notes.append(f"{path.name}: {unknown} of {len(recording)} samples have no truth")
-    return Truth(path.name, tuple(header.faults), matched, tuple(notes))
+    return Truth(path.name, tuple(chosen), matched, tuple(notes))
 
 
-@dataclass
-class _Header:
-    """The columns of a truth file; `time` is the title and unit of its time."""
+def _columns(
+    path: Path, titles: Sequence[str], ruleset: Ruleset, notes: list[str]
+) -> tuple[tuple[int, str, str], dict[str, int]]:
+    """Index, title and unit of the time column, and the index of the column of each fault."""
+    time, chosen = None, dict[str, int]()
+    for i, title in enumerate(t.strip() for t in titles):
+        name, _, unit = (part.strip(" ]") for part in title.partition("["))
+        if time is None and name.lower() in NAMES:
+            time = i, title, unit
+        elif name in ruleset.fault_by_id:
+            _check_unit(path, title, ruleset.fault_by_id[name], unit)
+            if name in chosen:
+                raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+            chosen[name] = i
+        elif unit == "1":
+            close = get_close_matches(name, ruleset.fault_by_id, 1)
+            hint = f"; did you mean '{close[0]}'?" if close else ""
+            notes.append(f"{path.name}: '{title}' is no fault of this plant and is left out{hint}")
+    if time is None:
+        raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
+    if not chosen:
+        hint = f" ({notes[0].partition(': ')[2]})" if notes else ""
+        known = ruleset.faults[0].id if ruleset.faults else "<fault>"
+        raise RecordingRefused(
+            f"{path}: no column is a fault of this plant{hint}; expected columns such as "
+            f"'{known} [1]'"
+        )
+    return time, chosen
 
-    time: tuple[str, str] = ("", "")
-    faults: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
-    def assign(self, path: Path, titles: Sequence[str], ruleset: Ruleset) -> tuple[int, list[int]]:
-        """Indexes of the time column and of the columns with degrees of known faults."""
-        time_index, chosen = -1, []
-        for i, title in enumerate(t.strip() for t in titles):
-            name, _, unit = (part.strip(" ]") for part in title.partition("["))
-            if time_index < 0 and name.lower() in NAMES:
-                time_index, self.time = i, (title, unit)
-            elif name in ruleset.fault_by_id:
-                self._check(path, title, ruleset.fault_by_id[name], unit)
-                self.faults.append(name)
-                chosen.append(i)
-            elif unit == "1":
-                close = get_close_matches(name, ruleset.fault_by_id, 1)
-                hint = f"; did you mean '{close[0]}'?" if close else ""
-                self.notes.append(
-                    f"{path.name}: '{title}' is no fault of this plant and is left out{hint}"
-                )
-        if time_index < 0:
-            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
-        if not chosen:
-            hint = f" ({self.notes[0].partition(': ')[2]})" if self.notes else ""
-            known = ruleset.faults[0].id if ruleset.faults else "<fault>"
-            raise RecordingRefused(
-                f"{path}: no column is a fault of this plant{hint}; expected columns such as "
-                f"'{known} [1]'"
-            )
-        return time_index, chosen
-
-    def _check(self, path: Path, title: str, fault: FaultSpec, unit: str) -> None:
-        name, wanted = fault.id, fault.unit or "1"
-        if unit not in ("", wanted):
-            what = f"its degree is in {wanted}" if fault.unit else "degrees are shares"
-            raise RecordingRefused(f"{path}: column '{title}': {what}; write '{name} [{wanted}]'")
-        if name in self.faults:
-            raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+def _check_unit(path: Path, title: str, fault: FaultSpec, unit: str) -> None:
+    wanted = fault.unit or "1"
+    if unit not in ("", wanted):
+        what = f"its degree is in {wanted}" if fault.unit else "degrees are shares"
+        raise RecordingRefused(f"{path}: column '{title}': {what}; write '{fault.id} [{wanted}]'")
 
 
 def _at(time: Array, degree: Array, wanted: Array) -> Array:

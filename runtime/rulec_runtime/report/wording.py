@@ -81,18 +81,6 @@ def told_residual(
     return f"{value:.3g} {signal.unit}", f"±{threshold:.2g} {signal.unit}"
 
 
-def ground(ruleset: Ruleset) -> str:
-    """The reason for a finding."""
-    if ruleset.dynamics is not None:
-        return "these readings are not what the balances predict"
-    return "these estimates of the same flow disagree"
-
-
-def part_judged(ruleset: Ruleset) -> str:
-    """The parts of a recording that a diagnosis judges."""
-    return "in windows" if ruleset.dynamics is not None else "in settled stretches"
-
-
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
     """The largest finding of each fault, at most five."""
     largest: dict[str, Finding] = {}

@@ -70,8 +70,8 @@ class TableStream:
 
     def begin(self, head: TableHead) -> None:
         """Read the head. Raises `RecordingRefused` where the table is none of this plant."""
-        header, notes = Header(), list(left_out_above(head.above))
-        assign(self._path, head.titles, self._ruleset, header, notes, head.units)
+        notes = list(left_out_above(head.above))
+        header = assign(self._path, head.titles, self._ruleset, notes, head.units)
         places = places_of(self._path, head.titles, self._form)
         if places.layout != "wide" or len(places.time) > 1 or self._form.hold == "last":
             raise RecordingRefused(
