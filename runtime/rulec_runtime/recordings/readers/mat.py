@@ -82,10 +82,14 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     if not names:
         return None
     if value.ndim == 0:
-        return {name: np.asarray(value[name][()]) if isinstance(value[name], np.ndarray)
-                and value[name].dtype == object and value[name].ndim == 0 else value[name]
-                for name in names}  # fmt: skip
+        return {name: _unboxed(value[name]) for name in names}
     return {name: _column(value[name]) for name in names}
+
+
+def _unboxed(value: Any) -> Any:
+    """The content of an array that holds one object."""
+    boxed = isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 0
+    return np.asarray(value[()]) if boxed else value
 
 
 def _column(values: Any) -> Any:
