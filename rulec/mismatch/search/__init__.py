@@ -1,1 +1,1 @@
-"""What may explain a recording, searched by what each explanation would gain."""
+"""Search for what may explain a recording, by the gain of each explanation."""

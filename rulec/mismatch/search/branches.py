@@ -1,4 +1,4 @@
-"""How a driver came to each point, and how far two branches lie apart.
+"""Does a term depend on whether its driver rose or fell? Both branches compared.
 
 Source: Mayergoyz 2003 (a law with memory has branches).
 """
@@ -9,43 +9,47 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
+from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.locate import spot_column, suspect_at
 from rulec.mismatch.search import limits
+from rulec.mismatch.search.curve_found import Branches, CurveFound
+from rulec.mismatch.search.evidence import Functions
 
 
 def enough_visits(
-    at: Array, side: Array, visit: NDArray[np.intp], used: Array
+    at: Array, side: Array, visit: NDArray[np.intp], used: NDArray[np.bool_]
 ) -> tuple[int, int] | None:
-    """Visits of the range that was reached from both sides, from below and from above; None where
-    either are too few.
+    """Count the visits from below and from above in the range reached from both; None if too few.
 
-    `at`, `side`, `visit` and flags `used`, shape (n,): the driver, how it came (see `ways_there`),
-    the number of the visit, and what counts.
+    `at` is the driver, `side` and `visit` are as in `ways_there`, `used` flags the samples that
+    count; all have shape (n,).
     """
-    known = (np.asarray(used) != 0) & np.isfinite(at) & (side != 0)
+    known = used & np.isfinite(at) & (side != 0)
     if not known.any():
         return None
     number = np.unique(visit[known], return_inverse=True)[1]
     count = np.bincount(number)
     mean, way = (np.bincount(number, v[known]) / count for v in (at, side))
-    return visits_on_branches(mean, way)
+    return _counts(mean, way)
 
 
-def visits_on_branches(at: Array, way: Array) -> tuple[int, int] | None:
-    """The same by means of visits, shape (visits,)."""
+def _counts(at: Array, way: Array) -> tuple[int, int] | None:
+    """The same by the mean driver and the direction of each visit, shape (visits,)."""
     up, down = at[way > 0], at[way < 0]
     if not (len(up) and len(down)):
         return None
-    # Where each value is reached from one side alone, a gap may be a step of the curve.
+    # Where values are reached from one side only, a gap may be a step of the curve.
     low, high = max(up.min(), down.min()), min(up.max(), down.max())
     rising, falling = (int(((v >= low) & (v <= high)).sum()) for v in (up, down))
     return None if min(rising, falling) < limits.FEWEST_ON_A_BRANCH else (rising, falling)
 
 
 def ways_there(values: Array, noise: float) -> tuple[Array, NDArray[np.intp]]:
-    """How a driver came to each point, and the number of the visit; both of shape (n,).
+    """Direction from which a driver reached each point, and the number of the visit; shape (n,).
 
-    1 where it last rose, -1 where it fell, 0 where it has not moved yet. A move is one beyond the
-    noise and beyond a small share of the driver's range.
+    The direction is 1 after a rise, -1 after a fall, 0 before the first move. A move exceeds both
+    the noise and a small share of the driver's range.
     """
     low, high = np.nanquantile(values, [0.02, 0.98])
     least = max(limits.MOVED_SHARE * float(high - low), limits.MOVED_NOISE * noise)
@@ -61,11 +65,10 @@ def ways_there(values: Array, noise: float) -> tuple[Array, NDArray[np.intp]]:
 
 
 def gap_between(left: Array, way: Array, shared: Array) -> tuple[float, float]:
-    """Twice the coefficient of the way there, beside a smooth course, with its standard
-    uncertainty.
+    """Gap between both branches beside a smooth course, and its standard uncertainty.
 
-    `left` and `way` have shape (visits,); `shared`, shape (visits, functions), are functions whose
-    amounts are of unit size before. How much visits scatter is found with them.
+    `left` and `way` have shape (visits,). `shared`, shape (visits, functions), are functions whose
+    amounts have a unit prior. The scatter of the visits is estimated along with them.
 
     Source: Rasmussen and Williams 2006, 2.7 (a Gaussian process with explicit functions).
     """
@@ -79,9 +82,46 @@ def gap_between(left: Array, way: Array, shared: Array) -> tuple[float, float]:
         doubt = np.linalg.pinv(normal)
         solution = doubt @ (fixed.T @ inverse @ left)
         rest = left - fixed @ solution
-        # Restricted: two values were fitted.
+        # Restricted likelihood: two values were fitted.
         score = -0.5 * float(rest @ inverse @ rest + np.linalg.slogdet(covariance)[1])
         score -= 0.5 * float(np.linalg.slogdet(normal)[1])
         if score > best[0]:
             best = (score, 2.0 * float(solution[0]), 2.0 * float(np.sqrt(doubt[0, 0])))
     return best[1], best[2]
+
+
+def branches_of(
+    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Functions, size: float
+) -> Branches | None:
+    """Gap between the branches of a place over a driver; None without a clock or enough visits.
+
+    Visits count, not samples, as all samples of a visit came the same way. The course that both
+    branches share is refitted beside the gap with the prior of `basis` and `size`: a curve found
+    without a gap has absorbed part of it. `candidate` is the curve in the fit to all points.
+    """
+    data, driver = fitted.rows.system.data, curve.driver
+    if not data.timed or driver == TIME:
+        return None
+    bare = fit(fitted.rows, fitted.setting.leaving(candidate.id), fitted.used, 0)
+    column = spot_column(bare, curve.place)
+    if column is None:
+        return None
+    suspect = suspect_at(bare, curve.place, column)
+    z = data.values[driver]
+    side, visit = ways_there(z, float(np.nanmedian(data.noise[driver])))
+    known = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)
+    if not known.any():
+        return None
+    # Where the place hardly shows (a pump behind an open relief valve), its course is meaningless.
+    known &= suspect.weight > limits.HARDLY_SHOWN * np.median(suspect.weight[known])
+    number = np.unique(visit[known], return_inverse=True)[1]
+    count = np.bincount(number, suspect.weight[known])
+    left, at, way = (
+        np.bincount(number, v[known] * suspect.weight[known]) / count
+        for v in (suspect.course, z, side)
+    )
+    counts = _counts(at, way)
+    if counts is None:
+        return None
+    gap, u = gap_between(left, way, size * basis.at(at))
+    return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])

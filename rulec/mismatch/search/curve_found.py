@@ -1,4 +1,4 @@
-"""What a term without a name was found to be: its values over its driver, and how sure they are."""
+"""A term without a name as found: its values over its driver, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rulec.effects.candidate import Candidate, Spot
 
 @dataclass(frozen=True, kw_only=True)
 class Branches:
-    """What a place shows more after the driver rose than after it fell, at the same driver.
+    """Difference of a place after the driver rose and after it fell, at the same driver.
 
     `gap` and its standard uncertainty `u` are in SI of the place; `rising` and `falling` count the
-    visits behind it.
+    visits.
     """
 
     gap: float
@@ -26,10 +26,10 @@ class Branches:
 
 @dataclass(frozen=True)
 class RejectedCandidate:
-    """An effect that is in the place of a term: by how much it fits worse, nats; and where.
+    """An effect in the place of a term: by how much it fits worse, nats, and where.
 
-    `between` are ends of the driver, SI (None: open), that hold the share `share` of that; None
-    where it lies everywhere.
+    `between` are ends of the driver, SI (None: open), that hold the share `share` of that loss;
+    None where it lies everywhere.
     """
 
     candidate: Candidate
@@ -42,11 +42,11 @@ class RejectedCandidate:
 class CurveFound:
     """A term over its driver, SI.
 
-    `at` and `value` have shape (n,), `covariance` (n, n), everything else in the model refitted.
-    `means`, shape (m, 3), are driver, value and standard uncertainty of what single means show.
-    `branches` is None where nothing tells whether the way there matters. `elsewhere` are
-    other places at which a term over this driver explains about as much, `lost` effects that could
-    stand in its place. `says` is what switches a term that comes and goes, or empty.
+    `at` and `value` have shape (n,), `covariance` (n, n), with all else in the model refitted.
+    `means`, shape (m, 3), are driver, value and standard uncertainty of single means. `branches` is
+    None where the recording cannot compare them. `elsewhere` are other places at which a term over
+    this driver explains about as much, `lost` effects that it beat. `says` is what switches a term
+    that comes and goes, or empty.
     """
 
     place: Spot

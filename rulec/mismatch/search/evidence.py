@@ -1,10 +1,10 @@
-"""A recording as the search sees it, whatever the plant: rows, and what any model may be wrong by.
+"""The interface between the search and a recording of any plant: rows, and allowed model errors.
 
-A model is made linear where it lies: its residual, shape (rows,), is r = r0 + J_theta d_theta +
-J_w w + J_b b + J_c c + noise. Values of the plant and of what is joined have lasting priors; errors
-of sensors within their class (b) and of the form of each law within its accuracy (c) are random
-columns, which are integrated out. At settled points the slopes are those of operating points, in
-plants that store those of a simulation; nothing above this line knows which.
+A model is linearised at its values: its residual, shape (rows,), is r = r0 + J_theta d_theta +
+J_w w + J_b b + J_c c + noise. Values of the plant and of joined candidates have lasting priors.
+Errors of sensors within their class (b) and errors of form of each law within its accuracy (c) are
+random columns, which are integrated out. The slopes are those of operating points at settled
+points, and those of a simulation in plants that store; the search need not know which.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ from rulec.mismatch.search.sizes import Size
 
 
 class Functions(Protocol):
-    """Functions of a driver; `length` tells smooth ones of one name apart, `says` what switches the
-    others. `price` is what it takes to tell them, nats."""
+    """Functions of a driver.
+
+    `length` distinguishes smooth ones of one name, `says` is what switches the others. `price` is
+    the cost of specifying them, nats.
+    """
 
     @property
     def length(self) -> float: ...
@@ -39,17 +42,16 @@ class Functions(Protocol):
 
     def at(self, values: Array) -> Array:
         """The functions at values of the driver, shape (n, functions)."""
-        ...
 
 
 @dataclass(frozen=True)
 class Term:
-    """A change at a place that follows a driver in a way without a name.
+    """A change at a place that follows a driver by a law without a name.
 
-    `spot` is the id of the place, `changed` that place, or the parameter of its law that changes.
-    `slopes`, shape (seen rows,), are those of the residuals by `changed`, SI. `columns`, shape
-    (seen rows, functions), are the functions of `basis`, each as it shows, over their `norm`; how
-    large they are is found with the errors of form.
+    `spot` is the id of the place; `changed` is that place or a parameter of its law. `slopes`,
+    shape (open rows,), are those of the residuals by `changed`, SI. `columns`, shape (open rows,
+    functions), are the effects of the functions of `basis` on the residuals, over their `norm`;
+    their size is estimated along with the errors of form.
     """
 
     name: str
@@ -64,11 +66,12 @@ class Term:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large random columns are: errors of sensors that move as share of their class, terms
-    without a name in units of the noise of a point.
+    """Sizes of random columns.
 
-    `laws` says how many times the error that its accuracy allows each law has, by the id of its
-    place: it is known within a factor of two."""
+    `moving` is the size of sensor errors that move, as a share of their class; `terms` are those of
+    terms without a name, in units of the noise of a point. `laws` has the error of each law by the
+    id of its place, in units of what its accuracy allows; it is known within a factor of two.
+    """
 
     moving: float
     terms: tuple[float, ...]
@@ -76,25 +79,25 @@ class Sizes:
 
     @property
     def odds(self) -> float:
-        """Log density of all but terms, before the recording."""
+        """Log prior density of all but terms."""
         far = [np.log(self.moving / limits.USUAL_MOVING) / np.log(limits.MOVING_KNOWN)]
         far += [np.log(times) / np.log(limits.FORM_KNOWN) for times in self.laws.values()]
         return -0.5 * float(np.sum(np.square(far)))
 
     def of(self, laws: Sequence[str]) -> Array:
-        """Size of the error of form of each law, in those that its accuracy allows."""
+        """Size of the error of form of each law, in units of what its accuracy allows."""
         return np.array([self.laws.get(name, 1.0) for name in laws])
 
 
 USUAL = Sizes(limits.USUAL_MOVING, ())
-"""Sizes before the recording."""
+"""Prior sizes."""
 
 
 @dataclass(frozen=True)
 class Random:
-    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of
-    errors of sensors that move within their class, and of terms without a name are found; those of
-    held inputs are known."""
+    """Random columns: errors of form, with the `law` of each, sensor errors that move within their
+    class, errors of held inputs, and terms without a name. All sizes but those of held inputs are
+    estimated."""
 
     forms: Array
     law: tuple[str, ...]
@@ -105,11 +108,10 @@ class Random:
     @property
     def count(self) -> int:
         """Number of columns."""
-        count: int = self.columns.shape[1]
-        return count
+        return int(self.columns.shape[1])
 
     def ratio(self, sizes: Sizes) -> Array:
-        """Standard deviation of each column's number, shape (columns,)."""
+        """Standard deviation of each column's amount, shape (columns,)."""
         parts = [sizes.of(self.law)]
         parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
         own = zip(self.terms, sizes.terms, strict=True)
@@ -124,12 +126,12 @@ class Random:
 
 
 Noise = tuple[float, ...]
-"""What noise is like: the numbers that tell it."""
+"""Parameters of the noise."""
 
 
 class Point(Protocol):
-    """A model at some values: its residual, shape (rows,), and slopes of that by the coordinates of
-    the values, shape (rows, values)."""
+    """A model at some values: its residual, shape (rows,), and the slopes of that by the
+    coordinates of the values, shape (rows, values)."""
 
     @property
     def setting(self) -> Configuration: ...
@@ -142,13 +144,13 @@ class Point(Protocol):
 
 
 class Evidence(ABC):
-    """What stays the same for all models of one recording.
+    """What all models of one recording have in common.
 
-    `forms` are rows of errors of form, shape (rows, errors), each of the law that `law` names;
-    `moving` and `held` those of errors of sensors that move within their class, and of all others.
-    `of_class` are rows of errors of sensors that are no values; `readings` are ids of all sensors.
-    A refit has ended where a step gains less than `ended`, nats; `usual_noise` is where a search
-    for what noise is like begins.
+    `forms` are rows of errors of form, shape (rows, errors), each of the law in `law`; `moving` and
+    `held` are rows of sensor errors that move within their class, and of all others. `of_class` are
+    rows of sensor errors that are not among the values; `readings` are ids of all sensors. A refit
+    ends where a step gains less than `ended`, nats; the search for the noise starts at
+    `usual_noise`.
     """
 
     forms: Array
@@ -163,21 +165,21 @@ class Evidence(ABC):
     @property
     @abstractmethod
     def noises(self) -> tuple[tuple[float, ...], ...]:
-        """For each number that tells what noise is like, values that are tried."""
+        """Values to try for each parameter of the noise."""
 
     @property
     @abstractmethod
     def candidates(self) -> Sequence[Candidate]:
-        """What may be missing."""
+        """Effects that the model may lack."""
 
     def of_reading(self, changed: Candidate | Spot) -> bool:
-        """Is it what a sensor reads that changes, and neither a law nor a parameter?"""
+        """Is it the reading of a sensor, rather than a law or a parameter, that changes?"""
         return f"{changed.module}.{changed.place}" in self.readings
 
     @property
     @abstractmethod
     def terms(self) -> int:
-        """How many terms without a name there may be."""
+        """Number of possible terms without a name."""
 
     @property
     @abstractmethod
@@ -186,7 +188,7 @@ class Evidence(ABC):
 
     @abstractmethod
     def prior(self, setting: Configuration) -> Prior:
-        """What is known of all values."""
+        """The prior of all values."""
 
     @abstractmethod
     def size(self, candidate: Candidate, unknown: Unknown) -> Size:
@@ -201,12 +203,12 @@ class Evidence(ABC):
         """Rows of the errors of form of the effects' own laws, shape (rows, errors)."""
 
     def whitened(self, columns: Array, noise: Noise) -> Array:
-        """Rows whose noise is independent, of columns, shape (rows,) or (rows, columns)."""
+        """Columns, shape (rows,) or (rows, columns), as rows with independent noise."""
         return self.whitener(columns)(noise)
 
     @abstractmethod
     def whitener(self, columns: Array) -> Callable[[Noise], Array]:
-        """What `whitened` gives of columns, by noise."""
+        """`whitened` for fixed columns, as a function of the noise."""
 
     @abstractmethod
     def likelihood(self, residual: Array, noise: Noise) -> float:
@@ -218,38 +220,38 @@ class Evidence(ABC):
 
     @abstractmethod
     def expected_weights(self, noise: Noise) -> Array:
-        """What each whitened row tells on average, shape (rows,)."""
+        """Mean information of each whitened row, shape (rows,)."""
 
     @abstractmethod
     def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
-        """Noise of whitened rows as often as asked, shape (rows, count)."""
+        """Random noise of whitened rows, shape (rows, count)."""
 
     @abstractmethod
     def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of whitened rows in the normal matrix, shape (rows, n), and twice what they lose
-        of the log likelihood, shape (n,); `residuals` has shape (rows, n)."""
+        """Weights of whitened rows in the normal matrix, shape (rows, n), and twice their loss of
+        log likelihood, shape (n,); `residuals` has shape (rows, n)."""
 
     @abstractmethod
     def noise_odds(self, noise: Noise) -> float:
-        """Log density of what noise is like, before the recording."""
+        """Log prior density of the noise."""
 
     @abstractmethod
     def likely_noises(self, residual: Array) -> list[Noise]:
-        """What noise may be like by what is left, shape (rows,), to begin with."""
+        """Noise from which to start, by a residual, shape (rows,)."""
 
     @abstractmethod
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
-        """Noise under which other explanations of a model stand out, with all rows alike.
+        """Noise under which further explanations show best, with all rows weighted alike.
 
-        `noise` is that of the model and `rest` gives what it leaves, shape (rows,); it is `alone`
+        `noise` is that of the model, `rest` gives its residual, shape (rows,); the model is `alone`
         where nothing is joined.
         """
 
     @abstractmethod
     def alike(self, noise: Noise) -> Array:
-        """Weights of whitened rows if none is odd, shape (rows,)."""
+        """Weights of whitened rows if none is an outlier, shape (rows,)."""
 
     @abstractmethod
     def shown(self, columns: Array) -> dict[str, float]:
-        """By how much some errors, one a column, shape (rows, errors), move each output: root of
-        their summed mean squares, SI."""
+        """By how much errors, shape (rows, errors), move each output: root of their summed mean
+        squares, SI."""

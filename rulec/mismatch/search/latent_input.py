@@ -1,8 +1,8 @@
-"""A driver that nobody recorded: its course from what is left, and what it looks like."""
+"""A driver that nobody recorded: its course, from the residual, and a description of that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,29 +21,27 @@ from rulec.mismatch.search.time_varying import spot_of
 
 
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
-    """An error at a place whose course is free in time."""
+    """An error at a place, with a free course in time."""
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
     levels = _levels_of(suspect.course[known], suspect.weight[known])
-    # Held-out points lie between those that are known; outside of all the course stays.
+    # Held-out points are interpolated; beyond the known points the course is constant.
     at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
     segment = np.minimum(at.astype(int), len(levels) - 1)
     knots = data.time[known[np.linspace(0, len(known) - 1, len(levels)).astype(int)]]
     ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
-    periods, since = [], float(knots[0])
-    for i, until in enumerate(ends):
-        periods.append(Span(since, float(until), i))
-        since = float(until)
+    edges = itertools.pairwise([float(knots[0]), *map(float, ends)])
+    periods = tuple(Span(since, until, i) for i, (since, until) in enumerate(edges))
     values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
-    course = Course(spot.unknown, segment, tuple(periods), at - segment)
+    course = Course(spot.unknown, segment, periods, at - segment)
     return InitialCandidate(
         candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
     )
 
 
 def switched_course(fitted: Fitted, spot: Spot, on: NDArray[np.bool_]) -> InitialCandidate:
-    """An error at a place that is there at some points, flags of shape (n,), and not at others."""
+    """An error at a place that is present at some points, flags of shape (n,), only."""
     time = fitted.rows.system.data.time
     first = np.flatnonzero(on & ~np.append(False, on[:-1]))
     last = np.flatnonzero(on & ~np.append(on[1:], False))
@@ -51,23 +49,25 @@ def switched_course(fitted: Fitted, spot: Spot, on: NDArray[np.bool_]) -> Initia
         Span(float(time[i]), float(time[j]), 0) for i, j in zip(first, last, strict=True)
     )
     course = Course(spot.unknown, np.where(on, 0, -1), periods)
+    values = {f"{spot.unknown}#0": 0.0}
     return InitialCandidate(
-        candidate=_candidate(spot),
-        values={f"{spot.unknown}#0": 0.0},
-        fixed={},
-        gain=0.0,
-        course=course,
+        candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
     )
 
 
 def _levels_of(course: Array, weight: Array) -> Array:
-    """Knots of a course that passes from one to the next: as many as pay for themselves.
+    """Values at the knots of a piecewise linear course, with as many knots as pay for themselves.
 
     Source: Schwarz 1978, with free scale.
     """
-    n, near = len(course), _clipped(course)
+    n, root, near = len(course), np.sqrt(weight), _clipped(course)
     best: tuple[float, Array] | None = None
-    for count, levels, table in _knotted(course, weight):
+    for count in limits.LATENT_KNOTS:
+        if count > max(n // limits.KNOT_POINTS, 2):
+            break
+        at = np.linspace(0.0, count - 1.0, n)
+        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
+        levels = np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0]
         left = float(np.sum(weight * (near - table @ levels) ** 2))
         cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
         if best is None or cost < best[0]:
@@ -76,26 +76,12 @@ def _levels_of(course: Array, weight: Array) -> Array:
     return best[1]
 
 
-def _knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
-    """Numbers of knots, their values, and how much of each there is at every point."""
-    n, root = len(course), np.sqrt(weight)
-    # One point far off must not draw the course to it.
-    near = _clipped(course)
-    for count in limits.LATENT_KNOTS:
-        if count > max(n // limits.KNOT_POINTS, 2):
-            break
-        at = np.linspace(0.0, count - 1.0, n)
-        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
-        yield count, np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0], table
-
-
 def _clipped(values: Array) -> Array:
-    """One odd point is no course."""
+    """Values without outliers: a single point must not attract the course."""
     middle = float(np.median(values))
     spread = spread_about(values, middle) or float(np.std(values))
-    near: Array = np.clip(
-        values, middle - limits.KNOT_ODD * spread, middle + limits.KNOT_ODD * spread
-    )
+    far = limits.KNOT_ODD * spread
+    near: Array = np.clip(values, middle - far, middle + far)
     return near
 
 
@@ -134,7 +120,7 @@ def _candidate(spot: Spot) -> Candidate:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A course at a place, shape (points,), SI, and the times of it."""
+    """A course at a place, SI, and its times, s; both of shape (points,)."""
 
     spot: Spot
     time: Array
@@ -142,9 +128,9 @@ class Reconstruction:
 
 
 def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
-    """The course of a hidden driver, at every point that speaks of it.
+    """The course of a hidden driver, at every point that depends on it.
 
-    What is left of each point is added to the value of its window, and smoothed.
+    The residual of each point is added to the level of its window, and the sum is smoothed.
     """
     system = fitted.rows.system
     course = next(c for c in fitted.setting.courses if fitted.setting.candidate_of(c).id == name)
@@ -155,8 +141,10 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
         return Reconstruction(spot, system.data.time, level)
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
-    values = level[known] + _clipped(rest[known])
-    smooth = _smoothed(values, weight[known], len(known) // (6 * limits.LATENT_KNOTS[-1]))
+    values, weight = level[known] + _clipped(rest[known]), weight[known]
+    kernel = np.hanning(2 * max(len(known) // (6 * limits.LATENT_KNOTS[-1]), 1) + 3)[1:-1]
+    total = np.convolve(values * weight, kernel, mode="same")
+    smooth: Array = total / np.convolve(weight, kernel, mode="same")
     return Reconstruction(spot, system.data.time[known], smooth)
 
 
@@ -168,19 +156,11 @@ def likeness(first: Reconstruction, second: Reconstruction) -> float:
     return float(np.corrcoef(first.course, along)[0, 1])
 
 
-def _smoothed(values: Array, weight: Array, width: int) -> Array:
-    kernel = np.hanning(2 * max(width, 1) + 3)[1:-1]
-    top = np.convolve(values * weight, kernel, mode="same")
-    smooth: Array = top / np.convolve(weight, kernel, mode="same")
-    return smooth
-
-
 def described(time: Array, course: Array) -> str:
-    """What a course looks like, in words that a plant engineer can match to a cause."""
+    """Describe a course in words that a plant engineer can match to a cause."""
     span = float(np.ptp(course))
     if span == 0:
         return "constant"
-    length = float(time[-1] - time[0])
     level = (course - course[0]) / span
     tail = float(np.median(level[-max(len(level) // 5, 1) :]))
     parts = ["slow"]
@@ -192,17 +172,17 @@ def described(time: Array, course: Array) -> str:
         parts.append(f"{way} from the start, two thirds of the way within {_span(when)}")
     turns = _turns(level)
     if turns:
-        parts.append(f"turns {turns} time{'s' * (turns > 1)} over {_span(length)}")
+        length = _span(float(time[-1] - time[0]))
+        parts.append(f"turns {turns} time{'s' * (turns > 1)} over {length}")
     rests = np.diff(time)
     long = np.flatnonzero(rests > 20.0 * np.median(rests))
-    back = [i for i in long if abs(level[i + 1]) < 0.5 * abs(level[i])]
-    if back:
+    if any(abs(level[i + 1]) < 0.5 * abs(level[i]) for i in long):
         parts.append("returns during stops")
     return ", ".join(parts)
 
 
 def _turns(level: Array) -> int:
-    """Changes of direction larger than a third of the span."""
+    """Count the changes of direction larger than a third of the span."""
     turns, extreme, direction = 0, float(level[0]), 0
     for value in level:
         if direction >= 0 and value < extreme - 0.33:

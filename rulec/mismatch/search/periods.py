@@ -1,7 +1,7 @@
 """Faults that come and go: the course of a degree, cut into periods.
 
-The degree that would explain the residuals best is found at every point. Its course in time is cut
-where a step pays for itself; levels that stand apart from those at rest are periods of the fault.
+The degree that explains the residuals best is estimated at every point. Its course in time is cut
+where a step pays for itself; levels that differ from those at rest are periods of the fault.
 """
 
 from __future__ import annotations
@@ -27,73 +27,63 @@ from rulec.mismatch.search import limits
 from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 
-def intermittent(
-    fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
-) -> list[InitialCandidate]:
-    """Faults as ones that come and go, in so many periods at most, the more telling first."""
+def intermittent(fitted: Fitted, candidates: Sequence[Candidate]) -> list[InitialCandidate]:
+    """The faults among the candidates that gain most if they come and go, by falling gain."""
     if not fitted.rows.system.data.timed:
         return []
-    trials = [in_periods(fitted, c, most) for c in candidates if c.sort == "fault"]
+    trials = [in_periods(fitted, c) for c in candidates if c.sort == "fault"]
     found = [t for t in trials if t is not None]
     return sorted(found, key=lambda t: -t.gain)[: limits.COMING]
 
 
-def periods_of(trial: InitialCandidate) -> int:
-    """Periods of what comes and goes; 0 of what lasts."""
-    return 0 if trial.course is None else len(trial.course.periods)
-
-
-def in_periods(
-    fitted: Fitted, candidate: Candidate, most: float = np.inf
-) -> InitialCandidate | None:
-    """A fault as one that comes and goes, in so many periods at most; None where its degree shows
-    no such course."""
+def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
+    """A fault that comes and goes; None where its degree shows no such course."""
     unknown = next((u for u in candidate.unknowns if u.null is not None), None)
     if unknown is None or unknown.null is None:
         return None
     columns = columns_of(fitted, candidate, {unknown.id: unknown.null}, {})
     if columns is None:
         return None
-    looks = score_tests_at(fitted)
-    degree, certainty = degree_course(fitted, columns[:, 0])
-    # Held-out points are not looked at; a period reaches over those inside it.
+    tests, column = score_tests_at(fitted), columns[:, 0]
+    degree, weight = degree_course(fitted, column)
+    # Held-out points do not count, but a period includes those within it.
     known = np.flatnonzero(np.isfinite(degree) & fitted.used)
     if len(known) < 4 * limits.SHORTEST:
         return None
     edges = np.linspace(0, len(known), min(limits.LONGEST_COURSE, len(known)) + 1).astype(int)
-    weights = certainty[known]
-    sums = np.add.reduceat(weights, edges[:-1])
-    means = np.add.reduceat(weights * degree[known], edges[:-1]) / sums
-    noise = _noise(means)
-    segments = cut(means / noise, limits.STEP_PENALTY * float(np.log(len(means))))
+    weight = weight[known]
+    sums = np.add.reduceat(weight, edges[:-1])
+    value = np.add.reduceat(weight * degree[known], edges[:-1]) / sums
+    # Robust against steps.
+    noise = white_noise(np.diff(value), 1) or float(np.std(value)) or 1.0
+    segments = cut(value / noise, limits.STEP_PENALTY * float(np.log(len(value))))
     states = [apart(segments, odd) for odd in limits.ODD]
     some = [on for on in states if on.any() and not on.all()]
     states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
-    means_ = _Means(known, edges, means, sums, noise)
-    tried = {tuple(np.flatnonzero(on)): (segments, on) for on in states}
-    ways = list(tried.values())
+    means = _Means(known, edges, value, sums, noise)
+    ways = list({tuple(np.flatnonzero(on)): (segments, on) for on in states}.values())
     if len(segments.first) > 1:
-        ways.append(_begun(fitted, looks, unknown, columns[:, 0], means_))
+        ways.append(_begun(fitted, tests, unknown, column, means))
     trials = [
-        _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, *way, levels)
+        _trial(fitted, tests, candidate, unknown, column, means, *way, levels)
         for way in ways
         for levels in (1, limits.MOST_LEVELS)
         if way[1].any() and not way[1].all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
-    found = [t for t in trials if t is not None and t.course and len(t.course.periods) <= most]
+    found = [t for t in trials if t is not None]
     return max(found, key=lambda t: _likely(t, each), default=None)
 
 
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
-    """The longest period alone: the others may be noise."""
+    """The longest period only: the others may be noise."""
     first, last = max(runs_of(segments, on), key=lambda run: run[1] - run[0])
     inside: np.ndarray = (segments.first >= first) & (segments.first < last) & on
     return inside
 
 
 def _hull(on: np.ndarray) -> np.ndarray:
-    """One period from the first to the last: what is between may be noise as well."""
+    """One period from the first to the last: the gaps may be noise as well."""
     there = np.flatnonzero(on)
     inside: np.ndarray = np.zeros(len(on), dtype=bool)
     inside[there[0] : there[-1] + 1] = True
@@ -101,12 +91,12 @@ def _hull(on: np.ndarray) -> np.ndarray:
 
 
 def _begun(
-    fitted: Fitted, looks: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
+    fitted: Fitted, tests: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
 ) -> tuple[Segments, np.ndarray]:
-    """One change for good, where that explains most: what faults do.
+    """One permanent change, at the time that explains most.
 
-    Beside values that are free: a recalibration stands between what was before and what is since,
-    and hides a part of both.
+    Values are refitted beside it: those of a plain fit lie between the values before and after the
+    change, and so hide a part of it.
     """
     count = len(means.value)
     begins = np.unique(
@@ -117,7 +107,7 @@ def _begun(
     null = unknown.null or 0.0
     low, high = (np.full(len(begins), end - null) for end in (unknown.lowest, unknown.highest))
     each = np.arange(len(begins))[:, None]
-    gains = np.max([look.best_of(terms, each, low, high)[1] for look in looks], axis=0)
+    gains = np.max([test.best_of(terms, each, low, high)[1] for test in tests], axis=0)
     first = np.array([0, begins[int(np.argmax(gains))]])
     length = np.diff(np.append(first, count))
     level = np.add.reduceat(means.value, first) / length / means.noise
@@ -127,7 +117,7 @@ def _begun(
 def _likely(trial: InitialCandidate, each: float) -> float:
     """Gain of a trial less the price of its periods and degrees.
 
-    Of two that say the same, a fault that begins is likelier than one that was there and went.
+    A fault that begins is likelier than one that was there and ended.
     """
     course = trial.course
     assert course is not None
@@ -139,7 +129,7 @@ def _likely(trial: InitialCandidate, each: float) -> float:
 
 @dataclass(frozen=True)
 class _Means:
-    """A course in means: means over points ``known[edges[i] : edges[i + 1]]``, their weights."""
+    """Means of a course over points ``known[edges[i] : edges[i + 1]]``, and their weights."""
 
     known: NDArray[np.intp]
     edges: NDArray[np.intp]
@@ -150,7 +140,7 @@ class _Means:
 
 def _trial(
     fitted: Fitted,
-    looks: Sequence[ScoreTest],
+    tests: Sequence[ScoreTest],
     candidate: Candidate,
     unknown: Unknown,
     column: Array,
@@ -159,7 +149,7 @@ def _trial(
     on: np.ndarray,
     most: int,
 ) -> InitialCandidate | None:
-    """The fault with at most so many degrees; None where no period is left that lasts."""
+    """The fault with at most `most` degrees; None where no period is long enough."""
     null = unknown.null or 0.0
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
     runs, levels = [], []
@@ -183,14 +173,14 @@ def _trial(
     values = dict(zip(course.names(), centres.tolist(), strict=True))
     term = column * (course.degrees(values) - null)[fitted.rows.point]
     wide = np.array([np.inf])
-    gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks)
+    gain = max(test.best(term[:, None], -wide, wide)[1] for test in tests)
     return InitialCandidate(candidate=candidate, values=values, fixed={}, gain=gain, course=course)
 
 
 def _joined(
     runs: Sequence[tuple[int, int]], number: NDArray[np.intp]
 ) -> Iterator[tuple[int, int, int]]:
-    """Runs with the number of their level; what is between two of a level may be nothing."""
+    """Runs with the number of their level; short gaps between two of one level are closed."""
     first, last, level = *runs[0], int(number[0])
     for (begin, end), i in zip(runs[1:], number[1:].tolist(), strict=True):
         if begin - last < limits.SHORTEST and i == level:
@@ -204,23 +194,18 @@ def _joined(
 def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     """The degree that explains each point best, shape (n,), and its weight (1/variance).
 
-    NaN at points that no residual speaks of.
+    NaN at points where no residual depends on it.
     """
     rows = fitted.rows
     n = len(rows.system.data)
-    # What the model cannot explain at all counts little here as well.
+    # Outliers of the model count little here as well.
     sound = column * student_weights(rows, fitted.residual, fitted.scale)
     weight = np.bincount(rows.point, column * sound, minlength=n).astype(float)
     moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # Whether a point speaks of the degree is no matter of how far out it lies.
-        spoken = np.bincount(rows.point, column**2, minlength=n).astype(float)
-        # Of points that speak at all: where a module moves, only rounding is left of others.
-        least = limits.FAINT * float(np.sum(spoken**2) / max(np.sum(spoken), 1e-300))
-        degree: Array = np.where(spoken > least, -moment / weight, np.nan)
+        # Whether residuals depend on the degree has nothing to do with their size. Where a module
+        # moves, only rounding errors are left of its slopes.
+        slope = np.bincount(rows.point, column**2, minlength=n).astype(float)
+        least = limits.FAINT * float(np.sum(slope**2) / max(np.sum(slope), 1e-300))
+        degree: Array = np.where(slope > least, -moment / weight, np.nan)
     return degree, weight
-
-
-def _noise(means: Array) -> float:
-    """Standard deviation of a course about its levels, robust against steps."""
-    return white_noise(np.diff(means), 1) or float(np.std(means)) or 1.0

@@ -1,4 +1,4 @@
-"""What is known of all values before the recording, of amplitudes and shapes of effects too."""
+"""The prior of all values, amplitudes and shapes of effects included."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def prior_with_sizes(
     size_of: Callable[[Candidate, Unknown], Size],
     range_of: Callable[[Unknown, float], tuple[float, float]],
 ) -> Prior:
-    """What is known of the values: those of the plant, amplitudes of effects, their shapes.
+    """Add the amplitudes and shapes of effects to the prior of the plant.
 
-    `size_of` has the prior of an amplitude, `range_of` middle and width of the range in which a
-    shape lies, by where it starts.
+    `size_of` gives the prior of an amplitude, `range_of` the middle and width of the range of a
+    shape, by its starting value.
     """
     own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
     mean, known, freedom = plain.mean.copy(), plain.known.copy(), plain.freedom.copy()
@@ -50,19 +50,19 @@ def prior_with_sizes(
 
 
 def known_of(prior: Prior, setting: Configuration) -> dict[str, tuple[float, float, float]]:
-    """Mean, scale and degrees of freedom of unknowns, as far as they are known before."""
+    """Mean, scale and degrees of freedom of those unknowns that have a prior."""
     unknowns = set(setting.free_unknowns())
     each = zip(prior.names, prior.mean, prior.known, prior.freedom, strict=True)
     return {n: (float(m), float(k**-0.5), float(f)) for n, m, k, f in each if n in unknowns and k}
 
 
 def range_over(unknown: Unknown, start: float, driver: Array | None) -> tuple[float, float]:
-    """Middle and width of the range in which a shape lies, by the readings of its driver."""
+    """Middle and width of the range of a shape, by the readings of its driver."""
     if driver is not None:
         low, high = np.nanquantile(driver, [0.02, 0.98])
         return float(low + high) / 2, max(float(high - low), 1e-12)
     if unknown.offset:
-        # Zero is where somebody put it: the range that the entry states is all that is known.
+        # The zero of its unit is arbitrary: only the stated range is known.
         return (unknown.lowest + unknown.highest) / 2, unknown.highest - unknown.lowest
     width = 2.0 * max((abs(s) for s in unknown.starts), default=abs(start)) or 1.0
     return float(np.sign(start) or 1.0) * width / 2, width

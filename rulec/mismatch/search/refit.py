@@ -1,8 +1,8 @@
-"""A set of explanations refitted, and its evidence by Laplace's approximation.
+"""Refit a set of explanations, and its evidence by Laplace's approximation.
 
-Errors of the outputs follow a Student distribution per point. Each law may besides be off by an
-error of form that is smooth over its arguments, and as large as its accuracy says within a factor
-of two: a law that is off by more has something missing, however smoothly.
+Errors of the outputs follow a Student distribution per point. In addition each law may have an
+error of form, which is smooth over its arguments and within a factor of two of its stated accuracy:
+a law with a larger error lacks something, however smooth the error is.
 
 Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gaussian process).
 """
@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.special import erfcx
 
@@ -32,10 +32,11 @@ from rulec.mismatch.search.evidence import USUAL, Evidence, Noise, Point, Random
 class Model:
     """A refitted set of explanations.
 
-    `at` are the coordinates of the values, `mean` what was known of them before as it counts there.
-    `table` shape (rows, values) are slopes by the values, errors of form and errors of the
-    effects' forms; `left`, shape (rows,), the residual at the means of the values; `precision` that
-    of the prior, `weights` those of the rows. `evidence` is the log marginal likelihood.
+    `at` are the coordinates of the values, `mean` is the mean of their prior, linearised there.
+    `table`, shape (rows, values), has the whitened slopes by the values, errors of form and errors
+    of form of effects; `left`, shape (rows,), is the whitened residual at the means of the values;
+    `raw` and `off` are both before whitening. `precision` is that of the prior, `weights` are those
+    of the rows. `evidence` is the log marginal likelihood.
     """
 
     point: Point
@@ -55,12 +56,12 @@ class Model:
     off: Array
 
     def under(self, geometry: Evidence, noise: Noise) -> Model:
-        """The same model where it lies, with all rows alike as another noise would show them."""
+        """The same model at the same values under another noise, with all rows weighted alike."""
         table, left = geometry.whitened(self.raw, noise), geometry.whitened(self.off, noise)
         return replace(self, noise=noise, table=table, left=left, weights=geometry.alike(noise))
 
     def rest(self) -> Array:
-        """What it leaves, shape (rows,)."""
+        """The residual after a linear refit, shape (rows,)."""
         weights, table = self.weights, self.table
         normal = table.T @ (table * weights[:, None]) + self.precision
         size = np.sqrt(np.diag(normal))
@@ -71,24 +72,24 @@ class Model:
 
     @property
     def setting(self) -> Configuration:
-        """What is joined, and all values."""
+        """The joined candidates and all values."""
         return self.point.setting
 
     @property
     def fitted(self) -> Fitted:
-        """The settled points as fitted."""
+        """The fit to settled points."""
         fitted = getattr(self.point, "fitted", None)
         assert isinstance(fitted, Fitted)
         return fitted
 
     @property
     def scale(self) -> float:
-        """Size of the noise in units of what was expected."""
+        """Size of the noise relative to the expected one."""
         return self.noise[0]
 
     @cached_property
     def inverse(self) -> Array:
-        """Covariance of all numbers, in coordinates, shape (values and random numbers,) twice."""
+        """Covariance of the values, in coordinates, and of the amounts of random columns."""
         normal = self.table.T @ (self.table * self.weights[:, None]) + self.precision
         size = np.sqrt(np.diag(normal))
         inverse: Array = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
@@ -118,8 +119,8 @@ class _Chosen:
 
 @dataclass(frozen=True)
 class _Weighted:
-    """Rows of all numbers, and of what is left without them, as noise of some kind makes them
-    independent; their weights; and the normal matrix and the moment that these give."""
+    """Whitened slopes by all unknowns, the residual without them, and the weights of the rows; with
+    the normal matrix and the moment that follow."""
 
     table: Array
     left: Array
@@ -144,11 +145,11 @@ def refitted(
     steps: int = 25,
     without_error: Collection[str] = (),
 ) -> Model:
-    """Refit all values, errors of form among them; `near` is a model that is much alike.
+    """Refit all values and errors of form, starting from `near`, a similar model.
 
-    Sensors `without_error` read as they are: whoever uses the plant reads the same ones.
+    Sensors `without_error` have no error: users of the plant read the same sensors.
 
-    Raises `numpy.linalg.LinAlgError` where the model has no slopes in which to begin.
+    Raises `numpy.linalg.LinAlgError` where the model has no finite slopes at the start.
     """
     prior = geometry.prior(setting)
     held = np.isin(prior.names, [ERROR + name for name in without_error])
@@ -161,12 +162,12 @@ def refitted(
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    sizes = USUAL if near is None else near.sizes
-    own = {} if near is None else dict(zip(_names(near.terms), near.sizes.terms, strict=True))
-    sizes = replace(sizes, terms=tuple(own.get(name, 1.0) for name in _names(terms)))
-    noise = geometry.usual_noise if near is None else near.noise
-    first = len(noise) + 1
-    fresh = [first + i for i, name in enumerate(_names(terms)) if name not in own]
+    sizes, noise, own = USUAL, geometry.usual_noise, dict[str, float]()
+    if near is not None:
+        sizes, noise = near.sizes, near.noise
+        own = {t.name: size for t, size in zip(near.terms, sizes.terms, strict=True)}
+    sizes = replace(sizes, terms=tuple(own.get(t.name, 1.0) for t in terms))
+    fresh = [len(noise) + 1 + i for i, t in enumerate(terms) if t.name not in own]
     fresh += [0] if near is None else []
     no_more = np.zeros((geometry.count, 0))
     pressed = np.zeros(n, dtype=bool)
@@ -216,10 +217,6 @@ def refitted(
     return _weighed(geometry, prior, random, now, (at, forms, sizes, noise), pressed)
 
 
-def _names(terms: Sequence[Term]) -> list[str]:
-    return [term.name for term in terms]
-
-
 def _cost(
     geometry: Evidence,
     prior: Prior,
@@ -235,10 +232,10 @@ def _cost(
 
 
 Begin = tuple[Array, Array, Sizes, Noise]
-"""Values, random numbers, their sizes, and the noise to begin with."""
+"""Values, amounts of random columns, their sizes, and the noise to start from."""
 
 Place = tuple[int, ...]
-"""Indices of what the noise is like, and of all sizes."""
+"""Indices of the parameters of the noise, and of all sizes, on a grid."""
 
 
 def _choose(
@@ -249,27 +246,24 @@ def _choose(
     begin: Begin,
     more: Array,
     fresh: Collection[int],
-    pressed: NDArray[np.bool_] | None = None,
+    pressed: NDArray[np.bool_],
     *,
     anew: bool = False,
 ) -> _Chosen:
     """Sizes of random columns and noise under which the recording is most probable.
 
-    What noise is like is climbed from where it was or, `anew`, from what is likely by what is
-    left, if that is likelier. `more` are columns of errors of the effects' own forms; `fresh` axes
-    whose sizes are not known from a model that is much alike: these are tried throughout, the
-    others climbed. Values that are `pressed` to an end of their range stay there.
+    The search climbs from the given noise or, `anew`, from one that the residual makes likely, if
+    that is likelier. `more` are columns of errors of form of effects. `fresh` are axes whose sizes
+    are not known from a similar model: all their values are tried, the other axes are climbed.
+    Values that are `pressed` against an end of their range stay there.
     """
     at, forms, sizes, noise = begin
     n = len(at)
-    jacobian = now.jacobian
     known = prior.near(at)
-    off = at - known.mean
-    if pressed is not None:
-        jacobian, off = jacobian * ~pressed, off * ~pressed
+    jacobian, off = now.jacobian * ~pressed, (at - known.mean) * ~pressed
     left = now.residual - jacobian @ off
     table = np.concatenate([jacobian, random.columns, more], axis=1)
-    precision = _joint(known.precision, random.count, more.shape[1])
+    precision = block_diag(known.precision, np.eye(random.count + more.shape[1]))
     start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
     moves = random.moving.shape[1] > 0
     axes: list[tuple[float, ...]] = [*geometry.noises]
@@ -328,8 +322,9 @@ def _choose(
 
 
 def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
-    """How many times the error that its accuracy allows each law has, a step nearer to where the
-    recording is most probable; `first` is the place of the first of them in the solution.
+    """Error of each law in units of what its accuracy allows, one step closer to the most probable.
+
+    `first` is the index of the first error of form in the solution.
 
     Source: MacKay 1992, chapter 4: re-estimate by the number of values that the data determine.
     """
@@ -359,9 +354,9 @@ def _nearest(axis: Sequence[float], value: float) -> int:
 def climbed(
     score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
 ) -> Place:
-    """The best place of a grid that can be reached from another by steps along one axis.
+    """The best place of a grid that steps along one axis at a time reach from another one.
 
-    Axes in `fresh` are tried throughout first, all of their combinations.
+    All combinations of the axes in `fresh` are tried first.
     """
     ways = [range(n) if i in fresh else (begin[i],) for i, n in enumerate(lengths)]
     best = max(product(*ways), key=score)
@@ -378,14 +373,6 @@ def climbed(
         best = next_
 
 
-def _joint(values: Array, forms: int, more: int) -> Array:
-    """Precision of values, of errors of form and of those of the effects' forms."""
-    n = len(values)
-    joint = np.eye(n + forms + more)
-    joint[:n, :n] = values
-    return joint
-
-
 def _weighed(
     geometry: Evidence,
     prior: Prior,
@@ -400,7 +387,7 @@ def _weighed(
     known = prior.near(at)
     off = (at - known.mean) * ~pressed
     left = now.residual - now.jacobian @ off
-    # The normal density of the linear solution gives way to that of the Student distribution.
+    # Replace the normal density of the linear solution by that of the Student distribution.
     evidence = found.score + known.density + 0.5 * float(off @ known.precision @ off)
     evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
     ends = np.flatnonzero(pressed & (prior.lowest < prior.highest))
@@ -420,7 +407,7 @@ def _weighed(
         left=geometry.whitened(left, found.noise),
         raw=np.concatenate([now.jacobian * ~pressed, random.columns, more], axis=1) * found.ratio,
         off=left,
-        precision=_joint(known.precision, random.count, more.shape[1]),
+        precision=block_diag(known.precision, np.eye(random.count + more.shape[1])),
         weights=found.weighted.weights,
     )
 
@@ -433,15 +420,15 @@ def _at_ends(
     at: Array,
     ends: NDArray[np.intp],
 ) -> float:
-    """What the evidence gains, nats, as a value at an end of its range only moves inwards, where
-    the likelihood falls; `slopes`, shape (rows, ends), are those by the values at `ends`."""
+    """Gain in evidence, nats, because values at an end of their range can only move inwards, where
+    the likelihood falls. `slopes`, shape (rows, ends), are those by the values at `ends`."""
     shown, own = geometry.whitened(slopes, found.noise), found.weighted
     table, (lower, size) = own.table * found.ratio, found.spread
     residual = own.left + table @ found.solution
     pull = shown.T * own.weights
     before = np.diag(known.precision)[ends]
     falls = np.abs(pull @ residual + (known.precision @ (at - known.mean))[ends])
-    # All other values follow.
+    # All other values are refitted.
     beside = solve_triangular(lower, (pull @ table / size).T, lower=True)
     own_bends = before + np.einsum("er,re->e", pull, shown)
     bends = np.maximum(own_bends - np.sum(beside**2, axis=0), before)

@@ -1,4 +1,4 @@
-"""A course in time cut into levels, and the levels that are states of their own.
+"""Cut a course in time into levels, and find those levels that are states of their own.
 
 Source: optimal partitioning (Jackson et al. 2005) with the penalty of Yao 1988; two classes of
 levels by Otsu 1979.
@@ -18,7 +18,7 @@ from rulec.mismatch.search import limits
 
 @dataclass(frozen=True)
 class Segments:
-    """A course cut into levels: ``first[i] : first[i + 1]`` are means of one level."""
+    """A course cut into levels; the means ``first[i] : first[i + 1]`` have one level."""
 
     first: NDArray[np.intp]
     level: Array
@@ -26,7 +26,7 @@ class Segments:
 
 
 def cut(course: Array, penalty: float) -> Segments:
-    """Cut a course with unit noise into levels, each paid for.
+    """Cut a course with unit noise into levels, each of which costs a penalty.
 
     >>> import numpy as np
     >>> found = cut(np.array([0.0, 0.1, -0.1, 9.0, 9.1, 8.9]), 5.0)
@@ -57,14 +57,17 @@ def cut(course: Array, penalty: float) -> Segments:
 
 
 def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
-    """Which levels are a state of their own, away from those at rest.
+    """Flag the levels that are not at rest; a share `odd` of the time may be outliers at each end.
 
-    The split that leaves least scatter within both classes; at rest is the longer class, or the
-    lower one of a degree that cannot be negative. What is at rest is split again, as long as it
-    is two states: a fault may come at several degrees.
+    The split leaves the least scatter within both classes. The longer class is at rest, or the
+    lower one if the degree cannot be negative. The class at rest is split again as long as it has
+    two states, since a fault may have several degrees.
     """
     on = np.zeros(len(segments.level), dtype=bool)
-    segments = replace(segments, level=_without_odd_ones(segments, odd))
+    order = np.argsort(segments.level)
+    share = np.cumsum(segments.length[order]) / segments.length.sum()
+    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
+    segments = replace(segments, level=np.clip(segments.level, *segments.level[order][ends]))
     rest = np.flatnonzero(segments.length >= limits.SHORTEST)
     while True:
         found = _split(segments, rest)
@@ -77,18 +80,8 @@ def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
         rest = rest[~on[rest]]
 
 
-def _without_odd_ones(segments: Segments, odd: float) -> Array:
-    """Levels, the few far-off ones drawn in: they are no state."""
-    order = np.argsort(segments.level)
-    share = np.cumsum(segments.length[order]) / segments.length.sum()
-    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
-    low, high = segments.level[order][ends]
-    clipped: Array = np.clip(segments.level, low, high)
-    return clipped
-
-
 def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
-    """The level between two states, and whether rest is the lower one; None for one state."""
+    """The level between two states, and whether the lower one is at rest; None for one state."""
     level, length = segments.level, segments.length
     if len(lasting) < 2:
         return None
@@ -103,17 +96,19 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     low, high = order[:split], order[split:]
     if whole <= 0 or 1.0 - scatter[split - 1] / whole < limits.TWO_STATES:
         return None
-    # Levels at rest that others separate differ by noise: two states must pay for themselves.
+    # Levels of one state differ by noise: two states must pay for themselves.
     if whole - scatter[split - 1] < limits.STEP_PENALTY * float(np.log(length.sum())):
         return None
     middle = 0.5 * float(level[low].max() + level[high].min())
     if not _changes_at_once(level, lasting, level > middle):
         return None
-    return middle, _one_sided(level[order]) or length[low].sum() >= length[high].sum()
+    # Of a degree that cannot be negative, the lower state is at rest.
+    one_sided = bool(level[order].max() > -level[order].min())
+    return middle, one_sided or length[low].sum() >= length[high].sum()
 
 
 def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
-    """Is a change of state a step, with no more than a short segment between?"""
+    """Is a change of state a step, with at most a short segment in between?"""
     before, after = lasting[:-1], lasting[1:]
     changed = above[before] != above[after]
     if not changed.any():
@@ -123,18 +118,13 @@ def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray)
     return float(np.median(steps)) > limits.AT_ONCE * distance
 
 
-def _one_sided(level: Array) -> bool:
-    """Levels above those at rest are what a degree that cannot be negative gives."""
-    return bool(level.max() > -level.min())
-
-
 def _scatter(level: Array, length: NDArray[np.intp]) -> float:
     mean = float(np.average(level, weights=length))
     return float(np.sum(length * (level - mean) ** 2))
 
 
 def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
-    """First and last mean (excluded) of each period: neighbours at about one level are one."""
+    """First and last mean (excluded) of each period; adjacent similar levels are one period."""
     first = segments.first
     last = first + segments.length
     runs: list[tuple[int, int, float]] = []
@@ -157,9 +147,9 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
 def few_levels(
     levels: Array, lengths: NDArray[np.intp], most: int = limits.MOST_LEVELS
 ) -> tuple[NDArray[np.intp], Array]:
-    """Number of the level of each period, and the levels: as few as tell most, at most three.
+    """Number of the level of each period, and the fewest levels that explain the scatter.
 
-    A fault that comes and goes has a few degrees; one that has another each time is no fault.
+    A fault that comes and goes has a few degrees; a different one each time is no fault.
 
     >>> number, centres = few_levels(np.array([0.2, 0.21, 0.4]), np.array([5, 5, 5]))
     >>> number.tolist(), centres.round(3).tolist()

@@ -1,4 +1,4 @@
-"""How large an amplitude may be before the recording is seen, as its entry says."""
+"""The prior of the size of an amplitude, by its entry in the catalogue."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True)
 class Size:
-    """Prior of the size of an amplitude, its distance from its null: Student about the `usual` one
-    with a `width`, which is infinite where nobody knows, and degrees of freedom.
+    """Prior of the distance of an amplitude from its null.
 
-    `scale` is that of a Student distribution about the null of which half are below the usual one;
-    the tail falls as that of the log-normal distribution does at two of its standard deviations.
+    A Student distribution about the `usual` size with a `width`, infinite where none is stated, and
+    `freedom`. `scale` is that of a Student distribution about the null whose median distance is
+    the usual one; its tail falls as that of the log-normal distribution at two standard deviations.
     """
 
     scale: float
@@ -31,8 +31,8 @@ class Size:
 
 
 def log_inside(size: Size, unknown: Unknown) -> float:
-    """Logarithm of the share of all amplitudes that the range of an unknown leaves, of either sign:
-    as many are thought of below the null as above it."""
+    """Logarithm of the prior share of amplitudes within the range of an unknown; both signs are
+    equally likely."""
     null = unknown.null or 0.0
     ends = np.array([unknown.lowest - null, unknown.highest - null])
     signs = (np.array([1.0]), np.array([-1.0]))
@@ -41,9 +41,9 @@ def log_inside(size: Size, unknown: Unknown) -> float:
 
 
 def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
-    """The prior of an amplitude by what its entry says is usual.
+    """The prior of an amplitude by the usual size in its entry.
 
-    `share` is the share by which its place changes per amplitude.
+    `share` gives the relative change of its place per amplitude.
     """
     usual = unknown.usual
     if usual is None:
@@ -60,10 +60,9 @@ def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
 
 
 def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:
-    """The share by which estimates change per amplitude, the most at any shape.
+    """Largest relative change of estimates per amplitude, over all shapes.
 
-    A reading whose zero is arbitrary has no share: there it is the change of the reading, as share
-    of what its sensor can show.
+    For a reading whose zero is arbitrary it is relative to the range of the sensor.
     """
     null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
     fixed, shares = references(system, candidate), []
@@ -85,22 +84,19 @@ def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:
 
 
 def _without_zero(system: System, candidate: Candidate) -> str | None:
-    """The reading that a candidate puts right, if its zero is arbitrary."""
-    signal = f"{candidate.module}.{candidate.place}"
-    known = signal in system.shared and _zero_is_arbitrary(system, signal)
-    return signal if known else None
+    """The reading that a candidate corrects, if its zero is arbitrary.
 
-
-def _zero_is_arbitrary(system: System, signal: str) -> bool:
-    """Is the zero of a signal where somebody put it? A share of a temperature means nothing: 5 % of
-    20 degC would be 15 kelvin."""
-    module, _, name = signal.partition(".")
-    plant = system.builder.network.plant
-    return has_no_zero(plant.modules[module].type.signals[name], plant.knowledge.units)
+    A share of a temperature means nothing: 5 % of 20 degC would be 15 kelvin.
+    """
+    signal, plant = f"{candidate.module}.{candidate.place}", system.builder.network.plant
+    if signal not in system.shared:
+        return None
+    own = plant.modules[candidate.module].type.signals[candidate.place]
+    return signal if has_no_zero(own, plant.knowledge.units) else None
 
 
 def span(system: System, signal: str) -> float:
-    """What a sensor can show, SI, or where nobody says it, what it showed."""
+    """Range of a sensor, SI, or of its readings where none is stated."""
     low, high = system.ruleset.signal_by_id[signal].ends
     if np.isfinite(high - low):
         return high - low

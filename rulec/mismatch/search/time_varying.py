@@ -1,4 +1,4 @@
-"""Parameters that change with something nobody recorded, as places where an error may sit."""
+"""Parameters that follow an unrecorded driver, as possible places of an error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rulec.mismatch.evidence.steady.system import System
 
 
 def varying_parameters(fitted: Fitted, spot: Spot) -> list[Suspect]:
-    """Parameters of the law at a place, each with a course of its own.
+    """Parameters of the law at a place, each with its own course.
 
-    What drives a law seldom adds to it: it changes what stands in it, and shows where that counts.
+    A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
     """
     rows, system = fitted.rows, fitted.rows.system
     if spot.kind != "definition":
@@ -45,7 +45,7 @@ def varying_parameters(fitted: Fitted, spot: Spot) -> list[Suspect]:
 
 
 def spot_of(system: System, candidate: Candidate) -> Spot:
-    """The place of what stands for a driver that is not recorded."""
+    """The place of a candidate that represents an unrecorded driver."""
     spots = system.builder.spots
     known = next((s for s in spots if s.id == candidate.id), None)
     if known is not None:

@@ -1,6 +1,6 @@
-"""What an explanation changes, against what errors of laws and of sensors change anyway.
+"""The change that an explanation makes, compared with the possible errors of laws and sensors.
 
-A name is sure only if it moves some reading by more than laws and sensors may be off by.
+A name is certain only if it moves some reading by more than laws and sensors may be off.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ from rulec.mismatch.search.refit import Model
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far readings may be off by a model with nothing missing, and what stands out of that."""
+    """How far readings may be off under a complete model, and which explanations exceed that."""
 
     geometry: Evidence
     model: Model
 
     @cached_property
     def stand_out(self) -> dict[str, float]:
-        """Probability of each explanation, by its id, that it moves some output by more than
-        `off_by`."""
+        """Probability that each explanation, by id, moves some output by more than `off_by`."""
         setting = self.model.setting
         begun = {setting.candidate_of(course).id for course in setting.courses}
         readings = {c.id for c in setting.joined if self.geometry.of_reading(c)}
@@ -44,9 +43,9 @@ class Tolerance:
 
     @property
     def within(self) -> frozenset[str]:
-        """Names of terms without a name that are in no row more than sensors within their class,
-        and laws within their accuracy, may be off by: such a one is an error of form that has not
-        left its declared size. What follows time is none."""
+        """Terms without a name, but for those over time, that exceed in no row what sensors within
+        their class and laws within their accuracy allow: they are errors of form of the declared
+        size."""
         every = np.concatenate([self.geometry.forms, *self._of_sensors], axis=1)
         allowed = common.NORMAL_95 * np.sqrt(np.sum(every**2, axis=1))
         return frozenset(
@@ -57,7 +56,7 @@ class Tolerance:
 
     @property
     def _moved_by_terms(self) -> Iterator[tuple[Term, Array]]:
-        """Terms without a name, and what each does to the rows, shape (rows,)."""
+        """Terms without a name, and their effect on the rows, shape (rows,)."""
         model = self.model
         last = len(model.forms) - sum(t.columns.shape[1] for t in model.terms)
         for term, size in zip(model.terms, model.sizes.terms, strict=True):
@@ -65,8 +64,8 @@ class Tolerance:
             yield term, term.columns @ (size * model.forms[first:last])
 
     def _moved_by(self, i: int, start: float) -> Array:
-        """Residuals per unit of a value, shape (rows,), as far as it moves them from its null: a
-        stop or an open relief valve has hardly a slope where it was found."""
+        """Change of the residuals from the null to a value, per unit of it, shape (rows,): at the
+        value itself a stop or an open relief valve has hardly any slope."""
         model = self.model
         if model.at[i] != start:
             without = np.where(np.arange(len(model.at)) == i, start, model.at)
@@ -78,7 +77,7 @@ class Tolerance:
 
     @property
     def shows(self) -> float:
-        """Probability that what is joined moves some output by more than `allowed`."""
+        """Probability that the joined candidates move some output by more than `allowed`."""
         model, allowed = self.model, self.allowed
         if model.terms:
             return 1.0
@@ -91,14 +90,14 @@ class Tolerance:
 
     @cached_property
     def _amplitudes(self) -> list[tuple[int, str, float]]:
-        """Of each value that has a null: its number, the id of its explanation, and the null."""
+        """Number, id of the explanation and null of each value that has a null."""
         joined, names = self.model.setting.joined, self.model.prior.names
         null = {u.id: (c.id, u.null) for c in joined for u in c.unknowns if not u.fixed}
         own = [null.get(name.partition("#")[0], ("", None)) for name in names]
         return [(i, id_, start) for i, (id_, start) in enumerate(own) if start is not None]
 
     def _beyond(self, i: int, start: float, least: float) -> float:
-        """Probability that a value is off its null by at least so much, both SI."""
+        """Probability that a value is at least `least` away from its null `start`, SI."""
         model = self.model
         u = np.sqrt(model.covariance[i, i]) / model.prior.coordinates.slopes(model.at)[i]
         ends = np.array([-least, least]) - (model.at[i] - start)
@@ -106,12 +105,12 @@ class Tolerance:
 
     @cached_property
     def off_by(self) -> dict[tuple[bool, bool], dict[str, float]]:
-        """How far outputs may be off with nothing missing, SI, by whether a reading explains it
-        and whether it begins.
+        """Errors of outputs under a complete model, SI, by whether a reading explains them and
+        whether they begin.
 
-        An error of a law, as large as it is found here, imitates what is there all the time, and
-        one of a sensor within its class another one of that sensor. A term without a name at a law
-        is an error of that law, too.
+        The error of a law, at its estimated size, can imitate a permanent effect, and the error of
+        a sensor within its class another error of that sensor. A term without a name at a law is an
+        error of that law, too.
         """
         geometry, model = self.geometry, self.model
         first, count = len(model.at), geometry.forms.shape[1]
@@ -129,27 +128,27 @@ class Tolerance:
 
     @property
     def _of_sensors(self) -> tuple[Array, ...]:
-        """Rows of errors of sensors within their class, shape (rows, errors) each."""
+        """Rows of sensor errors within their class, shape (rows, errors) each."""
         errors = [i for i, name in enumerate(self.model.prior.names) if name.startswith(ERROR)]
         return self.model.point.jacobian[:, errors], *self.geometry.of_class
 
     @property
     def allowed(self) -> dict[str, float]:
-        """Error of each output that sensors within their class, and laws within their accuracy,
+        """Error of each output that sensors within their class and laws within their accuracy
         explain in 19 of 20 recordings, SI."""
         return _allowed(self.geometry, self.geometry.forms, *self._of_sensors)
 
 
 def _allowed(geometry: Evidence, *errors: Array) -> dict[str, float]:
-    """By how much errors of unit size, shape (rows, errors) each, move each output in 19 of 20
-    recordings, SI."""
+    """Largest error of each output in 19 of 20 recordings, SI, by errors of unit size, shape (rows,
+    errors) each."""
     every = np.concatenate([np.zeros((geometry.count, 0)), *errors], axis=1)
     return {n: common.NORMAL_95 * u for n, u in geometry.shown(every).items()}
 
 
 def least_beyond(geometry: Evidence, slopes: Array, allowed: Mapping[str, float]) -> float:
-    """The size from which on something moves an output by more than is `allowed`, SI by output;
-    `slopes`, shape (rows,), are those by its size."""
+    """Smallest size that moves some output by more than is `allowed`, SI by output; `slopes`, shape
+    (rows,), are those by the size."""
     moved = geometry.shown(slopes[:, None]) if slopes.any() else {}
     return min(
         (allowed.get(name, 0.0) / most for name, most in moved.items() if most > 0.0),
