@@ -1,5 +1,5 @@
 """Sets of explanations of settled points, by their evidence.
 
-Rows are means per operating state and block of time, every law may be off by an error of form, all
-singles and pairs are scanned, and the best sets are refitted together.
+Rows are means per operating state and block of time, and every law may have an error of form. All
+single explanations and pairs are scanned, and the best sets are refitted.
 """

@@ -1,15 +1,15 @@
-"""A set refitted as a plant file holds it: sensors as they are, and no errors of form.
+"""Refit a set for a plant file: no errors of sensors and no errors of form.
 
-Each row counts as its laws are exact by their accuracy, or better where they turn out to be, and
-rows that share an error of form count once.
+The weight of each row follows from the accuracy of its laws, or from a better one where the
+residual shows it. Rows that share an error of form count once.
 
-Source: Ribatet, Cooley, Davison 2012 (composite likelihood, raised to what its parts say together);
-Tuo and Wu 2015 (the law that is to predict, not the one beside its error of form).
+Source: Ribatet, Cooley, Davison 2012 (composite likelihood, scaled to the joint information of its
+parts); Tuo and Wu 2015 (the law that is to predict, not the one beside its error of form).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from rulec.mismatch.search.settled.geometry import Geometry
 
 
 def clear_states(system: System, clear: np.ndarray) -> Rows:
-    """Means of operating states of which only points that are `clear`, shape (n,), are seen."""
+    """Means of operating states in which all but `clear` points, shape (n,), are held out."""
     data = system.data
     part = np.where(clear, data.part, HELDOUT)
     ends = data.time[1:][np.diff(clear)]
@@ -34,27 +34,22 @@ def clear_states(system: System, clear: np.ndarray) -> Rows:
 
 def as_written(rows: Rows, starts: Sequence[Configuration]) -> Model:
     """The likeliest refit from several starts."""
-    smooth, inexact = Geometry(rows), 0.0
+    system, smooth, inexact = rows.system, Geometry(rows), 0.0
     squares = np.sum(smooth.forms**2, axis=0)
-    # As many independent errors of form there are as their sizes are alike.
+    # The effective number of independent errors of form.
     ways = float(squares.sum()) ** 2 / max(float(np.sum(squares**2)), 1e-300)
     alike = max(len(smooth.point) / ways, 1.0) if ways else 1.0
     stated = max(float(squares.sum()) / len(smooth.point), 1e-300)
     errors = smooth.shown(smooth.forms)
     for _ in range(limits.ACCURACY_STEPS):
-        geometry = Geometry(_noisier(rows, errors, np.sqrt(alike) * inexact), exact=True)
-        none = rows.system.shared
-        found = [refitted(geometry, start, without_error=none) for start in starts]
+        noise, share = dict(system.data.noise), np.sqrt(alike) * inexact
+        for name, error in errors.items():
+            noise[name] = np.hypot(noise[name], share * error)
+        noisier = replace(system, data=replace(system.data, noise=noise))
+        geometry = Geometry(rows_of(noisier, Configuration()), exact=True)
+        found = [refitted(geometry, start, without_error=system.shared) for start in starts]
         best = max(found, key=lambda model: model.evidence)
         starts = [best.setting]
-        off = rows.errors(rows.system.flows(best.setting))[0][smooth.seen]
+        off = rows.errors(system.flows(best.setting))[0][smooth.seen]
         inexact = float(np.sqrt(np.clip((np.mean(off**2) - 1.0) / stated, 0.0, 1.0)))
     return best
-
-
-def _noisier(rows: Rows, errors: Mapping[str, float], share: float) -> Rows:
-    """Rows whose outputs are off by a share of some `errors`, SI, besides their noise."""
-    data, noise = rows.system.data, dict(rows.system.data.noise)
-    for name, error in errors.items():
-        noise[name] = np.hypot(noise[name], share * error)
-    return rows_of(replace(rows.system, data=replace(data, noise=noise)), Configuration())

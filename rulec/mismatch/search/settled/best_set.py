@@ -1,4 +1,4 @@
-"""The most probable set of explanations, refitted to all settled points, and how sure each is."""
+"""The most probable set of explanations, refitted to all settled points, and its probabilities."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rulec.effects.candidate import TIME, Candidate
+import numpy as np
+
+from rulec.effects.candidate import TIME, Candidate, Spot
 from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
@@ -17,11 +19,10 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.curve import curve_at
+from rulec.mismatch.search.branches import branches_of
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.prior import known_of
-from rulec.mismatch.search.settled.branches import branches_of
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.nested import coincide, holds, slopes_of
 from rulec.mismatch.search.settled.onset_refinement import with_refined_onset
@@ -33,7 +34,7 @@ from rulec.mismatch.search.time_varying import varying_parameters
 
 @dataclass(frozen=True)
 class Search:
-    """What was found: the model fitted to all points, what it says, and all that was weighed."""
+    """The model fitted to all points, its explanations, and all sets that were compared."""
 
     fitted: Fitted
     accepted: tuple[Accepted, ...]
@@ -46,7 +47,7 @@ class Search:
 
 
 def search(rows: Rows, progress: Progress) -> Search:
-    """Find the sets of explanations that fit a recording, and tell the most probable one."""
+    """Find the sets of explanations that fit a recording, and fit the most probable one."""
     progress("taking means of operating states")
     posterior = explain(rows, progress)
     progress("refitting the most probable explanation to all settled points")
@@ -73,10 +74,10 @@ def search(rows: Rows, progress: Progress) -> Search:
 
 
 def told_of(posterior: Posterior) -> Names:
-    """Members of the best set that are likelier there than not, by any of their names.
+    """Members of the best set to report: those that are likelier present than not.
 
-    Of several that fit about equally, each may be unlikely, and one of them is there all the same.
-    Terms that stay within what laws may be off by are not told.
+    Alternatives to a member count for it: each of several may be unlikely although one of them is
+    certainly present. Terms within the accuracy of laws are not reported.
 
     Source: median probability model (Barbieri and Berger 2004).
     """
@@ -93,18 +94,17 @@ def told_of(posterior: Posterior) -> Names:
 
 def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
-    model, told = posterior.models[posterior.told], told_of(posterior)
-    was = model.setting
-    for candidate in was.joined:
-        if name_of(was, candidate) not in told:
-            was = was.leaving(candidate.id)
-    was = replace(was, known=known_of(model.prior, was))
-    fitted = _fitted(rows, at_points(was, rows.system.data.time))
-    setting = fitted.setting
-    names = {name_of(setting, c): c for c in setting.joined}
-    for course in setting.courses:
+    model, reported = posterior.models[posterior.told], told_of(posterior)
+    setting = model.setting
+    for candidate in setting.joined:
+        if name_of(setting, candidate) not in reported:
+            setting = setting.leaving(candidate.id)
+    setting = replace(setting, known=known_of(model.prior, setting))
+    fitted = _fitted(rows, at_points(setting, rows.system.data.time))
+    names = {name_of(fitted.setting, c): c for c in fitted.setting.joined}
+    for course in fitted.setting.courses:
         fitted = with_refined_onset(fitted, course.unknown)
-    for term in (t for t in model.terms if t.name in told):
+    for term in (t for t in model.terms if t.name in reported):
         there = with_term(fitted, term)
         if there is not None:
             fitted = there
@@ -113,14 +113,14 @@ def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, 
 
 
 def _fitted(rows: Rows, setting: Configuration) -> Fitted:
-    """Fitted twice, the second time with neighbours counted as what they are worth."""
+    """Fit twice, the second time with the correlation of neighbours taken into account."""
     used = rows.system.data.open
     first = fit(rows, setting, used)
     return fit(rows, first.setting, used, variance_inflation=variance_inflation_of(first))
 
 
 def with_term(fitted: Fitted, term: Term) -> Fitted | None:
-    """A term without a name as a course in time, or as a curve over its driver."""
+    """Join a term without a name as a course in time, or as a curve over its driver."""
     spot_id, _, driver = term.name.rpartition("~")
     place = _place(fitted, spot_id)
     if place is None:
@@ -131,11 +131,32 @@ def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     if driver == TIME:
         return _with_trial(fitted, free_course(fitted, place))
     for most in limits.BANDS:
-        # Beside another curve its equation may be too long: fewer pieces make a shorter one.
+        # Beside another curve its equation may be too long; fewer pieces make it shorter.
         with contextlib.suppress(Rejected):
-            curve = curve_at(fitted, place.spot, driver, most)
+            curve = _curve_at(fitted, place.spot, driver, most)
             found = screen(fitted, [curve]) if curve is not None else []
             return _with_trial(fitted, found[0]) if found else None
+    return None
+
+
+def _curve_at(fitted: Fitted, spot: Spot, name: str, most: int) -> Candidate | None:
+    """A piecewise linear curve of at most `most` pieces over a reading; None where the readings are
+    too close together.
+
+    Pieces within the noise of a reading, as at a few operating points, would only sort that noise.
+
+    Source: generalised additive models (Hastie, Tibshirani 1986).
+    """
+    data = fitted.rows.system.data
+    values = data.values[name][data.open]
+    least = limits.BAND_WIDTH * float(np.nanmedian(data.noise[name][data.open]))
+    for parts in (n for n in limits.BANDS if n <= most):
+        knots = np.nanquantile(values, np.linspace(0.0, 1.0, parts + 1))
+        if float(np.min(np.diff(knots))) >= least:
+            # All pieces together are a constant, which base values may already contain.
+            pieces = [i for i in range(parts + 1) if i != parts // 2]
+            features = tuple(f"{name}~{i}/{parts}" for i in pieces)
+            return fitted.rows.system.builder.free_form(spot.id, features)
     return None
 
 
@@ -145,7 +166,7 @@ def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
 
 
 def _place(fitted: Fitted, id_: str) -> Suspect | None:
-    """A place, or a parameter of its law, with what an error there explains."""
+    """A place, or a parameter of the law there, with the error that explains most."""
     spots = fitted.rows.system.builder.spots
     for spot in spots:
         column = spot_column(fitted, spot)
@@ -156,10 +177,10 @@ def _place(fitted: Fitted, id_: str) -> Suspect | None:
 
 
 def _alike(posterior: Posterior, name: str) -> frozenset[str]:
-    """A name with all that say the same: a fault however it came, terms without a name over one
-    driver, wherever they are.
+    """A name with its equivalents: the same fault with any course, terms without a name over the
+    same driver at any place.
 
-    Columns of such terms often coincide, and each would have a part of what all of them have.
+    Columns of such terms often coincide, and would share the probability of all of them.
     """
     _, mark, driver = name.rpartition("~")
     if not mark:
@@ -170,7 +191,7 @@ def _alike(posterior: Posterior, name: str) -> frozenset[str]:
 
 
 def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[str, ...]:
-    """Other places at which a term over the same driver may be, the likeliest first."""
+    """Other possible places of a term over the same driver, the likeliest first."""
     spots = {s.id: f"{s.module}.{s.place}" for s in geometry.rows.system.builder.spots}
     own = posterior.names
     names = sorted(_alike(posterior, term.name) - {term.name}, key=lambda n: -own[n])
@@ -179,7 +200,7 @@ def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[st
 
 
 def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
-    """How sure an explanation of the best set is, and what may be in its place."""
+    """An explanation of the best set, with the odds of alternatives to it."""
     best, sets = posterior.told, posterior.sets
     alike = _alike(posterior, name)
     own = sum(p for names, p in sets.items() if names & alike)
@@ -195,17 +216,17 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
         for other in names - best:
             if other in known:
                 others[other] = others.get(other, 0.0) + probability
-    ranked = [(n, p) for n, p in sorted(others.items(), key=lambda o: -o[1])]
+    ranked = sorted(others.items(), key=lambda o: -o[1])
     odds = tuple((known[n], p / own) for n, p in ranked)
-    told = sum(p for _, p in odds)
+    named = sum(p for _, p in odds)
     stands_out = posterior.tolerance.stand_out.get(candidate.id, 1.0)
     same = [n for n, p in ranked if p >= common.REPORTED and _coincides(posterior, name, n)]
     return Accepted(
         candidate,
-        _gain(posterior, best, name),
+        max(posterior.odds[best] - _beside(posterior, name), limits.LEAST_GAIN),
         odds,
         tuple(_rivals(posterior, name)),
-        unnamed=max((1.0 - shapeless) / own - 1.0 - told, 0.0),
+        unnamed=max((1.0 - shapeless) / own - 1.0 - named, 0.0),
         shapeless=shapeless / own,
         inexact=limits.INEXACT * (1.0 - stands_out),
         same={known[n].id: {} for n in same},
@@ -213,7 +234,7 @@ def accepted_of(posterior: Posterior, name: str, candidate: Candidate) -> Accept
 
 
 def _curves_like(posterior: Posterior, name: str) -> frozenset[str]:
-    """Terms without a name that hold an explanation of the best set as a special case."""
+    """Terms without a name that contain an explanation of the best set as a special case."""
     best = posterior.told
     model = posterior.models[best]
     own = [c for c in model.setting.joined if name_of(model.setting, c) == name]
@@ -225,7 +246,7 @@ def _curves_like(posterior: Posterior, name: str) -> frozenset[str]:
 
 
 def _coincides(posterior: Posterior, name: str, other: str) -> bool:
-    """Does another explanation, in the place of one of the best set, show as that one does?"""
+    """Does another explanation show the same as the one of the best set that it replaces?"""
     best = posterior.told
     rest = (best - {name}) | {other}
     if rest not in posterior.models:
@@ -237,39 +258,29 @@ def _coincides(posterior: Posterior, name: str, other: str) -> bool:
 
 
 def candidates_of(posterior: Posterior) -> dict[str, Candidate]:
-    """All candidates that stand in some set, by their names there."""
-    found: dict[str, Candidate] = {}
-    for model in posterior.models.values():
-        for candidate in model.setting.joined:
-            found[name_of(model.setting, candidate)] = candidate
-    return found
+    """All candidates of any set, by their names there."""
+    settings = [model.setting for model in posterior.models.values()]
+    return {name_of(setting, c): c for setting in settings for c in setting.joined}
 
 
-def _gain(posterior: Posterior, best: Names, name: str) -> float:
-    """How much likelier the best set is than what it has beside an explanation, nats."""
-    gain = posterior.odds[best] - _beside(posterior, best, name)
-    return max(gain, limits.LEAST_GAIN)
-
-
-def _beside(posterior: Posterior, best: Names, name: str) -> float:
-    """Log odds of the best set of what stands beside an explanation."""
-    rest = best - {name}
+def _beside(posterior: Posterior, name: str) -> float:
+    """Largest log odds of a set of other members of the best set."""
+    rest = posterior.told - {name}
     return max(odds for names, odds in posterior.odds.items() if names <= rest)
 
 
 def titled_with_module(candidate: Candidate) -> str:
-    """A title with its module, once."""
+    """A title that names the module once."""
     title, module = candidate.title, candidate.module
     return title if f"{module}." in title else f"{title} in {module}"
 
 
 def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
-    """What must lose against an explanation, and what it gains in its place.
+    """The best alternative to an explanation, and its gain in the same place.
 
-    For a name that is a term without one; for such a term, the best name.
+    For a name it is a term without a name, for such a term the best name.
     """
     rest = posterior.told - {name}
-    beside = _beside(posterior, posterior.told, name)
     term = "~" in name
     there = {
         names: odds
@@ -284,4 +295,4 @@ def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
         if term:
             known = candidates_of(posterior)
             title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))
-        yield Rival(title, there[names] - beside)
+        yield Rival(title, there[names] - _beside(posterior, name))

@@ -1,8 +1,8 @@
-"""What each of several recordings says alone, and what each further one changed.
+"""The result of each of several recordings alone, and the change by each further one.
 
-The search is made on the rows of some recordings. To weigh in a part the sets that all rows brought
-up would be cheaper and wrong: what the further recording refutes is refitted to its rows too, with
-noise and errors of form as large as it needs for them, and looks refuted before.
+Each time the search runs on the rows of some recordings. Reusing the sets found on all rows would
+be cheaper and wrong: a set that a later recording refutes would have been refitted to its rows too,
+with the noise and errors of form that this needs, and would seem refuted before.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.together import part_of
 from rulec_runtime.report.text import listed
 
-from rulec.effects.candidate import TIME, Candidate
+from rulec.effects.candidate import TIME
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
@@ -27,18 +27,18 @@ from rulec.mismatch.search.settled.scan import id_of, name_of
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 
 NOTHING = "nothing"
-"""Id of the set in which nothing is left out."""
+"""Id of the empty set of explanations."""
 
 TERM = "~"
-"""Mark in the name of what has none, before its driver."""
+"""Mark before the driver in the name of a term without a name."""
 
 SORTED = {"physics": "named", "ageing": "named", "fault": "fault", "sensor": "sensor"}
-"""Verdict by the sort of the one explanation that is certain."""
+"""Verdict by the sort of the only certain explanation."""
 
 
 @dataclass(frozen=True)
 class SingleRecording:
-    """What one recording, by its number, says alone."""
+    """The result of one recording, by its number, alone."""
 
     number: int
     verdict: str
@@ -47,23 +47,11 @@ class SingleRecording:
 
 @dataclass(frozen=True)
 class ByRecording:
-    """What each recording says alone, and how the second and each later one, by its number, moved
-    probabilities."""
+    """The result of each recording alone, and how the second and each later one, by its number,
+    moved probabilities."""
 
     alone: tuple[SingleRecording, ...]
     moved: Mapping[int, tuple[Moved, ...]]
-
-
-def _explained(
-    recording: Recording,
-    chosen: frozenset[int],
-    system: System,
-    heldout: Sequence[tuple[float, float]],
-    progress: Progress,
-) -> Posterior | None:
-    progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
-    rows = _rows_of(part_of(recording, chosen), system, heldout)
-    return explain(rows, lambda text: None) if rows is not None else None
 
 
 def by_recording(
@@ -73,9 +61,9 @@ def by_recording(
     posterior: Posterior,
     progress: Progress,
 ) -> ByRecording | None:
-    """What each recording says alone, and the first few together; None of one.
+    """Search each recording alone, and the first few together; None for a single recording.
 
-    `posterior` is what all say together.
+    `posterior` is that of all recordings.
     """
     count = len(recording.sources)
     if count < 2:
@@ -85,10 +73,12 @@ def by_recording(
     def on(numbers: Collection[int]) -> Posterior | None:
         chosen = frozenset(numbers)
         if chosen not in known:
-            known[chosen] = _explained(recording, chosen, system, heldout, progress)
+            progress(f"searching {listed([recording.sources[i] for i in sorted(chosen)])} alone")
+            rows = _rows_of(part_of(recording, chosen), system, heldout)
+            known[chosen] = explain(rows, lambda text: None) if rows is not None else None
         return known[chosen]
 
-    each = tuple(SingleRecording(number, *_said(on({number}))) for number in range(count))
+    each = tuple(SingleRecording(number, *_result(on({number}))) for number in range(count))
     moved = {n: _moved(on(range(n)), on(range(n + 1))) for n in range(1, count)}
     return ByRecording(each, moved)
 
@@ -96,7 +86,7 @@ def by_recording(
 def _rows_of(
     recording: Recording, system: System, heldout: Sequence[tuple[float, float]]
 ) -> Rows | None:
-    """Rows of some recordings; None where they are too few."""
+    """Rows of some recordings; None where there are too few."""
     data = prepare(recording, system.ruleset, heldout)
     if data is None or int(data.open.sum()) < common.FEWEST_POINTS:
         return None
@@ -104,22 +94,23 @@ def _rows_of(
     return rows if rows.groups >= common.FEWEST_POINTS else None
 
 
-def _said(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
-    """The verdict that probabilities alone give, and what may be right, the likeliest first."""
+def _result(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
+    """The verdict by probabilities only, and the likely explanations, the likeliest first."""
     if found is None:
         return "cannot judge", ()
     every, (titles, sorts) = _by_id(found.sets), _titles(found)
-    return _verdict(every, sorts), _likely(every, titles)
+    kept = sorted((k for k, p in every.items() if p >= common.MENTIONED), key=lambda k: -every[k])
+    return _verdict(every, sorts), tuple(Likely(key, titles[key], every[key]) for key in kept)
 
 
 def _key(name: str) -> str:
-    """A fault however it came, terms without a name over one driver wherever they are."""
+    """One key for a fault with any course, and for terms without a name over one driver."""
     _, mark, driver = name.rpartition(TERM)
     return TERM + driver if mark else id_of(name)
 
 
 def _by_id(sets: Mapping[Names, float]) -> dict[str, float]:
-    """Probability that an explanation is there, by its id."""
+    """Probability of each explanation, by its id."""
     found = {NOTHING: sets.get(frozenset(), 0.0)}
     for names, probability in sets.items():
         for key in {_key(name) for name in names}:
@@ -133,8 +124,9 @@ def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
     sorts = {NOTHING: "none"}
     for names, model in posterior.models.items():
         for candidate in model.setting.joined:
-            key = _key(name_of(model.setting, candidate))
-            titles[key], sorts[key] = _titled(candidate), candidate.sort
+            key, title = _key(name_of(model.setting, candidate)), titled_with_module(candidate)
+            lower = title[:1].lower() + title[1:] if title[1:2].islower() else title
+            titles[key], sorts[key] = lower, candidate.sort
         for key in (_key(name) for name in names if TERM in name):
             driver = key.removeprefix(TERM)
             follows = "time" if driver == TIME else driver
@@ -142,13 +134,7 @@ def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
     return titles, sorts
 
 
-def _titled(candidate: Candidate) -> str:
-    title = titled_with_module(candidate)
-    return title[:1].lower() + title[1:] if title[1:2].islower() else title
-
-
 def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
-    """The verdict that probabilities alone give."""
     if found[NOTHING] >= limits.LIKELIER:
         return "none"
     best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
@@ -156,15 +142,9 @@ def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
     return "ambiguous" if sort != "unnamed" and found[best] < common.CERTAIN else sort
 
 
-def _likely(found: Mapping[str, float], titles: Mapping[str, str]) -> tuple[Likely, ...]:
-    """What may be right, the likeliest first."""
-    kept = sorted((k for k, p in found.items() if p >= common.MENTIONED), key=lambda k: -found[k])
-    return tuple(Likely(key, titles[key], found[key]) for key in kept)
-
-
 def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
-    """Probabilities before and after of what is likely at one of the two; before a recording that
-    could be judged, none is known."""
+    """Probabilities before and after of explanations that are likely in either; None before the
+    first recording that could be judged."""
     titles: dict[str, str] = {}
     shares: list[dict[str, float]] = []
     for found in (before, after):

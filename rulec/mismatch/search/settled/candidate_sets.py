@@ -1,4 +1,4 @@
-"""Sets of explanations that are still possible: written down, and refitted again."""
+"""Candidate sets, those sets of explanations that are still possible: described, and refitted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import candidates_of, titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
-from rulec.mismatch.search.settled.nameless import smooth, terms
+from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 
 
@@ -25,20 +25,17 @@ def standing_of(posterior: Posterior) -> tuple[CandidateSet, ...]:
     """The sets that are still possible, the likeliest first."""
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
     likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]
-    return tuple(_standing(posterior, names, probability) for names, probability in likely)
+    return tuple(_candidate_set(posterior, names, probability) for names, probability in likely)
 
 
-def _standing(posterior: Posterior, names: Names, probability: float) -> CandidateSet:
+def _candidate_set(posterior: Posterior, names: Names, probability: float) -> CandidateSet:
     model, known = posterior.models[names], candidates_of(posterior)
     setting = model.setting
-    by_name = {term.name: term for term in model.terms}
-    ordered = tuple(sorted(names))
-    titles = (
-        titled_with_module(known[n]) if n in known else _in_words(by_name[n]) for n in ordered
-    )
+    titles = {term.name: _in_words(term) for term in model.terms}
+    titles |= {name: titled_with_module(known[name]) for name in names if name in known}
     return CandidateSet(
-        names=ordered,
-        titles=tuple(titles),
+        names=tuple(sorted(names)),
+        titles=tuple(titles[name] for name in sorted(names)),
         probability=probability,
         joined=tuple(c.id for c in setting.joined),
         values={name: float(value) for name, value in setting.values.items()},
@@ -52,7 +49,6 @@ def _standing(posterior: Posterior, names: Names, probability: float) -> Candida
 
 
 def _in_words(term: Term) -> str:
-    """A term without a name."""
     where = f"{term.changed.module}.{term.changed.place}"
     if term.basis.says:
         return f"{where} {term.basis.says}"
@@ -61,7 +57,7 @@ def _in_words(term: Term) -> str:
 
 @dataclass(frozen=True)
 class Again:
-    """Sets refitted to the means of operating states that `geometry` has, in order."""
+    """Candidate sets and their refits to the means of operating states in `geometry`, in order."""
 
     geometry: Geometry
     sets: tuple[CandidateSet, ...]
@@ -69,22 +65,24 @@ class Again:
 
 
 def refitted_again(every: Rows, sets: Sequence[CandidateSet]) -> Again:
-    """Sets refitted from where they were; without those of which a term switched with set points,
-    for it is not known what it does at others.
+    """Refit sets from their earlier values, but for those with a term that switches with set
+    points: its values at other set points are not known.
 
     Raises KeyError with the id of a candidate that the knowledge base does not have.
     """
     search = begun(every)
     plain = search.models[frozenset()]
-    named = {(t.name, t.basis.length): t for t in smooth(terms(search.settled, plain))}
+    # Terms that switch have no name and length of their own.
+    smooth = [t for t in terms(search.settled, plain) if not t.basis.says]
+    named = {(t.name, t.basis.length): t for t in smooth}
     kept, models = [], []
     for one in sets:
         if any(not length for _, length in one.terms):
             continue
         own = tuple(named[name] for name in one.terms)
         first = search.refit(_setting(search.settled, one), plain, own)
-        # With the sizes of errors of the plain model, which are large where something is missing,
-        # values end where those errors explain a part of it; with their own sizes they do not.
+        # The plain model has large errors where an effect is missing, and these would explain part
+        # of that effect; the second refit starts from the errors of the set itself.
         models.append(search.refit(first.setting, first, own))
         kept.append(one)
     return Again(search.settled, tuple(kept), tuple(models))

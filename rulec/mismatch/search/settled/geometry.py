@@ -1,4 +1,4 @@
-"""What stays the same for all models of one recording: errors of form, and how rows count."""
+"""What all models of settled points have in common: errors of form, and the weights of rows."""
 
 from __future__ import annotations
 
@@ -33,21 +33,17 @@ def driver_of(system: System, name: str) -> Array:
     return values
 
 
-def _smooth_over(alike: Array, least: float) -> Array:
-    """Independent functions whose sum has unit variance, shape (n, functions), but for those with
-    less than a share `least` of the largest variance.
-
-    `alike`, shape (n, n), is how alike it is at two points.
-    """
-    size, ways = np.linalg.eigh(alike)
+def _smooth_over(correlation: Array, least: float) -> Array:
+    """Independent functions, shape (n, functions), whose sum has the given correlation, shape (n,
+    n). Those below a share `least` of the largest variance are omitted."""
+    size, ways = np.linalg.eigh(correlation)
     kept = size > least * size.max()
-    smooth: Array = ways[:, kept] * np.sqrt(size[kept])
-    return smooth
+    return np.asarray(ways[:, kept] * np.sqrt(size[kept]))
 
 
 def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
-    """Independent smooth courses whose sum has unit variance, shape (n, courses): of each recording
-    its own."""
+    """Independent smooth courses of unit total variance, own ones for each recording, shape (n,
+    courses)."""
     found = []
     for own in np.unique(source):
         here = np.flatnonzero(source == own)
@@ -65,8 +61,8 @@ def term_of(
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
-    `place` is the id of the place, `slopes`, shape (seen rows,), are those of the residuals by what
-    is `changed` there.
+    `place` is the id of the place; `slopes`, shape (open rows,), are those of the residuals by
+    `changed`.
     """
     values = driver_of(geometry.rows.system, driver)
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
@@ -88,14 +84,14 @@ def term_of(
 
 @dataclass(frozen=True)
 class SettledPoint:
-    """A fit to settled points, as its `seen` rows, shape (all rows,), show it."""
+    """A fit to settled points, reduced to its open rows, flags `seen` of shape (all rows,)."""
 
     fitted: Fitted
     seen: NDArray[np.bool_]
 
     @property
     def setting(self) -> Configuration:
-        """What is joined, and all values."""
+        """The joined candidates and all values."""
         return self.fitted.setting
 
     @cached_property
@@ -110,9 +106,10 @@ class SettledPoint:
 
 
 class Geometry(Evidence):
-    """What stays the same for all models of one recording; `rows` are those that may be seen.
+    """What all models of one recording have in common.
 
-    Where laws and sensors are `exact`, the first have no error of form and the others do not move.
+    Where laws and sensors are `exact`, laws have no error of form and errors of sensors are
+    constant.
     """
 
     def __init__(self, rows: Rows, *, exact: bool = False) -> None:
@@ -122,37 +119,29 @@ class Geometry(Evidence):
         self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
-        plain = evaluated(
-            rows,
-            Configuration(),
-            known := prior_of(system, Configuration()),
-            known.mean,
-            system.data.open,
-        )
-        laws = () if exact else system.builder.laws
-        self.forms, self.law = self._forms(plain, laws)
-        self.moving = np.zeros((int(self.seen.sum()), 0)) if exact else self._moving(plain)
+        prior = prior_of(system, Configuration())
+        plain = evaluated(rows, Configuration(), prior, prior.mean, system.data.open)
+        self.forms, self.law = self._forms(plain, () if exact else system.builder.laws)
+        self.moving = np.zeros((self.count, 0)) if exact else self._moving(plain)
         self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
         self.rank = np.bincount(self.group).astype(float)
-        constants = gammaln((limits.STUDENT + self.rank) / 2) - self.rank / 2 * np.log(
-            limits.STUDENT
-        )
-        self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
+        freedom = limits.STUDENT
+        constants = gammaln((freedom + self.rank) / 2) - self.rank / 2 * np.log(freedom)
+        self.constant = float(np.sum(constants - gammaln(freedom / 2)))
 
     usual_noise: Noise = (1.0,)
 
     @property
     def terms(self) -> int:
-        """How many terms without a name there may be: places, and what may drive them."""
+        """Number of possible terms without a name: places times drivers."""
         system = self.rows.system
         inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
-        drivers = len(inputs) + (1 if system.data.timed else 0)
-        return len(system.builder.spots) * max(drivers, 1)
+        return len(system.builder.spots) * max(len(inputs) + system.data.timed, 1)
 
     @property
     def noises(self) -> tuple[tuple[float, ...], ...]:
-        """Sizes of the noise, in units of what was expected."""
+        """Sizes of the noise to try, relative to the expected one."""
         return (limits.NOISE_SCALES,)
 
     @property
@@ -162,14 +151,13 @@ class Geometry(Evidence):
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """What may be missing."""
+        """Effects that the model may lack."""
         return self.rows.system.candidates
 
     def prior(self, setting: Configuration) -> Prior:
-        """What is known of all values."""
-        return prior_with_sizes(
-            prior_of(self.rows.system, setting), setting, self.size, self._range
-        )
+        """The prior of all values."""
+        plain = prior_of(self.rows.system, setting)
+        return prior_with_sizes(plain, setting, self.size, self._range)
 
     def _range(self, unknown: Unknown, start: float) -> tuple[float, float]:
         data, driver = self.rows.system.data, None
@@ -188,23 +176,23 @@ class Geometry(Evidence):
         return forms_of_effects(self.rows, self.seen, now.fitted)
 
     def whitener(self, columns: Array) -> Callable[[Noise], Array]:
-        """Rows whose noise is independent: here it is."""
+        """The columns themselves: their noise is independent."""
         return lambda noise: columns
 
     def likely_noises(self, residual: Array) -> list[Noise]:
-        """What noise may be like by what is left, shape (rows,), to begin with."""
+        """None: the search starts from the given noise."""
         return []
 
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
-        """The same noise: with all rows alike, what is large and rare shows."""
+        """The same noise: with all rows weighted alike, large and rare errors show."""
         return [noise]
 
     def alike(self, noise: Noise) -> Array:
-        """Weights of rows if none is odd, shape (rows,)."""
+        """Weights of rows if none is an outlier, shape (rows,)."""
         return np.full(self.count, noise[0] ** -2)
 
     def noise_odds(self, noise: Noise) -> float:
-        """Log density of what noise is like, before the recording."""
+        """Log prior density of the noise."""
         return -0.5 * float(np.log(noise[0]) / np.log(limits.NOISE_KNOWN)) ** 2
 
     def size(self, candidate: Candidate, unknown: Unknown) -> Size:
@@ -217,12 +205,12 @@ class Geometry(Evidence):
     def _forms(self, plain: Fitted, laws: Sequence[Spot]) -> tuple[Array, tuple[str, ...]]:
         """Rows of errors of form, shape (rows, errors), and the law of each.
 
-        Each law has its own, as large as its accuracy says. Two meters in one line share no law:
-        where they differ, no error of form explains it.
+        Each law has its own errors, as large as its accuracy. Two meters in one line share no law:
+        no error of form explains a difference between them.
         """
         system = self.rows.system
         flows = system.flows(Configuration())
-        columns, law = [np.zeros((int(self.seen.sum()), 0))], []
+        columns, law = [np.zeros((self.count, 0))], []
         ways: dict[str, Array] = {}
         for spot in laws:
             column = spot_column(plain, spot)
@@ -242,7 +230,7 @@ class Geometry(Evidence):
         return np.concatenate(columns, axis=1), tuple(law)
 
     def _held(self, plain: Fitted) -> Array:
-        """Rows of the errors of inputs that are held for several points, shape (rows, errors)."""
+        """Rows of the errors of inputs that are held over several points, shape (rows, errors)."""
         data = self.rows.system.data
         flows = self.rows.system.flows(Configuration())
         columns = [np.zeros((len(self.rows), 0))]
@@ -254,29 +242,24 @@ class Geometry(Evidence):
                 noise = np.nan_to_num(data.noise[name][self.rows.point])
                 shown = self.rows.column(plain.maps, slopes) * noise
                 columns.append(shown[:, None] * (visit[self.rows.point, None] == longer))
-        held: Array = np.concatenate(columns, axis=1)[self.seen]
-        return held
+        return np.asarray(np.concatenate(columns, axis=1)[self.seen])
 
     def _moving(self, plain: Fitted) -> Array:
-        """Rows of errors of sensors that move slowly within their class, shape (rows, errors)."""
-        system, names = self.rows.system, plain.prior.names
-        stays = {ERROR + name for name in system.shared}
-        none = np.zeros((int(self.seen.sum()), 0))
-        if not system.data.timed:
-            return none
+        """Rows of sensor errors that move slowly within their class, shape (rows, errors)."""
+        system = self.rows.system
+        lasting = {ERROR + name for name in system.shared}
+        errors = [i for i, name in enumerate(plain.prior.names) if name in lasting]
+        if not (system.data.timed and errors):
+            return np.zeros((self.count, 0))
         course = _smooth_in_time(system.data.time, system.data.source)[self.point]
-        errors = [i for i, name in enumerate(names) if name in stays]
         tables = [plain.jacobian[self.seen][:, [i]] * course for i in errors]
-        if not tables:
-            return none
         left, size, _ = np.linalg.svd(np.concatenate(tables, axis=1), full_matrices=False)
         kept = size * limits.MOVING_SHARES[-1] > limits.FORM_NOT_SEEN
-        moving: Array = left[:, kept] * size[kept]
-        return moving
+        return np.asarray(left[:, kept] * size[kept])
 
     def shown(self, columns: Array) -> dict[str, float]:
-        """By how much some errors, one a column, shape (seen rows, errors), move each output: root
-        of their summed mean squares, SI."""
+        """By how much errors, shape (rows, errors), move each output: root of their summed mean
+        squares, SI."""
         squares: dict[str, float] = {}
         for column in columns.T:
             whole = np.zeros(len(self.rows))
@@ -289,39 +272,33 @@ class Geometry(Evidence):
                     squares[name] = squares.get(name, 0.0) + square
         return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
-    def _distance(self, residual: Array, scale: float) -> Array:
-        distance: Array = np.bincount(self.group, residual**2) / scale**2
-        return distance
-
     def likelihood(self, residual: Array, noise: Noise) -> float:
-        """Log likelihood of the seen rows."""
+        """Log likelihood of the open rows."""
         return self.constant - float(self.lost(residual, noise[0]).sum())
 
     def lost(self, residual: Array, scale: float) -> Array:
-        """What each group of rows takes from the log likelihood, shape (groups,)."""
-        far = np.log1p(self._distance(residual, scale) / limits.STUDENT)
-        lost: Array = self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far
-        return lost
+        """Loss of log likelihood by each group of rows, shape (groups,)."""
+        square = np.bincount(self.group, residual**2) / scale**2
+        far = np.log1p(square / limits.STUDENT)
+        return np.asarray(self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far)
 
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of the rows in the normal matrix."""
         return self.scored(residual[:, None], noise)[0][:, 0]
 
     def expected_weights(self, noise: Noise) -> Array:
-        """What each row tells on average, shape (rows,): Fisher information of Student noise."""
+        """Mean information of each row, shape (rows,): Fisher information of Student noise."""
         each = (limits.STUDENT + self.rank) / (limits.STUDENT + self.rank + 2.0) / noise[0] ** 2
-        expected: Array = each[self.group]
-        return expected
+        return np.asarray(each[self.group])
 
     def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
-        """Student noise, one for all rows of a group."""
+        """Student noise with one scale for all rows of a group."""
         normal = rng.standard_normal((self.count, count))
         square = rng.chisquare(limits.STUDENT, (len(self.rank), count))
-        drawn: Array = noise[0] * normal * np.sqrt(limits.STUDENT / square)[self.group]
-        return drawn
+        return np.asarray(noise[0] * normal * np.sqrt(limits.STUDENT / square)[self.group])
 
     def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of the rows, and twice what they lose of the log likelihood."""
+        """Weights of the rows, and twice their loss of log likelihood."""
         far = self._member @ residuals**2 / noise[0] ** 2
         rank = self.rank[:, None]
         each = (limits.STUDENT + rank) / (limits.STUDENT + far) / noise[0] ** 2
@@ -330,6 +307,6 @@ class Geometry(Evidence):
 
     @cached_property
     def _member(self) -> csr_array:
-        """Which rows are in which group, shape (groups, rows)."""
+        """Membership of rows in groups, shape (groups, rows)."""
         at = self.group, np.arange(self.count)
         return csr_array((np.ones(self.count), at), (len(self.rank), self.count))

@@ -1,4 +1,4 @@
-"""Terms without a name: a place that follows a driver in any smooth way."""
+"""Terms without a name: a place that follows a driver by any smooth function."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rulec.mismatch.search.time_varying import varying_parameters
 
 
 def terms(geometry: Geometry, model: Model) -> list[Term]:
-    """A term for each place and each driver that no model predicts."""
+    """Terms for each place and each driver that the model does not predict."""
     system = geometry.rows.system
     found: list[Term] = []
     for spot in system.builder.spots:
@@ -33,7 +33,7 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
         ways, drivers = [(spot, column)], varying(model.fitted, spot.module)
         set_ = [name for name in drivers if system.ruleset.signal_by_id[name].is_input]
         if system.data.timed:
-            # What drives a law seldom adds to it: it changes what stands in it.
+            # A driver seldom adds to a law: it changes a parameter of it.
             ways += [(w.spot, w.column) for w in varying_parameters(model.fitted, spot)]
             for changed, slopes in ways:
                 found += _over(geometry, spot.id, changed, slopes, TIME)
@@ -47,8 +47,7 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
 def _over(
     geometry: Geometry, place: str, changed: Spot, slopes: Array, name: str
 ) -> Iterator[Term]:
-    """Terms over a driver: what happens in a band of it may be a resonance; what turns in time, a
-    driver that nobody recorded."""
+    """Terms over a driver: in a band of it a resonance, in a band of time an unrecorded driver."""
     own, values = slopes[geometry.seen], driver_of(geometry.rows.system, name)
     for length in limits.TERM_LENGTHS:
         term = term_of(geometry, place, changed, own, name, basis_over(values, length))
@@ -56,15 +55,10 @@ def _over(
             yield term
 
 
-def smooth(every: Sequence[Term]) -> list[Term]:
-    """Those that do not switch: only these are told apart by their names and lengths."""
-    return [term for term in every if not term.basis.says]
-
-
 def nameless(
     geometry: Evidence, model: Model, every: Sequence[Term], most: int
 ) -> list[tuple[float, Term]]:
-    """The terms that gain most beside a model, with the log odds they would gain."""
+    """The terms that gain most beside a model, with their gain in log odds to first order."""
     weights, table = model.weights, model.table
     normal = table.T @ (table * weights[:, None]) + model.precision
     unit = np.sqrt(np.diag(normal))
@@ -82,43 +76,33 @@ def nameless(
             0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
             for s in limits.TERM_SIZES
         ]
-        found.append(
-            (
-                max(gains)
-                + limits.TERM_ODDS
-                - term.basis.price
-                - float(np.log(len(every) * len(limits.TERM_SIZES))),
-                term,
-            )
-        )
+        count = len(every) * len(limits.TERM_SIZES)
+        odds = max(gains) + limits.TERM_ODDS - term.basis.price - float(np.log(count))
+        found.append((odds, term))
     return sorted(found, key=lambda f: -f[0])[:most]
 
 
 def varying(fitted: Fitted, module: str) -> list[str]:
-    """Readings that may drive something: given from outside, and varying by more than their noise.
+    """Possible drivers: readings given from outside that vary by more than their noise.
 
-    What the model predicts from others follows whatever is wrong, and explains nothing.
+    A reading that the model predicts follows any error, and so explains nothing.
     """
     system, data = fitted.rows.system, fitted.rows.system.data
     read = {name for o in system.observers for name in o.signals}
     names = []
     for name, values in variables_of(system, module).items():
-        signal, noise = system.ruleset.signal_by_id.get(name), data.noise.get(name)
-        given = (name not in read and not _is_flow(system, name)) or (
-            signal is not None and signal.is_input
-        )
+        signal, noise = system.ruleset.signal_by_id[name], data.noise.get(name)
+        given = signal.is_input or (name not in read and not _is_flow(system, name))
+        if noise is None or not given:
+            continue
         spread = float(np.nanstd(values[data.open]))
-        if (
-            given
-            and noise is not None
-            and spread > common.FEATURE_VARIES * float(np.nanmedian(noise))
-        ):
+        if spread > common.FEATURE_VARIES * float(np.nanmedian(noise)):
             names.append(name)
     return names
 
 
 def _is_flow(system: System, name: str) -> bool:
-    """Is a reading a flow that the estimates of its module predict anyway?"""
+    """Is a reading a flow that the estimates of its module predict?"""
     flows = system.flows(Configuration())
     values = system.data.values[name]
     own = [i for i, o in enumerate(system.observers) if o.module == name.partition(".")[0]]

@@ -1,4 +1,4 @@
-"""Terms without a name that hold a law as a special case: either is told, never both."""
+"""Terms without a name that contain a law as a special case: either is reported, never both."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rulec.mismatch.search.refit import Model
 
 
 def holds(terms: Iterable[Term], slopes: Array) -> bool:
-    """Is a law, by its slopes, shape (seen rows,), a special case of some term?
+    """Is a law, by its slopes, shape (open rows,), a special case of some term?
 
-    A law may have an error of form: what differs less than that is the same.
+    Differences within the error of form of the law do not count.
     """
     size = float(slopes @ slopes)
     for term in terms:
@@ -27,7 +27,7 @@ def holds(terms: Iterable[Term], slopes: Array) -> bool:
 
 
 def beside(model: Model, every: Sequence[Term]) -> list[Term]:
-    """The terms that hold no law and no term of a model, and are held by none."""
+    """The terms that neither contain nor are contained in a law or a term of a model."""
     laws = [slopes for candidate in model.setting.joined for slopes in slopes_of(model, candidate)]
     return [
         term
@@ -40,9 +40,9 @@ def beside(model: Model, every: Sequence[Term]) -> list[Term]:
 def coincide(
     geometry: Evidence, model: Model, candidate: Candidate, other: Model, rival: Candidate
 ) -> bool:
-    """Does an explanation of a model show as one of another model does, beside all else?
+    """Does an explanation of a model show the same as one of another model, with all else refitted?
 
-    Their laws may have errors of form: what differs less than that is the same.
+    Differences within the errors of form of their laws do not count.
     """
     own = [i for u in candidate.unknowns for i in places_of(model, u.id)]
     rest = np.delete(np.arange(model.table.shape[1]), own)
@@ -61,18 +61,18 @@ def coincide(
 
 
 def places_of(model: Model, unknown: str) -> list[int]:
-    """Columns of an unknown in the table of a model, of all its levels."""
+    """Columns of an unknown, with all its levels, in the table of a model."""
     names = enumerate(model.prior.names)
     return [i for i, name in names if name.partition("#")[0] == unknown]
 
 
 def _whole(term: Term, other: Term) -> bool:
-    """Does one term hold another whole, as at two places that show alike?"""
+    """Does one term contain another, as at two places that show alike?"""
     return all(holds([term], column) for column in other.columns.T)
 
 
 def slopes_of(model: Model, candidate: Candidate) -> list[Array]:
-    """Slopes of the residuals by the strengths of a law, where it has been fitted."""
+    """Slopes of the residuals by the amplitudes of a law, at its fitted values."""
     strengths = [u.id for u in candidate.unknowns if u.null is not None]
     columns = (model.raw[:, i] for name in strengths for i in places_of(model, name))
     return [column for column in columns if np.any(column)]

@@ -1,4 +1,4 @@
-"""Onsets of faults that last, found among all points: those of means lie far apart."""
+"""Refine the onsets of lasting faults to all points: means lie far apart."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rulec.mismatch.search import limits
 
 
 def with_refined_onset(fitted: Fitted, unknown: str) -> Fitted:
-    """The fit with a better onset of one unknown, where it lasts to the end."""
+    """Refit with a better onset of one unknown, if it lasts to the end."""
     course = _course(fitted, unknown)
     if len(course.periods) != 1 or course.segment[-1] < 0:
         return fitted
@@ -25,7 +25,7 @@ def _course(fitted: Fitted, unknown: str) -> Course:
 
 
 def _where_it_steps(fitted: Fitted, course: Course) -> Fitted:
-    """Points between the means beside an onset are tried."""
+    """Try points around an onset."""
     time = fitted.rows.system.data.time
     near = np.abs(time - course.periods[0].since)
     window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
@@ -43,21 +43,19 @@ def _where_it_grows(fitted: Fitted, unknown: str) -> Fitted:
     for _ in range(limits.ONSET_POINTS):
         course = _course(best, unknown)
         since, step = course.periods[0].since, onset_of(best, course).step
-        moved = None
         for share in (1.0, 0.5, 0.25):
             there = float(np.clip(since + share * step, time[0], time[-2]))
             trial = _since(best, course, there)
             if trial.objective < best.objective:
-                moved = trial
+                best = trial
                 break
-        if moved is None:
+        else:
             break
-        best = moved
     return best
 
 
 def _since(fitted: Fitted, course: Course, begin: float) -> Fitted:
-    """Refitted with another onset, s."""
+    """Refit with another onset, s."""
     there = course.since(begin, fitted.rows.system.data.time)
     courses = tuple(there if c.unknown == course.unknown else c for c in fitted.setting.courses)
     return fit(

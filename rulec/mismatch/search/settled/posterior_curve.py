@@ -1,4 +1,4 @@
-"""A term without a name: its values over its driver, and the names that it beat."""
+"""A term without a name: its values over its driver, and the effects that it beat."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from rulec.mismatch.search.settled.sets import Posterior, without
 
 
 def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:
-    """A term of a model, with what single means show beside all else that the model holds.
+    """A term of a model, and the values that single means show beside all else in the model.
 
-    The values of the plant, errors of form and other terms are refitted with it, so their doubt is
-    in the covariance. There noise counts as no smaller than stated: what lasts within the class of
-    a sensor does not show in the scatter.
+    The covariance includes the uncertainty of all other values, errors of form and terms. It takes
+    the noise as no smaller than stated: a constant error within the class of a sensor does not show
+    in the scatter.
     """
     solution = solved(model)[0]
     covariance = solved(replace(model, weights=model.weights * min(model.scale, 1.0) ** 2))[1]
@@ -48,13 +48,13 @@ def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:
 
 
 def size_of_term(model: Model, term: Term) -> float:
-    """How large the functions of a term are in a model, SI of its place."""
+    """Size of the functions of a term in a model, SI of its place."""
     return model.sizes.terms[model.terms.index(term)] / term.norm
 
 
 def solved(model: Model) -> tuple[Array, Array]:
-    """All numbers of a model, shape (values,), less the means of the priors, and their covariance,
-    shape (values, values)."""
+    """All unknowns of a model less their prior means, shape (unknowns,), and their covariance,
+    shape (unknowns, unknowns)."""
     weights, table = model.weights, model.table
     normal = table.T @ (table * weights[:, None]) + model.precision
     unit = np.sqrt(np.diag(normal))
@@ -63,8 +63,8 @@ def solved(model: Model) -> tuple[Array, Array]:
 
 
 def columns_of(model: Model, term: Term) -> NDArray[np.intp]:
-    """Places of a term's functions among all numbers of its model: behind values and errors of
-    form and sensors, in the order of `Random`."""
+    """Indices of a term's functions among the unknowns of its model: behind values and errors of
+    form and of sensors, in the order of `Random`."""
     before = len(model.at) + len(model.forms)
     for other in model.terms[model.terms.index(term) :]:
         before -= other.columns.shape[1]
@@ -72,8 +72,7 @@ def columns_of(model: Model, term: Term) -> NDArray[np.intp]:
 
 
 def lost_to(geometry: Geometry, posterior: Posterior, term: Term) -> tuple[RejectedCandidate, ...]:
-    """Names that were tried in the place of a term of the best set, beside all else that it has;
-    the nearest first."""
+    """Effects that were tried in the place of a term of the best set, by rising loss."""
     best = posterior.told
     rest = best - {term.name}
     model = posterior.models[best]
@@ -91,7 +90,7 @@ def lost_to(geometry: Geometry, posterior: Posterior, term: Term) -> tuple[Rejec
 def _where(
     geometry: Geometry, best: Model, other: Model, term: Term
 ) -> tuple[tuple[float | None, float | None] | None, float]:
-    """Between which values of the driver a model loses against the best one."""
+    """Range of the driver in which a model loses against the best one, and the share there."""
     first = np.unique(geometry.group, return_index=True)[1]
     driver = driver_of(geometry.rows.system, term.driver)[geometry.point[first]]
     worse = np.maximum(_lost(geometry, other) - _lost(geometry, best), 0.0)

@@ -1,10 +1,11 @@
-"""What every candidate, and every two of them, would gain at a model, to first order."""
+"""The gain of every candidate and every pair of candidates beside a model, to first order."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -28,11 +29,11 @@ from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.geometry import Geometry
 
 COMES, GROWS = "!", "/"
-"""Marks behind the id of a candidate that begins or comes and goes, and of one that grows."""
+"""Marks after the id of a candidate that begins or comes and goes, and of one that grows."""
 
 
 def name_of(setting: Configuration, candidate: Candidate) -> str:
-    """The id of what is joined, marked as `Column.name` is."""
+    """The id of a joined candidate, marked as in `Column.name`."""
     own = {u.id for u in candidate.unknowns}
     course = next((c for c in setting.courses if c.unknown in own), None)
     if course is None:
@@ -41,16 +42,16 @@ def name_of(setting: Configuration, candidate: Candidate) -> str:
 
 
 def id_of(name: str) -> str:
-    """The id of a candidate by its name, however it is there."""
+    """The id of a candidate by its name, without marks."""
     return name.rstrip(COMES + GROWS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One amplitude of a candidate, with all else that it brings held; `rows` are its slopes.
+    """One amplitude of a candidate with its other unknowns held; `rows` are its slopes.
 
-    `since` is when a fault begins, s; one that `grows` does so from then on. `course` has the
-    periods of one that comes and goes.
+    A fault begins at `since`, s, or `grows` from then on. `course` has the periods of one that
+    comes and goes.
     """
 
     candidate: Candidate
@@ -72,24 +73,19 @@ class Column:
 
 
 Start = tuple[Column, float]
-"""A column, and the amplitude to start a refit from."""
+"""A column, and the amplitude from which to start a refit."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """Columns that together may explain something, with the log odds they would gain."""
+    """Columns that may be joined together, and their gain in log odds."""
 
     gain: float
     starts: tuple[Start, ...]
 
     @property
-    def ids(self) -> frozenset[str]:
-        """Ids of candidates."""
-        return frozenset(column.candidate.id for column, _ in self.starts)
-
-    @property
     def names(self) -> frozenset[str]:
-        """What is joined."""
+        """Names of the columns."""
         return frozenset(column.name for column, _ in self.starts)
 
 
@@ -110,19 +106,21 @@ def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
                 continue
             for unknown, rows in zip(amplitudes, table[seen].T, strict=True):
                 if rows.any():
-                    column = Column(
-                        candidate=candidate,
-                        amplitude=unknown,
-                        values={**null, **shape},
-                        fixed=fixed,
-                        rows=rows,
+                    values = {**null, **shape}
+                    found.append(
+                        Column(
+                            candidate=candidate,
+                            amplitude=unknown,
+                            values=values,
+                            fixed=fixed,
+                            rows=rows,
+                        )
                     )
-                    found.append(column)
     return [*found, *_begun(geometry, found)] if system.data.timed else found
 
 
 def _begun(geometry: Geometry, every: Sequence[Column]) -> list[Column]:
-    """Faults that begin while the recording runs, at once or in proportion to time since then."""
+    """Faults that begin during the recording, as a step or growing in proportion to time."""
     time = geometry.rows.system.data.time
     onsets = np.quantile(time, np.linspace(0.06, 0.94, limits.ONSETS)).tolist()
     growing = np.quantile(time, np.linspace(0.0, 0.9, limits.GROWING_ONSETS)).tolist()
@@ -141,11 +139,11 @@ def _begun(geometry: Geometry, every: Sequence[Column]) -> list[Column]:
 
 
 Alike = Mapping[str, frozenset[str]]
-"""Per fault those that show as it does, or the other way round: there is one of them at a time."""
+"""Per fault those with the same or the opposite signature: only one of them may be joined."""
 
 
 def alike_faults(found: Sequence[Column]) -> Alike:
-    """Faults whose columns point the same way or against each other."""
+    """Faults whose columns are parallel or antiparallel."""
     faults = {c.candidate.id: c.rows for c in found if c.candidate.sort == "fault" if not c.since}
     alike: dict[str, frozenset[str]] = {}
     for name, rows in faults.items():
@@ -158,16 +156,16 @@ def alike_faults(found: Sequence[Column]) -> Alike:
 
 
 def shut_out(model: Model, alike: Alike) -> frozenset[str]:
-    """What cannot be joined any more: what is there, and faults that show as one that is."""
+    """Ids of joined candidates and of faults with the signature of one: these cannot be joined."""
     joined = {c.id for c in model.setting.joined}
     return frozenset(joined).union(*(alike.get(name, frozenset()) for name in joined))
 
 
 def intermittent_faults(every: Rows, model: Model, alike: Alike, times: Array) -> list[Found]:
-    """Faults that come and go, found among all points; `times` are those of means, which blur."""
+    """Faults that come and go, found on all points and transferred to means at `times`, s."""
     known = shut_out(model, alike)
     free = [c for c in every.system.candidates if c.id not in known]
-    trials = intermittent(_among_all_points(every, model.setting), free)
+    trials = intermittent(_on_all_points(every, model.setting), free)
     found = (_at_means(trial, times) for trial in trials)
     return [one for one in found if one is not None]
 
@@ -175,18 +173,21 @@ def intermittent_faults(every: Rows, model: Model, alike: Alike, times: Array) -
 def periods_again(
     every: Rows, setting: Configuration, fault: Candidate, times: Array
 ) -> Found | None:
-    """When a fault comes and goes beside all else that is known by now."""
-    trial = in_periods(_among_all_points(every, setting.leaving(fault.id)), fault)
+    """Find the periods of a fault again, beside all else in a setting."""
+    trial = in_periods(_on_all_points(every, setting.leaving(fault.id)), fault)
     return None if trial is None else _at_means(trial, times)
 
 
-def _among_all_points(every: Rows, setting: Configuration) -> Fitted:
-    there = at_points(setting, every.system.data.time)
-    return fit(every, there, every.system.data.open, 0)
+def _on_all_points(every: Rows, setting: Configuration) -> Fitted:
+    data = every.system.data
+    return fit(every, at_points(setting, data.time), data.open, 0)
 
 
 def at_points(setting: Configuration, time: Array) -> Configuration:
-    """A setting with its courses at other points, shape (n,), s; what grows is told at the last."""
+    """A setting with its courses at other points, shape (n,), s.
+
+    The value of a growing course is the degree at the last point.
+    """
     values, courses = dict(setting.values), []
     for course in setting.courses:
         if course.grows:
@@ -200,7 +201,7 @@ def at_points(setting: Configuration, time: Array) -> Configuration:
 
 
 def _at_means(trial: InitialCandidate, times: Array) -> Found | None:
-    """A fault that comes and goes at means; None where these miss one of its degrees."""
+    """A fault that comes and goes, at means; None where they miss one of its degrees."""
     assert trial.course is not None
     amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
     course = trial.course.at_times(times)
@@ -225,11 +226,11 @@ def scan(
     most: int,
     of: Set[str] | None = None,
 ) -> list[Found]:
-    """The best sets of one column or two beside a model, under three views of the recording.
+    """The best single columns and pairs beside a model, by three views of the recording.
 
-    As it is weighed in the model; with all rows alike, in which what is large and rare shows; and
-    as if no calibration held, since each may have been made with the effect in it. `of` are ids of
-    the only candidates that count.
+    One has the weights of the model. One weights all rows alike, which shows large and rare errors.
+    One ignores all calibrations, as each may have been made with the effect present. Candidates are
+    limited to the ids `of`.
     """
     every = [c for c in every if of is None or c.candidate.id in of]
     alone = not model.setting.joined and not model.terms
@@ -237,10 +238,9 @@ def scan(
     levels = [model.under(geometry, noise) for noise in noises]
     views = [(model, most), *((level, most // 2) for level in levels)]
     views.append((_by_sheet(model), most // 2))
-    # Far from the model a slope says little of what a large effect would gain: at first each one
-    # that may gain is tried.
     found = [f for view, count in views for f in _scanned(geometry, view, every, count)]
     if alone:
+        # Far from the model slopes hardly predict the gain of a large effect: more are tried.
         count = limits.FIRST_SETS if len(levels) == 1 else most
         found += _scanned(geometry, levels[0], every, count, 0)
         found += _scanned(geometry, _with_exact_laws(geometry, model), every, most, 0)
@@ -249,14 +249,13 @@ def scan(
 
 
 def _has_alike_faults(found: Found, alike: Alike) -> bool:
-    """Does it hold two faults that show alike?"""
     ids = [column.candidate.id for column, _ in found.starts]
-    return any(b in alike.get(a, ()) for i, a in enumerate(ids) for b in ids[i + 1 :])
+    return any(b in alike.get(a, ()) for a, b in combinations(ids, 2))
 
 
 def _with_exact_laws(geometry: Evidence, model: Model) -> Model:
-    """A model whose laws err less, with calibrations as firm as stated: where something large is
-    missing these take its place, and then no explanation gains anything beside them."""
+    """A model with smaller errors of laws, and calibrations as firm as stated: where a large effect
+    is missing these replace it, so that no explanation would gain anything beside them."""
     table, n = model.table.copy(), len(model.at)
     table[:, n : n + geometry.forms.shape[1]] *= limits.STIFF
     precision = model.precision.copy()
@@ -265,7 +264,7 @@ def _with_exact_laws(geometry: Evidence, model: Model) -> Model:
 
 
 def _by_sheet(model: Model) -> Model:
-    """A model in which no calibration counts, but the data sheets."""
+    """A model with the prior of the data sheets, without calibrations."""
     known, n = model.prior.belief.by_sheet, len(model.at)
     k = len(known.mean)
     precision, mean = model.precision.copy(), model.mean.copy()
@@ -294,8 +293,8 @@ def _scanned(
     known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
     gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
     moment = rows.T @ (model.left * weights) - imitated.T @ known
-    # A Student distribution is a normal one whose width is not known: where the recording asks for
-    # more than what is usual, a wider one costs what the tail says.
+    # A Student distribution is a normal one of unknown width: where the recording needs more than
+    # the usual size, a wider one costs as much as the tail.
     wide = limits.WIDER * np.abs(moment) / np.maximum(np.diag(gram), 1e-12)
     wide = np.maximum(wide, 1.0)
     odds = _odds(every) - np.array([u.freedom for u in usual]) * np.log(wide)
@@ -317,7 +316,7 @@ def _scanned(
         inner = np.eye(len(chosen)) + gram[np.ix_(chosen, chosen)]
         try:
             amplitudes = np.clip(-np.linalg.solve(inner, moment[chosen]), low[chosen], high[chosen])
-        except np.linalg.LinAlgError:  # Two that coincide are no pair.
+        except np.linalg.LinAlgError:  # Columns that coincide are no pair.
             continue
         begins = tuple(
             (every[i], float(null[i] + a * size[i]))
@@ -340,8 +339,8 @@ def _pairs_of(
     most: int,
     paired: int,
 ) -> list[tuple[float, tuple[int, ...]]]:
-    """The best pairs of columns, with the log odds they would gain: of different candidates, or
-    two amplitudes of one, which is expected once."""
+    """The best pairs of columns and their gain in log odds: of two candidates, or two amplitudes of
+    one, whose prior counts once."""
     low, high = bounds
     kept = np.argsort(-single)[:paired]
     first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
@@ -365,14 +364,14 @@ def _pairs_of(
 
 
 def _is_one(a: Column, b: Column) -> bool:
-    """Are two columns amplitudes of one candidate of the same shape that is there throughout?"""
+    """Are two columns different amplitudes of one permanent candidate of the same shape?"""
     throughout = a.since is None and b.since is None and a.course is None and b.course is None
     alike = a.candidate.id == b.candidate.id and a.amplitude.id != b.amplitude.id
     return throughout and alike and a.values == b.values
 
 
 def _odds(every: Sequence[Column]) -> Array:
-    """Log odds of each column before the recording: of its sort, among so many ways."""
+    """Prior log odds of each column, by its sort and the number of alternatives."""
     ways = Counter(c.candidate.id for c in every)
     each = [limits.SORT_ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
     odds: Array = np.array(each) - np.log(len(ways))
@@ -382,7 +381,7 @@ def _odds(every: Sequence[Column]) -> Array:
 def joined(
     setting: Configuration, begins: Sequence[Start], time: Array | None = None
 ) -> Configuration:
-    """A setting with columns joined; `time` is that of settled points, s, shape (n,)."""
+    """Join columns to a setting; `time` is that of settled points, s, shape (n,)."""
     for column, value in begins:
         candidate, name = column.candidate, column.amplitude.id
         if candidate.id in {c.id for c in setting.joined}:

@@ -1,7 +1,8 @@
-"""Sets of explanations grown from the best ones, each refitted, and what they say together."""
+"""Grow sets of explanations from the best ones, refit each, and compare them."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -35,14 +36,14 @@ from rulec.mismatch.search.settled.switching import with_set_points
 from rulec.mismatch.search.tolerance import Tolerance
 
 Names = frozenset[str]
-"""Ids of candidates, those that begin or come and go marked, and names of terms."""
+"""Names of candidates, with marks for those that begin, come and go or grow, and of terms."""
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Models of the sets that were refitted, their log odds, nats, and their probabilities."""
+    """Models of the refitted sets, their log odds, nats, and their probabilities."""
 
     geometry: Evidence
     models: Mapping[Names, Model]
@@ -51,7 +52,7 @@ class Posterior:
 
     @property
     def settled(self) -> Geometry:
-        """What stays the same for all models of settled points."""
+        """The geometry, where it is that of settled points."""
         assert isinstance(self.geometry, Geometry)
         return self.geometry
 
@@ -62,17 +63,17 @@ class Posterior:
 
     @property
     def told(self) -> Names:
-        """The most probable set; nothing, where it is not sure that anything is missing."""
+        """The most probable set; the empty one, where that is not unlikely."""
         return frozenset() if self.nothing >= common.MENTIONED else self.best
 
     @property
     def nothing(self) -> float:
-        """Probability that nothing is left out."""
+        """Probability that no effect is missing."""
         return self.sets[frozenset()]
 
     @cached_property
     def tolerance(self) -> Tolerance:
-        """How far readings may be off by the set that is told."""
+        """How far readings may be off under the set `told`."""
         return self._tolerance(self.told)
 
     def _tolerance(self, names: Names) -> Tolerance:
@@ -80,9 +81,11 @@ class Posterior:
 
     @property
     def unseen(self) -> float:
-        """Probability that nothing is left out that shows: nothing, terms without a name that stay
-        within what laws and sensors may be off by, or, unless something is likely enough to be
-        mentioned, what moves no reading by more than class and accuracy do."""
+        """Probability that no missing effect shows.
+
+        It includes sets of terms within the errors of laws and sensors and, unless another set is
+        likely enough to be mentioned, those that move no reading by more than these errors.
+        """
         others = {n: p for n, p in self.sets.items() if n and p > limits.LIKELY_SET}
         within = [n for n in others if n == self._tolerance(n).within]
         nothing = self.nothing + sum(others.pop(names) for names in within)
@@ -94,7 +97,7 @@ class Posterior:
 
     @property
     def names(self) -> dict[str, float]:
-        """Probability of each explanation: the share of the sets that have it."""
+        """Probability of each explanation, as the sum over the sets that contain it."""
         sets = self.sets
         every = sorted({name for names in sets for name in names})
         return {name: sum(p for names, p in sets.items() if name in names) for name in every}
@@ -102,7 +105,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Search:
-    """Refits sets of explanations, and keeps them; `points` are all settled ones."""
+    """Refits sets of explanations and keeps the results; `points` are all settled ones."""
 
     geometry: Evidence
     points: Rows | None = None
@@ -113,30 +116,29 @@ class Search:
     def refit(
         self, setting: Configuration, near: Model | None, own: tuple[Term, ...] = ()
     ) -> Model:
-        """Refit a set from where another one lies."""
+        """Refit a set from a similar one."""
         return refitted(self.geometry, setting, near, own)
 
     def keep(self, names: Names, model: Model) -> None:
-        """Keep a model, if it is the best one of its set so far."""
+        """Keep a model if it is the best one of its set so far."""
         odds = self.score(model)
         if odds > self.odds.get(names, -np.inf):
             self.models[names], self.odds[names] = model, odds
 
     def score(self, model: Model) -> float:
-        """Evidence and what was expected before the recording, nats."""
+        """Evidence plus prior log odds, nats."""
         setting = model.setting
         number = max(len({c.id for c in self.geometry.candidates}), 1)
-        expected = sum(
+        prior = sum(
             limits.MISSING_ODDS + limits.SORT_ODDS[c.sort] - np.log(number) for c in setting.joined
         )
-        expected -= limits.COMMON * sum(bool(c.members) for c in setting.joined)
+        prior -= limits.COMMON * sum(bool(c.members) for c in setting.joined)
         ends = sum(2 * len(c.periods) - 1 for c in setting.courses)
-        expected -= ends * float(np.log(limits.ONSETS))
+        prior -= ends * float(np.log(limits.ONSETS))
         places = max(self.geometry.terms, 1)
-        odds = limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(places))
-        expected += len(model.terms) * odds
-        expected -= sum(term.basis.price for term in model.terms)
-        return model.evidence + float(expected)
+        prior += len(model.terms) * (limits.MISSING_ODDS + limits.TERM_ODDS - float(np.log(places)))
+        prior -= sum(term.basis.price for term in model.terms)
+        return model.evidence + float(prior)
 
     @property
     def every(self) -> Rows:
@@ -146,33 +148,32 @@ class Search:
 
     @property
     def settled(self) -> Geometry:
-        """What stays the same for all models of settled points."""
+        """The geometry, where it is that of settled points."""
         assert isinstance(self.geometry, Geometry)
         return self.geometry
 
     @property
     def likeliest(self) -> Names:
-        """The set with the most evidence."""
+        """The set of the largest log odds."""
         return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
 
     def posterior(self) -> Posterior:
-        """What all sets say together."""
+        """The posterior over all sets."""
         return posterior(self.geometry, self.models, self.odds)
 
 
 def posterior(
     geometry: Evidence, models: Mapping[Names, Model], odds: Mapping[Names, float]
 ) -> Posterior:
-    """What some refitted sets say together."""
+    """The posterior over refitted sets."""
     weight = np.exp(np.array(list(odds.values())) - max(odds.values()))
     sets = dict(zip(odds, (weight / weight.sum()).tolist(), strict=True))
     return Posterior(geometry, dict(models), dict(odds), sets)
 
 
 def _intermittent(search: Search, model: Model) -> list[Found]:
-    return intermittent_faults(
-        search.every, model, search.alike, search.settled.rows.system.data.time
-    )
+    time = search.settled.rows.system.data.time
+    return intermittent_faults(search.every, model, search.alike, time)
 
 
 def begun(every: Rows) -> Search:
@@ -192,7 +193,7 @@ def _plain(every: Rows, cuts: np.ndarray) -> Search:
 
 
 def _ends(found: Sequence[Found]) -> np.ndarray:
-    """When the fault that gains most comes and goes, s: a mean over one of its ends blurs it."""
+    """Ends of the periods, s, of the fault that gains most: a mean across one would blur it."""
     worth = [f for f in found if f.gain > limits.WORTH_A_CUT]
     best = max(worth, key=lambda f: f.gain, default=None)
     courses = [column.course for column, _ in best.starts] if best else []
@@ -203,7 +204,7 @@ def _ends(found: Sequence[Found]) -> np.ndarray:
 
 
 def explain(every: Rows, progress: Progress) -> Posterior:
-    """The sets of explanations of a recording, with their odds."""
+    """Search for the sets of explanations of a recording."""
     search = begun(every)
     grown(search, progress, (_refine_onsets, _grow, _prune))
     _refit_switching_terms(search)
@@ -218,8 +219,10 @@ def grown(
     *,
     apart: bool = False,
 ) -> None:
-    """Grow the best sets, each by some steps, until nothing gains; those with terms without a name
-    `apart` from those of names alone."""
+    """Grow the best sets, each by all steps, until no new one is among the best.
+
+    If `apart`, sets with and without terms are grown separately.
+    """
     done: set[Names] = set()
     for number in range(1, limits.SEARCH_ROUNDS + 1):
         best = sorted(search.odds, key=lambda names: -search.odds[names])
@@ -236,8 +239,8 @@ def grown(
 
 
 def _refit_switching_terms(search: Search) -> None:
-    """In the place of each fault that comes and goes in one of the best sets, a term that does so
-    where set points change."""
+    """In the best sets, try a term that changes with set points in the place of each fault that
+    comes and goes."""
     for names in sorted(search.odds, key=lambda n: -search.odds[n])[: limits.SETS_SWITCHED]:
         model = search.models[names]
         for course in model.setting.courses:
@@ -245,20 +248,19 @@ def _refit_switching_terms(search: Search) -> None:
             rest = without(names, fault)
             if course.grows or rest not in search.models:
                 continue
-            place = (fault.module, fault.place)
-            near = search.models[rest]
+            place, near = (fault.module, fault.place), search.models[rest]
             for term in with_set_points(search.every, search.settled, model, course, place):
                 own = (*near.terms, term)
                 search.keep(rest | {term.name}, search.refit(near.setting, near, own))
 
 
 def _refit_candidates_for_terms(search: Search) -> None:
-    """Refit effects of the catalogue in the place of each term of the best set, so that the answer
-    can say by how much they lost."""
+    """Refit effects of the catalogue in the place of each term of the best set, to report by how
+    much they lost."""
     names = search.likeliest
     for term in search.models[names].terms:
         rest = names - {term.name}
-        ids = {c.id for c in in_its_place(search.settled.rows.system, term)}
+        ids = {c.id for c in _in_its_place(search.settled.rows.system, term)}
         if rest not in search.models or not ids:
             continue
         model = search.models[rest]
@@ -269,33 +271,32 @@ def _refit_candidates_for_terms(search: Search) -> None:
                 _join(search, rest, one)
 
 
-def in_its_place(system: System, term: Term) -> tuple[Candidate, ...]:
-    """Effects at the place of a term; those with its driver, where there are any."""
+def _in_its_place(system: System, term: Term) -> list[Candidate]:
+    """Effects at the place of a term; only those with its driver, if there are any."""
     place = (term.changed.module, term.changed.place)
     here = [c for c in system.candidates if (c.module, c.place) == place]
     same = [c for c in here if term.driver in c.drivers.values()]
-    return tuple(same if same and term.driver != TIME else here)
+    return same if same and term.driver != TIME else here
 
 
 def _grow(search: Search, names: Names) -> None:
-    """Refit a set with what would gain most beside it."""
+    """Refit a set with the explanations that gain most beside it."""
     if len(names) >= limits.LARGEST_SET:
         return
     geometry, model = search.settled, search.models[names]
     every = columns(geometry, model, search.alike)
     every = [c for c in every if not holds(model.terms, c.rows)]
-    found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
-    for one in found:
+    for one in scan(geometry, model, every, search.alike, limits.SETS_REFITTED):
         if names | one.names not in search.odds:
             _join(search, names, one)
-    # A fault that began, too, may be one that comes and goes: the likelier one is kept.
+    # A fault that begins may also come and go: the likelier model is kept.
     for one in _intermittent(search, model):
         _join(search, names, one)
     join_terms(search, names, terms(geometry, model))
 
 
 def join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
-    """Refit a set with the terms without a name that would gain most beside it."""
+    """Refit a set with the terms without a name that gain most beside it."""
     model = search.models[names]
     for gain, term in nameless(search.geometry, model, beside(model, every), limits.TERMS_REFITTED):
         if gain > limits.WORTH_A_REFIT and names | {term.name} not in search.odds:
@@ -304,25 +305,21 @@ def join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
 
 
 def _join(search: Search, names: Names, found: Found) -> None:
-    """As it stands, and with laws that hold at other conditions: the better one is kept."""
-    model = search.models[names]
-    setting = joined(model.setting, found.starts, search.settled.rows.system.data.time)
+    """Refit a set with columns joined, with usual and with free reference conditions; the better
+    model is kept."""
+    model, system = search.models[names], search.settled.rows.system
+    setting = joined(model.setting, found.starts, system.data.time)
     new = [column.candidate for column, _ in found.starts]
-    ways = [setting]
-    elsewhere = _with_open_references(search.settled.rows.system, setting, new)
-    ways += [elsewhere] if elsewhere is not None else []
-    for way in ways:
-        try:
-            search.keep(names | found.names, search.refit(way, model, model.terms))
-        except np.linalg.LinAlgError:
-            continue
+    for way in (setting, _with_open_references(system, setting, new)):
+        if way is not None:
+            with contextlib.suppress(np.linalg.LinAlgError):
+                search.keep(names | found.names, search.refit(way, model, model.terms))
 
 
 def _with_open_references(
     system: System, setting: Configuration, new: Sequence[Candidate]
 ) -> Configuration | None:
-    """A setting in which stated laws hold at other conditions than the usual ones of the recording;
-    None where none can."""
+    """A setting whose laws have free reference conditions; None where none of them has any."""
     there = None
     for candidate in new:
         values = {u.id: setting.values[u.id] for u in candidate.unknowns if u.id in setting.values}
@@ -335,36 +332,37 @@ def _with_open_references(
 
 
 def _prune(search: Search, names: Names) -> None:
-    """A set without each of its members."""
+    """Refit a set without each of its members."""
     model = search.models[names]
-    for candidate in model.setting.joined if len(names) > 1 else ():
+    if len(names) < 2:
+        return
+    for candidate in model.setting.joined:
         less = without(names, candidate)
         if less not in search.odds:
             setting = model.setting.leaving(candidate.id)
             search.keep(less, search.refit(setting, model, model.terms))
-    for term in model.terms if len(names) > 1 else ():
+    for term in model.terms:
         if names - {term.name} not in search.odds:
             own = tuple(t for t in model.terms if t.name != term.name)
             search.keep(names - {term.name}, search.refit(model.setting, model, own))
 
 
 def without(names: Names, candidate: Candidate) -> Names:
-    """A set less one candidate, however it is there."""
+    """A set without one candidate, whatever its course."""
     return frozenset(n for n in names if id_of(n) != candidate.id)
 
 
 def _refine_onsets(search: Search, names: Names) -> None:
-    """Find periods anew beside all else, and move onsets as long as that is likelier: those that
-    were tried lie far apart."""
+    """Find periods again beside all else, and move onsets while that is likelier: the onsets tried
+    at first lie far apart."""
     time = search.settled.rows.system.data.time
     setting = search.models[names].setting
     for course in (c for c in setting.courses if not c.grows):
         again = periods_again(search.every, setting, setting.candidate_of(course), time)
         if again is not None:
             ((column, _),) = again.starts
-            bare = setting.leaving(column.candidate.id)
             model = search.models[names]
-            there = joined(bare, again.starts, search.settled.rows.system.data.time)
+            there = joined(setting.leaving(column.candidate.id), again.starts, time)
             search.keep(names, search.refit(there, model, model.terms))
     for number, course in enumerate(search.models[names].setting.courses):
         steps = (*limits.ONSET_STEPS, *(limits.GROWING_STEPS if course.grows else ()))
@@ -375,7 +373,7 @@ def _refine_onsets(search: Search, names: Names) -> None:
 
 
 def _moved(search: Search, names: Names, number: int, by: float, time: np.ndarray) -> bool:
-    """Is it likelier that a fault began so many points later? What grows may begin between two."""
+    """Is an onset `by` points later likelier? A growing fault may begin between two points."""
     model = search.models[names]
     course = model.setting.courses[number]
     since, points = course.periods[0].since, np.arange(len(time), dtype=float)

@@ -1,8 +1,7 @@
-"""Terms that switch: by the way an input came, or where set points change.
+"""Terms that switch: by the direction in which an input moved, or where set points change.
 
-What comes and goes exactly with what the plant is set to is hardly a fault, which would not know
-the set points: it is a law that the model does not have, such as a valve with play, or a flow that
-changes its pattern.
+An effect that comes and goes exactly with the set points is hardly a fault, which would not depend
+on them: it is a law that the model lacks, such as a valve with play, or a change of flow pattern.
 
 Source: Mayergoyz 2003 (a law with memory has branches).
 """
@@ -13,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
@@ -33,7 +31,7 @@ from rulec.mismatch.search.time_varying import varying_parameters
 class Switching:
     """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
 
-    `says` tells what switches it, `price` what its ends cost, nats.
+    `says` is what switches it, `price` the cost of specifying its ends, nats.
     """
 
     ends: Array
@@ -51,10 +49,10 @@ class Switching:
 def by_the_way(
     geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str
 ) -> Iterator[Term]:
-    """Terms that differ by whether an input rose or fell to where it is, where it did both.
+    """Terms that differ by whether an input rose or fell to its value, if it did both.
 
-    How it came to where it was at first is not known. `slopes`, shape (seen rows,), are those of
-    the residuals by what is `changed`.
+    Its direction before the first move is not known: both are tried. `slopes`, shape (open rows,),
+    are those of the residuals by `changed`.
     """
     data = geometry.rows.system.data
     side, _ = ways_there(data.values[driver], float(np.nanmedian(data.noise[driver])))
@@ -73,14 +71,15 @@ def by_the_way(
 def with_set_points(
     every: Rows, geometry: Geometry, model: Model, course: Course, place: tuple[str, str]
 ) -> Iterator[Term]:
-    """Terms at a place, its module and name, in the place of a fault that comes and goes: each
-    visit of an operating state has it or has not, as most of its points do.
+    """Terms at a place (module, name) instead of a fault that comes and goes, on or off during each
+    visit of an operating state, as most of its points are.
 
-    `every` has all settled points. Which visits have it costs what it takes to tell them: a fault
-    with few ends is cheaper.
+    `every` has all settled points. The price is that of specifying the visits: a fault with few
+    ends is cheaper.
     """
     time = every.system.data.time
-    visits, begins = _visits(every)
+    new = np.diff(states_of(every.system), prepend=-1) != 0
+    visits, begins = np.cumsum(new) - 1, np.flatnonzero(new)
     degree = course.at_times(time).degrees(model.setting.values)
     largest = float(np.max(np.abs(degree), initial=0.0))
     if largest == 0.0:
@@ -100,24 +99,14 @@ def with_set_points(
         column = spot_column(model.fitted, spot) if (spot.module, spot.place) == place else None
         if column is None:
             continue
-        ways = [
-            (spot, column),
-            *((w.spot, w.column) for w in varying_parameters(model.fitted, spot)),
-        ]
-        for changed, slopes in ways:
+        parameters = ((w.spot, w.column) for w in varying_parameters(model.fitted, spot))
+        for changed, slopes in [(spot, column), *parameters]:
             term = term_of(geometry, spot.id, changed, slopes[geometry.seen], TIME, way)
             if term is not None:
                 yield term
 
 
-def _visits(every: Rows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number of the visit of each point, and where visits begin."""
-    state = states_of(every.system)
-    new = np.diff(state, prepend=-1) != 0
-    return np.cumsum(new) - 1, np.flatnonzero(new)
-
-
 def price(ends: int, borders: int) -> float:
-    """What it takes to tell at which of some borders there is an end, nats."""
+    """Cost of specifying which of some borders are ends, nats."""
     ways = gammaln(borders + 1) - gammaln(ends + 1) - gammaln(borders - ends + 1)
     return float(ways + np.log(borders + 1))

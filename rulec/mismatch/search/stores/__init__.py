@@ -1,1 +1,1 @@
-"""The search for plants that store: steps ahead of several models at once."""
+"""The search for plants that store."""

@@ -1,4 +1,4 @@
-"""The most probable set of explanations of a plant that stores, fitted to the end."""
+"""The most probable set of explanations of a plant that stores, fitted to convergence."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rulec.mismatch.search.stores.sets import explain
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found: the plain model and the one with explanations, which may be the same,
-    as `ends` fitted them; what it says, and all that was weighed."""
+    """The plain model and the one with explanations (possibly the same), both fitted by `ends`; the
+    explanations, and all sets that were compared."""
 
     ends: FinalFits
     plain: Fitted
@@ -32,21 +32,21 @@ class Found:
 
     @property
     def nameless(self) -> bool:
-        """Does what it says hold a term without a name?"""
+        """Is a term without a name among the reported explanations?"""
         posterior = self.posterior
         terms = {term.name for term in posterior.models[posterior.told].terms}
         return bool(terms & told_of(posterior))
 
     @property
     def alone(self) -> Mapping[str, float]:
-        """What each explanation gains by itself, nats, by its id."""
+        """Gain of each explanation alone, nats, by its id."""
         odds = self.posterior.odds
         own = {name: odds[names] for names in odds if len(names) == 1 for name in names}
         return {name: gain - odds[frozenset()] for name, gain in own.items()}
 
 
 def search(bench: SimulationProblem, progress: Progress) -> Found:
-    """Find the sets of explanations that fit a recording, and tell the most probable one."""
+    """Find the sets of explanations that fit a recording, and fit the most probable one."""
     posterior = explain(bench, progress)
     progress("fitting the most probable explanation to the end")
     ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)

@@ -1,16 +1,15 @@
-"""A curve over a driver at a place of a plant that stores, fitted beside all else by simulation.
+"""A curve over a driver at a place of a plant that stores, fitted by simulation beside all else.
 
-Its functions are those of a term without a name at settled points; how large and how smooth it is
-follows from the recording.
+Its functions are those of a term without a name at settled points; its size and smoothness are
+estimated.
 
-Source: Rasmussen and Williams 2006, chapter 5 (sizes and lengths by evidence), about the model made
-linear at its optimum.
+Source: Rasmussen and Williams 2006, chapter 5 (sizes and lengths by evidence), with the model
+linearised at its optimum.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,10 +36,10 @@ class Form:
 
 @dataclass(frozen=True)
 class FittedCurve:
-    """A curve that was fitted, with all else that its model holds.
+    """A fitted curve, with all else in its model.
 
-    `amounts`, shape (functions,), are those of `form`, with unit prior. `at` are the free values of
-    `fitter`; `judged` says how samples count. `gain` is that over the model without it, paid for.
+    `amounts`, shape (functions,), are those of `form`, with unit prior; `judged` has the weights of
+    samples. `gain` is that over the model without the curve, less its price.
     """
 
     place: Place
@@ -53,7 +52,7 @@ class FittedCurve:
 
     @property
     def at(self) -> Array:
-        """The free values, SI, shape (free,)."""
+        """The free values of `fitter`, shape (free,)."""
         return self.fitter.vector(self.fitted.values)
 
     def value(self, driver: Array) -> Array:
@@ -63,11 +62,11 @@ class FittedCurve:
 
 @dataclass(frozen=True)
 class System:
-    """A model with a curve, made linear; the first of `plain` and `own` are rows of readings.
+    """A linearised model with a curve; the rows of readings come first.
 
-    `left`, shape (rows,), is what is left without a curve, `plain`, shape (rows, values), are the
-    slopes by all other free values, per step that matters, `own`, shape (rows, knots), those by the
-    curve at its knots, SI.
+    `left`, shape (rows,), is the residual without the curve. `plain`, shape (rows, values), are the
+    slopes by all other free values, scaled; `own`, shape (rows, knots), are those by the curve at
+    its knots, SI.
     """
 
     left: Array
@@ -75,16 +74,10 @@ class System:
     own: Array
 
 
-def _fitter(ends: FinalFits, bare: Fitted, place: Place) -> Fitter:
-    """What fits a curve beside all that a model holds."""
-    parts, knots = place.parts(ends.bench.builder)
-    return Fitter(ends.bench, (*bare.joined, *parts), {**fixed_values(bare), **knots})
-
-
 def fitted_curve(ends: FinalFits, bare: Fitted, spot: Spot, driver: str) -> FittedCurve | None:
-    """A curve fitted beside all that a model holds; None where nothing comes of it.
+    """A curve fitted beside all else in a model; None where that fails.
 
-    Beside a curve a state may run through another range, over which the curve is then drawn anew.
+    A curve may change the range of a state, and is then fitted again over the new range.
     """
     bench, found = ends.bench, list[FittedCurve]()
     with contextlib.suppress(RanAway):
@@ -93,20 +86,23 @@ def fitted_curve(ends: FinalFits, bare: Fitted, spot: Spot, driver: str) -> Fitt
             model = last.fitted if last else bare
             course = bench.trajectory(model.ids, model.values, driver, model.inputs)
             place = place_over(spot, driver, course[bench.record.open])
-            if place is None or (last is not None and _as_wide(place, last.place)):
+            if place is None or (last is not None and _same_range(place, last.place)):
                 break
-            found.append(_drawn(ends, bare, place, last))
-    return max(found, key=lambda d: d.gain, default=None)
+            found.append(_fitted_over(ends, bare, place, last))
+    return max(found, key=lambda curve: curve.gain, default=None)
 
 
-def _as_wide(place: Place, other: Place) -> bool:
+def _same_range(place: Place, other: Place) -> bool:
     off = max(abs(place.low - other.low), abs(place.high - other.high))
     return off < limits.AS_WIDE * (other.high - other.low)
 
 
-def _drawn(ends: FinalFits, bare: Fitted, place: Place, before: FittedCurve | None) -> FittedCurve:
-    """A curve with knots where they stand, from nothing or from one with others."""
-    fitter = _fitter(ends, bare, place)
+def _fitted_over(
+    ends: FinalFits, bare: Fitted, place: Place, before: FittedCurve | None
+) -> FittedCurve:
+    """Fit a curve with fixed knots, starting from zero or from a curve with other knots."""
+    parts, knots = place.parts(ends.bench.builder)
+    fitter = Fitter(ends.bench, (*bare.joined, *parts), {**fixed_values(bare), **knots})
     near = bare if before is None else before.fitted
     judged = replace(ends.judged, noise=near.noise, slow=near.slow, drift=bare.drift)
     values = np.zeros(len(place.knots)) if before is None else before.value(place.knots)
@@ -114,42 +110,29 @@ def _drawn(ends: FinalFits, bare: Fitted, place: Place, before: FittedCurve | No
     count = len(at) - len(place.bends)
     at[count:] = place.bends @ values
     for _ in range(limits.CURVE_ROUNDS):
-        system = system_at(fitter, at, place, judged)
-        noise = judged.noise
-        _, form, share = _likeliest(system, place, _news(ends, judged))
-        judged = replace(judged, noise=_less(noise, share))
+        system, noise = system_at(fitter, at, place, judged), judged.noise
+        news = sum(ends.samples[n] / own.memory for n, own in noise.items())
+        form, share = _likeliest(system, place, news)
+        less = {n: Noise(share * own.spread, own.memory) for n, own in noise.items()}
+        judged = replace(judged, noise=less)
         amounts = np.asarray(np.linalg.lstsq(form.table, values, rcond=None)[0])
         at[count:] = place.bends @ form.table @ amounts
         at, amounts = _descended(fitter, at, amounts, place, form, judged)
         values = form.table @ amounts
         errors, slow, judged = fitter.looked_at(at, judged)
-        if all(_same(noise[n].weight, own.weight) for n, own in judged.noise.items()):
+        before_and_after = ((noise[n].weight, own.weight) for n, own in judged.noise.items())
+        if all(abs(old - new) < limits.NOISE_STAYS * old for old, new in before_and_after):
             break
     fitted = fitter.as_fitted(at, errors, slow, judged)
     inverse = inverse_of(*rows_of(system_at(fitter, at, place, judged), form))
-    told = len(amounts) - float(np.trace(inverse[count:, count:]))
-    gained = _gained(ends, fitted, bare, told)
+    determined = len(amounts) - float(np.trace(inverse[count:, count:]))
+    gained = _gained(ends, fitted, bare, determined)
     return FittedCurve(place, form, amounts, fitter, fitted, judged, gained)
 
 
-def _news(ends: FinalFits, judged: Judged) -> float:
-    """Independent pieces of news in the recording, as samples count."""
-    return sum(ends.samples[n] / noise.memory for n, noise in judged.noise.items())
-
-
-def _less(noise: Mapping[str, Noise], share: float) -> dict[str, Noise]:
-    """A share of the noise."""
-    return {n: Noise(share * own.spread, own.memory) for n, own in noise.items()}
-
-
-def _same(before: float, after: float) -> bool:
-    """Does noise stay as it was?"""
-    return abs(before - after) < limits.NOISE_STAYS * before
-
-
 def _gained(ends: FinalFits, fitted: Fitted, bare: Fitted, values: float) -> float:
-    """What a curve gains over the model without it; as many values as the recording tells of it
-    are paid for, as if each had been found alone."""
+    """Gain of a curve over the model without it, less the price of `values`, the number of values
+    that the recording determines."""
     found = sum(gain(bare.noise[n], fitted.noise[n], ends.samples[n]) for n in bare.noise)
     found += bare.negative_log_prior - fitted.negative_log_prior
     each = 0.5 * float(np.log(max(ends.news(fitted), 2.0)))
@@ -157,7 +140,7 @@ def _gained(ends: FinalFits, fitted: Fitted, bare: Fitted, values: float) -> flo
 
 
 def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:
-    """A model with a curve made linear at a point."""
+    """Linearise a model with a curve at a point."""
     residual, slopes = fitter.residual(at, judged, judged.basis())
     count = slopes.shape[1] - len(place.bends)
     by_coefficient = slopes[:, count:] / fitter.scale[count:]
@@ -166,15 +149,15 @@ def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System
 
 
 def rows_of(system: System, form: Form) -> tuple[Array, Array]:
-    """Slopes by all other values and by amounts of functions, shape (rows, values), and how sure
-    those are before, shape (values,)."""
+    """Slopes by all other values and by the amounts of functions, shape (rows, values), and their
+    prior precision, shape (values,)."""
     own = system.own @ form.table
     known = np.concatenate([np.zeros(system.plain.shape[1]), np.ones(own.shape[1])])
     return np.column_stack([system.plain, own]), known
 
 
 def inverse_of(table: Array, known: Array) -> Array:
-    """Inverse of the normal matrix of columns, shape (rows, values), with what is known before."""
+    """Inverse of the normal matrix of columns, shape (rows, values), with a prior precision."""
     normal = table.T @ table + np.diag(known)
     unit = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
@@ -182,12 +165,11 @@ def inverse_of(table: Array, known: Array) -> Array:
     return inverse
 
 
-def _likeliest(system: System, place: Place, news: float) -> tuple[float, Form, float]:
-    """The size and smoothness of a curve that make a recording most likely, and by how much more
-    than without any curve, in nats; and what noise falls to with it, as share of that before.
+def _likeliest(system: System, place: Place, news: float) -> tuple[Form, float]:
+    """The likeliest size and smoothness of a curve, and the noise as a share of that without it.
 
-    `news` is the number of independent pieces of news. The noise is found with the curve: what is
-    left without one says little of what is left beside it.
+    `news` is the effective number of independent samples. The noise is estimated with the curve, as
+    the residual without it says little about the residual with it.
     """
     q, _ = np.linalg.qr(system.plain)
     left = system.left - q @ (q.T @ system.left)
@@ -202,20 +184,19 @@ def _likeliest(system: System, place: Place, news: float) -> tuple[float, Form, 
         square, own = (ways.T @ (rows.T @ left)) ** 2, np.maximum(own, 0.0)
         for size in limits.TERM_SIZES:
             for noise in limits.NOISE_FALLS:
-                seen = own * (size / noise) ** 2
                 rest = whole - float(np.sum(square * size**2 / (noise**2 + own * size**2)))
                 gained = 0.5 * (whole - rest / noise**2) - news * float(np.log(noise))
-                gained -= 0.5 * float(np.sum(np.log1p(seen)))
+                gained -= 0.5 * float(np.sum(np.log1p(own * (size / noise) ** 2)))
                 if best is None or gained > best[0]:
                     best = gained, Form(basis, size / norm, table * (size / norm)), noise
     assert best is not None
-    return best
+    return best[1:]
 
 
 def _descended(
     fitter: Fitter, at: Array, amounts: Array, place: Place, form: Form, judged: Judged
 ) -> tuple[Array, Array]:
-    """The optimum of all values and of a curve near a point (Gauss, Newton)."""
+    """Gauss-Newton steps in all values and the curve."""
     basis = judged.basis()
     cost = fitter.cost(at, judged, basis) + 0.5 * float(amounts @ amounts)
     for _ in range(limits.CURVE_STEPS):

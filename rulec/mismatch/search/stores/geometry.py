@@ -1,8 +1,8 @@
-"""A plant that stores as the search sees it: errors of a simulation, and what any may be off by.
+"""What all models of a plant that stores have in common: errors of a simulation, and their noise.
 
-Noise of a reading is white, as its third differences show it; beside that an error may wander, as
-large and as long as makes the recording most likely. A model of a plant that stores is off for long
-stretches: rows are what each sample says that those before it did not.
+A reading has white noise, estimated from its third differences, and a wandering error whose size
+and correlation time are estimated by likelihood. Models of plants that store are off for long
+stretches, so rows are innovations.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rulec.mismatch.search.stores.place import drivers_of, spots_of
 
 @dataclass(frozen=True)
 class StoredPoint:
-    """A simulation with some values, in the noise of readings: see `Point`."""
+    """A simulation at some values, in units of the noise of readings: see `Point`."""
 
     setting: Configuration
     residual: Array
@@ -47,9 +47,9 @@ class StoredPoint:
 
 
 class StoresGeometry(Evidence):
-    """What stays the same for all models of one recording of a plant that stores.
+    """What all models of one recording of a plant that stores have in common.
 
-    Errors of form and of sensors are those about a model, `near`.
+    Errors of form and of sensors are linearised at the model `near`.
     """
 
     ended = limits.STORES_ENDED
@@ -73,23 +73,27 @@ class StoresGeometry(Evidence):
 
     @property
     def terms(self) -> int:
-        """How many terms without a name there may be."""
+        """Number of possible terms without a name."""
         return len(spots_of(self.bench)) * len(drivers_of(self.bench))
 
     def _table(self, moved: Array) -> Array:
-        """What moves readings, shape (signals * samples, columns), SI, as rows in their noise."""
-        return np.stack([self._rows(c) for c in moved.T], axis=1)
+        """Changes of readings, shape (signals * samples, columns), SI, as rows in their noise."""
+        columns = []
+        for column in moved.T:
+            own = zip(self._known.items(), np.split(column, len(self._known)), strict=True)
+            columns.append(np.concatenate([v[known] / self.white[n] for (n, known), v in own]))
+        return np.stack(columns, axis=1)
 
     @cached_property
     def coarse(self) -> SimulationProblem:
-        """The same over fewer samples, on which many ways are tried."""
+        """The same problem with fewer samples, to try many starting points."""
         bench = self.bench
         record = coarser(bench.record, limits.SAMPLES_TRIED)
         return SimulationProblem(bench.ruleset, bench.builder, record)
 
     @cached_property
     def _known(self) -> dict[str, NDArray[np.bool_]]:
-        """Samples that count, with gaps of a few: what lasts is the same behind them."""
+        """Samples that count; short gaps are closed, as a lasting error is the same after them."""
         record = self.bench.record
         return {n: _bridged(np.isfinite(v)) & record.open for n, v in record.measured.items()}
 
@@ -125,7 +129,7 @@ class StoresGeometry(Evidence):
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """What may be missing."""
+        """Effects that the model may lack."""
         return self.bench.candidates
 
     @cached_property
@@ -133,15 +137,10 @@ class StoresGeometry(Evidence):
         """Number of rows."""
         return int(sum(known.sum() for known in self._known.values()))
 
-    def _rows(self, stacked: Array) -> Array:
-        """What moves readings, stacked, SI, in the noise of each, shape (rows,)."""
-        own = np.split(stacked, len(self._known))
-        each = zip(self._known.items(), own, strict=True)
-        return np.concatenate([v[known] / self.white[n] for (n, known), v in each])
-
     @cached_property
     def noises(self) -> tuple[tuple[float, ...], ...]:
-        """For each signal sizes of an error that wanders, in noise, and how long it lasts."""
+        """Size of the wandering error, in white noise, its correlation time in samples, and its
+        smoothness, for each signal."""
         n = len(self.bench.time)
         axes = []
         for name, known in self._known.items():
@@ -153,15 +152,15 @@ class StoresGeometry(Evidence):
         return tuple(axes)
 
     def likely_noises(self, residual: Array) -> list[Noise]:
-        """What noise may be like by what is left, shape (rows,): the likeliest size and how long it
-        lasts, for each smoothness and for the likeliest of each signal."""
+        """The likeliest noise by a residual, shape (rows,), with each smoothness for all signals,
+        and with the likeliest smoothness of each signal."""
         of_signals = [self._likely(residual, number) for number in range(len(self._runs))]
         alike = [[own[i][1] for own in of_signals] for i in range(len(limits.SMOOTHNESS))]
         best = [max(own)[1] for own in of_signals]
         return [tuple(itertools.chain(*each)) for each in (*alike, best)]
 
     def promise(self, setting: Configuration) -> float:
-        """Log likelihood of what values leave, by the noise that makes it largest."""
+        """Log likelihood of a setting with its likeliest noise, without a refit."""
         residual, _ = self.simulated(setting)
         if not np.isfinite(residual).all():
             return -np.inf
@@ -169,11 +168,11 @@ class StoresGeometry(Evidence):
         return float(sum(own))
 
     def _likely(self, residual: Array, number: int) -> list[tuple[float, Noise]]:
-        """For each smoothness the likeliest noise of one signal, with its log likelihood."""
+        """The likeliest noise of one signal for each smoothness, with its log likelihood."""
         runs = self._runs[number]
         sizes, lasts, smoothnesses = self.noises[3 * number : 3 * number + 3]
-        seen = residual[runs[0].start : runs[-1].stop]
-        spread = float(np.sqrt(np.mean(seen**2)))
+        left = residual[runs[0].start : runs[-1].stop]
+        spread = float(np.sqrt(np.mean(left**2)))
         begin = int(np.argmin(np.abs(np.array(sizes) - spread))), len(lasts) // 2
         found: list[tuple[float, Noise]] = []
         for smoothness in smoothnesses:
@@ -181,51 +180,44 @@ class StoresGeometry(Evidence):
             @cache
             def score(place: tuple[int, ...], smoothness: float = smoothness) -> float:
                 own = innovations(sizes[place[0]], lasts[place[1]], smoothness)
-                return -0.5 * float(np.sum(own.of(seen, runs) ** 2)) - own.logs(runs)
+                return -0.5 * float(np.sum(own.of(left, runs) ** 2)) - own.logs(runs)
 
             place = climbed(score, begin, [len(sizes), len(lasts)], ())
             found.append((score(place), (sizes[place[0]], lasts[place[1]], smoothness)))
         return found
 
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
-        """As if errors were new in each sample, and for each smoothness: beside an explanation that
-        stands it is known what noise is like."""
+        """Independent errors, and for the plain model the likeliest noises of each smoothness."""
         left = rest()
-        return [self.new_in_each(left), *(self.likely_noises(left) if alone else ())]
+        independent: list[float] = []
+        for runs in self._runs:
+            own = left[runs[0].start : runs[-1].stop]
+            independent += [float(np.sqrt(np.mean(own**2))), limits.AT_ONCE_GONE, 1.0]
+        return [tuple(independent), *(self.likely_noises(left) if alone else ())]
 
     def alike(self, noise: Noise) -> Array:
         """Weights of innovations."""
         return np.ones(self.count)
 
     def shown(self, columns: Array) -> dict[str, float]:
-        """By how much some errors, one a column, shape (rows, errors), move each reading: root of
-        their summed mean squares, SI."""
-        own = zip(self.white, self._runs, strict=True)
-        return {
-            name: self.white[name]
-            * float(np.sqrt(np.mean(np.sum(columns[r[0].start : r[-1].stop] ** 2, axis=1))))
-            for name, r in own
-        }
-
-    def new_in_each(self, residual: Array) -> Noise:
-        """Noise as large as what is left, as if that were new in each row."""
-        found: list[float] = []
-        for runs in self._runs:
-            own = residual[runs[0].start : runs[-1].stop]
-            found += [float(np.sqrt(np.mean(own**2))), limits.AT_ONCE_GONE, 1.0]
-        return tuple(found)
+        """By how much errors, shape (rows, errors), move each reading: root of their summed mean
+        squares, SI."""
+        found = {}
+        for (name, white), runs in zip(self.white.items(), self._runs, strict=True):
+            squares = np.sum(columns[runs[0].start : runs[-1].stop] ** 2, axis=1)
+            found[name] = white * float(np.sqrt(np.mean(squares)))
+        return found
 
     def noise_odds(self, noise: Noise) -> float:
-        """Log density of what noise is like, before the recording."""
-        axes = self.noises
-        odds = 0.0
+        """Log prior density of the noise."""
+        axes, odds = self.noises, 0.0
         for i, size in enumerate(noise[::3]):
             if size > limits.NO_WANDER:
                 odds -= float(np.sum([np.log(len(axis)) for axis in axes[3 * i : 3 * i + 3]]))
         return odds
 
     def whitener(self, columns: Array) -> Callable[[Noise], Array]:
-        """What `whitened` gives of columns, each signal found once for its noise."""
+        """`whitened` for fixed columns, calculated once per signal and noise."""
 
         @cache
         def part(number: int, size: float, lasts: float, smoothness: float) -> Array:
@@ -245,11 +237,11 @@ class StoresGeometry(Evidence):
         return -0.5 * float(residual @ residual) - logs
 
     def weights(self, residual: Array, noise: Noise) -> Array:
-        """Weights of innovations: none is odd, as single odd readings are set aside."""
+        """Weights of innovations: single outliers have been removed before."""
         return np.ones(self.count)
 
     def expected_weights(self, noise: Noise) -> Array:
-        """What each innovation tells."""
+        """Mean information of each innovation."""
         return np.ones(self.count)
 
     def drawn(self, noise: Noise, count: int, rng: np.random.Generator) -> Array:
@@ -261,9 +253,8 @@ class StoresGeometry(Evidence):
         return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def prior(self, setting: Configuration) -> Prior:
-        """What is known of all values."""
-        plain = self._plain(setting)
-        return prior_with_sizes(plain, setting, self.size, self._range)
+        """The prior of all values."""
+        return prior_with_sizes(self._plain(setting), setting, self.size, self._range)
 
     def _plain(self, setting: Configuration) -> Prior:
         bench = self.bench
@@ -306,7 +297,7 @@ class StoresGeometry(Evidence):
         return self._sizes[unknown.id]
 
     def _share(self, candidate: Candidate, unknown: Unknown) -> float:
-        """The share by which flows or readings change per amplitude, the most at any shape."""
+        """Largest relative change of flows or readings per amplitude, over all shapes."""
         fixed, shares = self.references(Configuration(), candidate), []
         plain = unknown.null or 0.0
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
@@ -321,14 +312,10 @@ class StoresGeometry(Evidence):
             slopes, course = said.course.slopes[:, :, 0], said.course.shown
             sizes = np.sqrt(np.mean(course**2, axis=0))
             moved = np.sqrt(np.mean(slopes**2, axis=0)) / np.maximum(sizes, 1e-300)
-            of_flow = [
-                i for i, n in enumerate(names) if n.partition(":")[0] in ("inflow", "outflow")
-            ]
-            own = [i for i in of_flow if names[i].partition(":")[2] in candidate.modules]
-            of_reading = [
-                i for i, n in enumerate(names) if n == f"shown:{candidate.module}.{candidate.place}"
-            ]
-            for places in (of_reading, own, of_flow):
+            flows = [i for i, n in enumerate(names) if n.startswith(("inflow:", "outflow:"))]
+            own = [i for i in flows if names[i].partition(":")[2] in candidate.modules]
+            reading = f"shown:{candidate.module}.{candidate.place}"
+            for places in ([i for i, n in enumerate(names) if n == reading], own, flows):
                 best = max((float(moved[i]) for i in places), default=0.0)
                 if best > 0.0:
                     shares.append(best)
@@ -336,15 +323,14 @@ class StoresGeometry(Evidence):
         return max(shares, default=0.0) or 1.0 / abs(usual(unknown) - plain)
 
     def evaluated(self, setting: Configuration, prior: Prior, at: Array) -> StoredPoint:
-        """The model at some coordinates; infinitely far off where it runs away."""
-        values = {**setting.values, **prior.values(at)}
-        there = replace(setting, values=values)
+        """The model at some coordinates; with an infinite residual where it runs away."""
+        there = replace(setting, values={**setting.values, **prior.values(at)})
         residual, slopes = self.simulated(there, prior.names)
         return StoredPoint(there, residual, slopes * prior.coordinates.slopes(at))
 
     def simulated(self, setting: Configuration, names: Sequence[str] = ()) -> tuple[Array, Array]:
-        """Errors of a model in the noise of readings, shape (rows,), and their slopes by some of
-        its values, SI, shape (rows, names)."""
+        """Errors of a model in the noise of readings, shape (rows,), and their slopes by the named
+        values, SI, shape (rows, names)."""
         values = {**setting.fixed, **setting.values}
         try:
             with np.errstate(all="ignore"):
@@ -357,7 +343,7 @@ class StoresGeometry(Evidence):
             residual.append(off[known] / self.white[name])
             slopes.append(said.slopes[name][known] / self.white[name])
         whole = np.concatenate(slopes)
-        # Where a tank runs empty its slopes overflow: such a sample tells nothing to first order.
+        # Where a tank runs empty slopes overflow: such a sample is useless to first order.
         whole[~np.all(np.abs(whole) < limits.RUNAWAY, axis=1)] = 0.0
         return np.concatenate(residual), whole
 
@@ -373,7 +359,7 @@ class StoresGeometry(Evidence):
         return self.bench.trajectory(setting.ids, values, name, self.bench.record.inputs)
 
     def references(self, setting: Configuration, candidate: Candidate) -> dict[str, float]:
-        """Typical readings that parameters stay at."""
+        """Reference readings of parameters that stay fixed."""
         found = {}
         for unknown in (u for u in candidate.unknowns if u.fixed):
             course = self.course(setting, unknown.driver or TIME)
@@ -382,28 +368,26 @@ class StoresGeometry(Evidence):
         return found
 
     def starts(self, setting: Configuration, candidate: Candidate) -> Iterator[dict[str, float]]:
-        """Combinations of the starts of shapes."""
-        names, options = [], []
+        """Combinations of the starting values of shapes."""
+        options: dict[str, Sequence[float]] = {}
         for unknown in candidate.unknowns:
             if unknown.fixed or unknown.null is not None:
                 continue
-            names.append(unknown.id)
+            options[unknown.id] = unknown.starts
             if unknown.quantiles:
                 course = self.course(setting, unknown.driver or TIME)
-                options.append(np.nanquantile(course, unknown.quantiles).tolist())
-            else:
-                options.append(list(unknown.starts))
-        for chosen in itertools.product(*options):
-            yield dict(zip(names, chosen, strict=True))
+                options[unknown.id] = np.nanquantile(course, unknown.quantiles).tolist()
+        for chosen in itertools.product(*options.values()):
+            yield dict(zip(options, chosen, strict=True))
 
 
 def _of_signals(noise: Noise) -> list[tuple[float, float, float]]:
-    """Size of the error that wanders, how long it lasts and how smoothly, for each signal."""
+    """Size, correlation time and smoothness of the wandering error of each signal."""
     return list(zip(noise[::3], noise[1::3], noise[2::3], strict=True))
 
 
 def usual(unknown: Unknown, sign: float = 0.0) -> float:
-    """The smallest amplitude that an entry starts from, SI, of a sign if there is one."""
+    """The smallest starting amplitude of an entry, SI, of the given sign if that is not 0."""
     null = unknown.null or 0.0
     starts = [s for s in unknown.starts if s != null and (not sign or np.sign(s - null) == sign)]
     span = unknown.highest - unknown.lowest
@@ -414,9 +398,7 @@ def usual(unknown: Unknown, sign: float = 0.0) -> float:
 
 
 def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Samples with gaps of a few between them."""
-    at = np.flatnonzero(known)
-    found = known.copy()
+    at, found = np.flatnonzero(known), known.copy()
     for a, b in itertools.pairwise(at.tolist()):
         if b - a <= limits.BRIDGED:
             found[a:b] = True
@@ -424,9 +406,8 @@ def _bridged(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _compressed(table: Array, times: float) -> Array:
-    """As few columns with the same sum of squares, but for what does not show at so many times its
-    size."""
+    """The fewest columns with the same sum of squares, without those that do not show at `times`
+    their size."""
     left, size, _ = np.linalg.svd(table, full_matrices=False)
     kept = (size * times > limits.FORM_NOT_SEEN) & (size > limits.FORM_RANK * size.max(initial=0.0))
-    columns: Array = left[:, kept] * size[kept]
-    return columns
+    return np.asarray(left[:, kept] * size[kept])

@@ -1,4 +1,4 @@
-"""What each sample says that those before it did not, where noise has an error on it that wanders.
+"""Innovations of a reading with white noise and a wandering error.
 
 Source: Anderson and Moore 1979, chapter 4 (the Kalman filter that has settled); Hartikainen and
 Sarkka 2010 (Matern covariances as its models).
@@ -20,10 +20,10 @@ from rulec.mismatch.search import limits
 
 @dataclass(frozen=True)
 class Innovations:
-    """What each sample says that those before it did not, over its standard deviation.
+    """The part of each sample that earlier ones do not predict, over its standard deviation.
 
-    The first ones by `first`, shape (m, m); all others by a filter (`above` over `below`), and over
-    `spread`.
+    The first ones follow from `first`, shape (m, m), all others from a filter with the coefficients
+    `above` over `below` and the standard deviation `spread`.
     """
 
     first: Array
@@ -32,8 +32,8 @@ class Innovations:
     spread: float
 
     def of(self, columns: Array, runs: Sequence[slice]) -> Array:
-        """Those of rows of one signal, shape (n,) or (n, columns), each run by itself."""
-        if not columns.size:  # LAPACK writes where it must not.
+        """Innovations of rows of one signal, shape (n,) or (n, columns), for each run by itself."""
+        if not columns.size:  # LAPACK would write out of bounds.
             return columns.copy()
         rows = np.zeros((len(columns), columns[0].size))
         wide = columns.reshape(rows.shape)
@@ -49,7 +49,7 @@ class Innovations:
         return found
 
     def logs(self, runs: Sequence[slice]) -> float:
-        """Sum of the logarithms of standard deviations."""
+        """Sum of the logarithms of the standard deviations."""
         own, total = np.concatenate([[0.0], np.cumsum(np.log(np.diag(self.first)))]), 0.0
         for rows in runs:
             m = min(len(self.first), rows.stop - rows.start)
@@ -59,10 +59,11 @@ class Innovations:
 
 @lru_cache(maxsize=4096)
 def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
-    """Innovations of white noise of unit variance, with an error on it that wanders.
+    """Innovations of white noise of unit variance with a wandering error.
 
-    `smoothness` is 1 where it does so in steps, and 3 where its slope lasts too: what is stored
-    integrates errors of flows (Matern 1/2 and 3/2). `lasts` is in samples.
+    `size` is the standard deviation of the error, `lasts` its correlation time in samples. A
+    `smoothness` of 1 is that of a random walk (Matern 1/2); with 3 the slope is correlated too
+    (Matern 3/2), as where a store integrates errors of flows.
     """
     rate = float(np.sqrt(smoothness)) / lasts
     gap = np.arange(limits.FIRST_INNOVATIONS, dtype=float)

@@ -1,4 +1,5 @@
-"""Terms without a name of a plant that stores: a place that follows something in any smooth way."""
+"""Terms without a name of a plant that stores: a place that follows a driver by any smooth
+function."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from rulec.mismatch.search.stores.place import Place, drivers_of, place_over, sp
 
 
 def terms(geometry: StoresGeometry, model: Model) -> list[Term]:
-    """A term for each place and each driver, made linear at a model."""
+    """Terms for each place and each driver, linearised at a model."""
     bench, found = geometry.bench, list[Term]()
     for driver in drivers_of(bench):
         course = geometry.course(model.setting, driver)[bench.record.open]

@@ -1,7 +1,7 @@
-"""The values of a curve over its driver in a plant that stores, and what its memory is.
+"""The values of a curve over its driver in a plant that stores, and its two branches.
 
-What is left is correlated in time, so doubts follow from its autocorrelation, not from the number
-of samples.
+Residuals are correlated in time, so uncertainties follow from their autocorrelation, not from the
+number of samples.
 
 Source: sandwich covariance (White 1982; with autocorrelation Newey and West 1987).
 """
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.mismatch import limits as common
@@ -29,18 +30,19 @@ from rulec.mismatch.search.stores.fitted_curve import FittedCurve, inverse_of, r
 def curve_of(bench: SimulationProblem, drawn: FittedCurve) -> CurveFound:
     """A curve with its covariance, all else in its model refitted beside it.
 
-    A state whose reading is recorded is told by that: what scale a level has is often hardly
-    known, what its sensor showed is.
+    The axis of a state with a recorded reading is that reading: the scale of a level is often
+    hardly known, but its reading is.
     """
-    place, table = drawn.place, _rows(drawn)
-    count = len(drawn.amounts)
-    # The range that the model runs through in the end, so far as the curve has knots there.
-    seen = basis_over(course_of(bench, drawn)[bench.record.open], drawn.form.basis.length)
-    low, high = max(place.low, seen.low), min(place.high, seen.high)
+    place, count = drawn.place, len(drawn.amounts)
+    system = system_at(drawn.fitter, drawn.at, place, drawn.judged)
+    rows = rows_of(system, drawn.form)
+    # The range of the driver in the final model, as far as the curve has knots there.
+    final = basis_over(course_of(bench, drawn)[bench.record.open], drawn.form.basis.length)
+    low, high = max(place.low, final.low), min(place.high, final.high)
     at = np.linspace(low, high, limits.CURVE_POINTS)
     there = _at(drawn, at)
-    covariance = _covariance(bench, drawn, *table)[-count:, -count:]
-    means = _means(bench, drawn, *table)
+    covariance = _covariance(bench, drawn, *rows)[-count:, -count:]
+    means = _means(bench, drawn, *rows)
     axis = axis_of(bench, drawn)
     means[:, 0] = axis.over(means[:, 0])
     return CurveFound(
@@ -50,13 +52,13 @@ def curve_of(bench: SimulationProblem, drawn: FittedCurve) -> CurveFound:
         value=there @ drawn.amounts,
         covariance=there @ covariance @ there.T,
         means=means,
-        branches=_branches(bench, drawn, *table),
+        branches=_branches(bench, drawn, *rows),
     )
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What a curve is told over: `shown`, shape (k,), SI, goes with values `at` of its driver."""
+    """The axis of a curve: `shown`, shape (k,), SI, at values `at` of its driver."""
 
     name: str
     at: Array
@@ -68,7 +70,7 @@ class Axis:
 
 
 def axis_of(bench: SimulationProblem, drawn: FittedCurve) -> Axis:
-    """What a sensor shows of a state, the time of the recording, or the driver itself."""
+    """The reading of a state, the time of the recording, or the driver itself."""
     driver, fitted = drawn.place.driver, drawn.fitted
     at, order = np.unique(course_of(bench, drawn), return_index=True)
     if driver == TIME:
@@ -80,11 +82,6 @@ def axis_of(bench: SimulationProblem, drawn: FittedCurve) -> Axis:
     return Axis(driver, at, at)
 
 
-def _rows(drawn: FittedCurve) -> tuple[Array, Array]:
-    """Slopes of a model by its values, the amounts of its curve last; see `rows_of`."""
-    return rows_of(system_at(drawn.fitter, drawn.at, drawn.place, drawn.judged), drawn.form)
-
-
 def _at(drawn: FittedCurve, driver: Array) -> Array:
     """Functions of a curve at values of its driver, shape (n, functions), SI of its place."""
     knots = drawn.place.knots
@@ -93,8 +90,8 @@ def _at(drawn: FittedCurve, driver: Array) -> Array:
 
 
 def _covariance(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array) -> Array:
-    """Covariance of all values, shape (values, values), where errors last; else what is known
-    before counts as it does in the fit."""
+    """Covariance of all values, shape (values, values), with correlated errors and the prior of the
+    fit; `table` and `known` are as in `rows_of`."""
     inverse = inverse_of(table, known)
     judged, errors = drawn.judged, drawn.fitted.errors
     of_readings = int(judged.flags().sum())
@@ -107,8 +104,7 @@ def _covariance(bench: SimulationProblem, drawn: FittedCurve, table: Array, know
         first += int(flags.sum())
         per_variance = score_covariance(columns, errors[name], flags)
         middle += per_variance / judged.noise[name].memory
-    covariance: Array = inverse @ middle @ inverse
-    return covariance
+    return np.asarray(inverse @ middle @ inverse)
 
 
 def course_of(bench: SimulationProblem, drawn: FittedCurve) -> Array:
@@ -118,9 +114,10 @@ def course_of(bench: SimulationProblem, drawn: FittedCurve) -> Array:
 
 
 def _means(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array) -> Array:
-    """What stretches of time show beside the curve, shape (stretches, 3): driver, value, doubt.
+    """Driver, value and uncertainty in stretches of time beside the curve, shape (stretches, 3).
 
-    Each may be off the curve by as much as that is high; those that say more than this are told.
+    The prior of each deviates from the curve by its height; only stretches that determine the value
+    much better are reported.
     """
     height = float(np.std(drawn.form.table @ drawn.amounts))
     found = response(bench, drawn.fitted, drawn.place.spot, common.COURSE_KNOTS[0])
@@ -142,21 +139,23 @@ def _means(bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Ar
     ways[:, first:] = height * np.eye(len(shapes))
     off[first - count : first] = drawn.amounts
     u = np.sqrt(np.einsum("ij,jk,ik->i", ways, inverse, ways))
-    told = u**2 < 0.5 * height**2
-    means: Array = np.stack([mean @ course, ways @ off, u], axis=1)[told]
-    return means
+    determined = u**2 < 0.5 * height**2
+    return np.asarray(np.stack([mean @ course, ways @ off, u], axis=1)[determined])
 
 
 def _branches(
     bench: SimulationProblem, drawn: FittedCurve, table: Array, known: Array
 ) -> Branches | None:
-    """The gap between both ways that the driver comes, everything else and the curve found anew
-    beside it; None where there is no clock, or too few visits on either branch."""
+    """The gap between both branches, with the curve and everything else refitted beside it; None
+    without a clock or with too few visits on either branch."""
     driver = drawn.place.driver
     if driver == TIME or not bench.record.timed:
         return None
     course = course_of(bench, drawn)
-    side, visit = ways_there(course, _noise(bench, driver))
+    given = bench.record.inputs.get(driver)
+    # A simulated state has no noise.
+    noise = 0.0 if given is None else white_noise(np.diff(given, 3), 3)
+    side, visit = ways_there(course, noise)
     counts = enough_visits(course, side, visit, bench.record.open)
     if counts is None:
         return None
@@ -177,14 +176,6 @@ def _branches(
     gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])
     u = 2.0 * float(np.sqrt(_covariance(bench, drawn, whole, prior)[0, 0]))
     return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])
-
-
-def _noise(bench: SimulationProblem, driver: str) -> float:
-    """Noise of a driver, SI; a state that is simulated has none."""
-    from rulec_runtime.recordings.robust import white_noise
-
-    given = bench.record.inputs.get(driver)
-    return 0.0 if given is None else white_noise(np.diff(given, 3), 3)
 
 
 def _shown(bench: SimulationProblem, fitted: Fitted, spot: str, more: dict[str, Array]) -> Array:

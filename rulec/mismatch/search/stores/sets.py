@@ -1,4 +1,4 @@
-"""Sets of explanations of a plant that stores, grown from the best ones."""
+"""Grow sets of explanations of a plant that stores from the best ones."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from rulec.mismatch.search.stores.starting_values import from_afar, nearest
 
 
 def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) -> list[Column]:
-    """Columns for each amplitude of each candidate at several shapes: its slope near its null, and
-    what it changes from there to each strength that is usual, as laws bend.
+    """Columns for each amplitude of each candidate at several shapes: its slope near its null and,
+    as laws bend, its secant to each usual strength.
 
-    `of` are ids of the only candidates that count.
+    Candidates are limited to the ids `of`.
     """
     found: list[Column] = []
     taken = {(c.name, c.place, m) for c in model.setting.joined for m in c.modules}
@@ -66,8 +66,8 @@ def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) 
 
 
 def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list[Configuration]:
-    """Where a refit of a set may begin: the best point with strengths as they were foreseen, and
-    those with usual ones at any shape, with the other values as they are and as they are stated."""
+    """Settings from which the refit of a set may start: the best one with predicted strengths, and
+    the best ones with usual strengths, with the current and with the stated values of the plant."""
     foreseen = [joined(model.setting, found.starts) for found in every]
     new = {c.candidate.id: c.candidate for c, _ in every[0].starts}.values()
     fixed = {c.id: geometry.references(model.setting, c) for c in new}
@@ -84,15 +84,14 @@ def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list
                 rest = {u.id: usual(u) for u in amplitudes_of(candidate)}
                 there = there.joining(candidate, {**shape, **rest}, fixed[candidate.id])
             others.append(replace(there, values={**there.values, **own}))
-    # Beside an explanation that stands, values are where they belong.
-    alone = not model.setting.joined
-    kinds = (foreseen, others, [_as_stated(there) for there in others] if alone else [])
-    best = (nearest(geometry.coarse, kind) for kind in kinds)
+    # Beside another explanation the values of the plant are reliable.
+    stated = [_as_stated(there) for there in others] if not model.setting.joined else []
+    best = (nearest(geometry.coarse, kind) for kind in (foreseen, others, stated))
     return [way for way in best if way is not None]
 
 
 def _as_stated(setting: Configuration) -> Configuration:
-    """The same with the values of the plant as they are stated."""
+    """A setting with the stated values of the plant."""
     own = {u.id for c in setting.joined for u in c.unknowns}
     return replace(setting, values={n: v for n, v in setting.values.items() if n in own})
 
@@ -103,7 +102,7 @@ def amplitudes_of(candidate: Candidate) -> dict[Unknown, float]:
 
 
 def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
-    """The sets of explanations of a recording, with their odds."""
+    """Search for the sets of explanations of a recording."""
     search = begun(bench)
     grown(search, progress, (grow, prune), apart=True)
     progress("refitting the likeliest sets, with errors as they are about the best one")
@@ -111,7 +110,7 @@ def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
 
 
 def begun(bench: SimulationProblem) -> Search:
-    """A search that has refitted the plain model, with errors as they are about that."""
+    """A search that has refitted the plain model, with errors linearised at that."""
     first = StoresGeometry(bench)
     near = refitted(first, from_afar(bench, Configuration()))
     search = Search(StoresGeometry(bench, near.setting))
@@ -120,8 +119,8 @@ def begun(bench: SimulationProblem) -> Search:
 
 
 def about_the_best(bench: SimulationProblem, search: Search) -> Search:
-    """The likeliest sets refitted with errors of form and of sensors as they show in the best one:
-    a model that is far off shows others."""
+    """Refit the likeliest sets with errors of form and of sensors linearised at the best one: at a
+    model that is far off they differ."""
     again = Search(StoresGeometry(bench, search.models[search.likeliest].setting))
     likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
     for names in dict.fromkeys((*likely, frozenset())):
@@ -132,20 +131,20 @@ def about_the_best(bench: SimulationProblem, search: Search) -> Search:
 
 
 def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
-    """Refit a set with what would gain most beside it."""
+    """Refit a set with the explanations that gain most beside it."""
     geometry, model = search.geometry, search.models[names]
     assert isinstance(geometry, StoresGeometry)
     if of is None and len(names) < limits.LARGEST_SET:
         join_terms(search, names, terms(geometry, model))
     if model.terms or len(names) >= limits.DEEPEST:
-        # A term is straight about the model without it: what it leaves may be its own bend.
+        # A term is linearised at the model without it: the residual may be its own curvature.
         return
     every = columns(geometry, model, of)
     groups: dict[Names, list[Found]] = {}
     for one in scan(geometry, model, every, {}, limits.SETS_REFITTED):
         groups.setdefault(one.names, []).append(one)
     if not names:
-        # Far from a model a slope says little of what a large effect would gain.
+        # Far from a model slopes hardly predict the gain of a large effect.
         for column in every:
             name = frozenset({column.name})
             groups.setdefault(name, [Found(0.0, ((column, usual(column.amplitude)),))])
@@ -158,7 +157,7 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
             promises = [(geometry.promise(way), way) for way in near]
             tried += [(*max(promises, key=lambda one: one[0]), new)] if promises else []
     tried.sort(key=lambda one: -one[0])
-    # What has more members has come farther by then.
+    # Larger sets have improved more by now, so both kinds are kept apart.
     few, more = ([t for t in tried if (len(t[2]) > 1) is pair] for pair in (False, True))
     for promised, way, new in (*few[: limits.SETS_REFITTED], *more[: limits.SETS_REFITTED // 2]):
         with contextlib.suppress(np.linalg.LinAlgError):
@@ -168,13 +167,15 @@ def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:
 
 
 def prune(search: Search, names: Names) -> None:
-    """A set without each of its members."""
+    """Refit a set without each of its members."""
     model = search.models[names]
-    for candidate in model.setting.joined if len(names) > 1 else ():
-        # From here a set that stands already may be met better.
+    if len(names) < 2:
+        return
+    for candidate in model.setting.joined:
+        # This start may improve a set that is already known.
         with contextlib.suppress(np.linalg.LinAlgError):
             less = search.refit(model.setting.leaving(candidate.id), model, model.terms)
             search.keep(names - {candidate.id}, less)
-    for term in model.terms if len(names) > 1 else ():
+    for term in model.terms:
         own = tuple(t for t in model.terms if t is not term)
         search.keep(names - {term.name}, search.refit(model.setting, model, own))

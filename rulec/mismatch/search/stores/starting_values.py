@@ -1,6 +1,7 @@
-"""Where a refit of a plant that stores may begin: values to which plain simulation errors lead.
+"""Starting values for the refit of a plant that stores, by least squares of simulation errors.
 
-What lasts in a model that is far off makes a rough landscape; here each error counts as new.
+Correlated errors of a model that is far off make a rough likelihood; here errors count as
+independent.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def from_afar(
     evaluations: int = limits.EVALUATIONS,
     fits: int = limits.FITS_FROM_AFAR,
 ) -> Configuration:
-    """The least squares of a simulation near a setting, as far as so many evaluations lead."""
+    """Values of least simulation errors near a setting, as far as the evaluations lead."""
     fitter = Fitter(bench, setting.joined, setting.fixed)
     at = fitter.vector(setting.values)
     measured = bench.record.measured
@@ -42,8 +43,8 @@ def from_afar(
 
 
 def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configuration | None:
-    """The setting that leaves least, in logarithms of its size in each reading, of those that do
-    not run away."""
+    """The setting with the smallest residuals, by the sum of their logarithms over readings, of
+    those that do not run away."""
     found = list[tuple[float, Configuration]]()
     for setting in every:
         fitter = Fitter(bench, setting.joined, setting.fixed)
@@ -52,16 +53,13 @@ def nearest(bench: SimulationProblem, every: Sequence[Configuration]) -> Configu
         there = replace(setting, values={n: values[n] for n in fitter.free})
         with contextlib.suppress(RanAway), np.errstate(all="ignore"):
             errors, _ = fitter.errors(at, _judged(bench, dict.fromkeys(bench.signals, 1.0)))
-            seen = [errors[n][known] for n, known in bench.known.items()]
-            found.append((sum(_left(own) for own in seen), there))
+            left = [errors[n][known] for n, known in bench.known.items()]
+            size = sum(0.5 * len(own) * float(np.log(np.mean(own**2))) for own in left)
+            found.append((size, there))
     return min(found, key=lambda one: one[0])[1] if found else None
 
 
-def _left(errors: np.ndarray) -> float:
-    return 0.5 * len(errors) * float(np.log(np.mean(errors**2)))
-
-
 def _judged(bench: SimulationProblem, noise: dict[str, float]) -> Judged:
-    """All errors new, each as large as the noise of its reading says."""
+    """Weights of independent errors of the given standard deviation."""
     new = {n: Noise(spread, 1.0) for n, spread in noise.items()}
     return Judged(bench.known, new, no_drift(bench), np.zeros(0))

@@ -1,4 +1,4 @@
-"""What has no name in a plant that stores: terms of a search, drawn by simulation."""
+"""The likeliest term without a name in a plant that stores, fitted by simulation."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from rulec.mismatch.search.stores.posterior_curve import axis_of, course_of, cur
 
 @dataclass(frozen=True)
 class Unnamed:
-    """A curve that no entry has, and the share of the squared errors that goes with it."""
+    """A curve that no entry explains, and the share of the squared errors that it explains."""
 
     curve: CurveFound
     share: float
 
 
 def likeliest_curve(found: Found) -> Unnamed | None:
-    """The place and the driver whose curve gains most beside the plain model, of all terms that
-    were refitted, if one is likelier than nothing."""
+    """The curve that gains most beside the plain model, of all terms that were refitted; None if
+    none is likelier than the plain model."""
     posterior = found.posterior
     with_terms = [names for names, model in posterior.models.items() if model.terms]
     if max((posterior.odds[n] for n in with_terms), default=-np.inf) < posterior.odds[frozenset()]:
         return None
-    # A term is straight about a model that may be far off: which one is best, its curve says.
+    # Terms are linearised at a model that may be far off: only curves show which one is best.
     ways = {t.name: (t.changed, t.driver) for n in with_terms for t in posterior.models[n].terms}
     curves = [fitted_curve(found.ends, found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
-    return _told(found, every) if every else None
+    return _first_of(found, every) if every else None
 
 
-def _told(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
-    """The first of some curves; places over the same driver that are not told from its own, and
-    names that lost to it."""
+def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:
+    """The first of some curves, with the places over its driver that fit as well, and the effects
+    that lost to it."""
     first = every[0]
     before, after = (_squares(found.ends, f) for f in (found.plain, first.fitted))
     least = first.gain + float(np.log(common.MENTIONED))
@@ -69,7 +69,7 @@ def _squares(ends: FinalFits, fitted: Fitted) -> Array:
 
 
 def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
-    """Names that were tried alone and gain less than a curve, the nearest first."""
+    """Effects that were tried alone and gain less than a curve, by rising loss."""
     ends = found.ends
     driver = axis_of(ends.bench, first).over(course_of(ends.bench, first))
     own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
