@@ -1,1 +1,1 @@
-"""What a recording says of one variant of a model: residuals, slopes, values refitted."""
+"""Evidence of a recording on one variant of a model: residuals, slopes, refitted values."""

@@ -1,8 +1,8 @@
-"""Sensors that fail, whatever the plant does: reported beside all physics.
+"""Sensors that fail, whatever the plant does: reported apart from all physics.
 
-A reading that its sensor cannot show, one that stands still, one that jumps away for a sample and
-comes back: everything that compares estimates leaves these out. Where they are many, that must not
-pass in silence. So they are looked for in every signal, whether an equation reads it or not.
+Impossible readings, readings that are stuck and single readings that jump away and back take no
+part in any comparison of estimates. Many of them must not go unreported, so every signal is
+examined, whether an equation reads it or not.
 """
 
 from __future__ import annotations
@@ -22,33 +22,49 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import glitches_in
 
 from rulec.mismatch.evidence import limits
-from rulec.mismatch.evidence.coarse_steps import coarse_step
 from rulec.mismatch.result import Finding, Location, Period
 
 
+def coarse_step(values: Array, u: float) -> float:
+    """The step of a display, if that is far beyond its uncertainty `u`; else 0."""
+    known = values[np.isfinite(values)]
+    levels = np.unique(known)
+    if not limits.COARSE_LEVELS <= len(levels) <= len(known) / limits.COARSE_SHOWN:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.min(steps))
+    even = np.abs(steps / step - np.round(steps / step)) < limits.COARSE_UNEVEN
+    return step if step > limits.COARSE_BEYOND * u and even.all() else 0.0
+
+
+def median_u(signal: SignalSpec, values: Array) -> float:
+    """Median systematic uncertainty of readings, SI."""
+    return float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
+
+
 def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
-    """Sensors that mostly show what they cannot, each as a finding."""
+    """Findings for sensors whose readings are mostly impossible."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or signal.lowest is None or signal.highest is None:
             continue
-        seen = values[np.isfinite(values)]
-        wrong = int(outside_range(signal, seen).sum())
-        if wrong >= max(limits.IMPOSSIBLE_READINGS, limits.IMPOSSIBLE_SHARE * len(seen)):
+        known = values[np.isfinite(values)]
+        wrong = int(outside_range(signal, known).sum())
+        if wrong >= max(limits.IMPOSSIBLE_READINGS, limits.IMPOSSIBLE_SHARE * len(known)):
             ends, usual = (
                 (np.array(v) - signal.offset) / signal.factor
-                for v in ([signal.lowest, signal.highest], np.median(seen))
+                for v in ([signal.lowest, signal.highest], np.median(known))
             )
             text = (
                 f"{signal.id} reads {usual:.4g} {signal.unit} (median), and {wrong} of "
-                f"{len(seen)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
+                f"{len(known)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
                 f"{signal.unit}, which is all that its sensor can show; they are left out"
             )
             yield failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
 
 
 def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
-    """Sensors that are stuck, each as a finding with its periods."""
+    """Findings for sensors that are stuck, with the periods."""
     found: dict[str, list[SensorFinding]] = {}
     for one in examine(recording, ruleset, by_model=False).findings:
         if one.condition is STUCK:
@@ -60,41 +76,28 @@ def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
-    """Sensors that fail often, each as a finding."""
+    """Findings for sensors that drop out often, are stuck or have a coarse display."""
     shown = ruleset.dynamics.outputs if ruleset.dynamics is not None else ()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if (
-            values is None
-            or len(values) < limits.DROP_OUT_READINGS
-            or not np.isfinite(values).any()
-        ):
+        if values is None or len(values) < limits.DROP_OUT_READINGS:
+            continue
+        if not np.isfinite(values).any():
             continue
         odd = glitches_in(values)
         if odd.sum() >= max(limits.DROP_OUT_READINGS, limits.DROP_OUT_SHARE * len(values)):
             yield _dropping_out(signal, values, odd)
-        # What is given is mostly set, and held.
-        u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
-        if spans := standing_still(
-            values, u if signal.is_input else np.inf, (signal.lowest, signal.highest)
-        ):
+        # Inputs are often set points, and held.
+        u, ends = median_u(signal, values), (signal.lowest, signal.highest)
+        if spans := standing_still(values, u if signal.is_input else np.inf, ends):
             yield _stuck(signal, recording.time, values, spans)
-        # What is given may be set in steps.
-        if signal.id in shown and (step := _coarse(signal, values)):
-            yield _stepping(signal, step)
-
-
-def _coarse(signal: SignalSpec, values: Array) -> float:
-    u = systematic_u(signal, values)
-    return coarse_step(values, float(np.nanmedian(np.broadcast_to(u, values.shape))))
-
-
-def _stepping(signal: SignalSpec, step: float) -> Finding:
-    text = (
-        f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far coarser than "
-        "its class; nothing finer can be told from it"
-    )
-    return failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
+        # Inputs may be set in steps.
+        if signal.id in shown and (step := coarse_step(values, u)):
+            text = (
+                f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far "
+                "coarser than its class; nothing finer can be told from it"
+            )
+            yield failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
 
 
 def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
@@ -120,7 +123,7 @@ def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding
 
 
 def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
-    """A sensor that fails, as a finding."""
+    """The finding of a sensor that fails."""
     module, _, place = signal.id.partition(".")
     return Finding(
         id=f"{signal.id}.{name}",
@@ -144,7 +147,7 @@ def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
 
 
 def failed_at(finding: Finding) -> Location:
-    """Where a sensor fails."""
+    """The location and periods of a sensor that fails."""
     periods = tuple((p.since, p.until) for p in finding.periods)
     return Location(
         module=finding.module,

@@ -1,74 +1,75 @@
-"""Every number that decides in what readings say for and against a model, with its origin."""
+"""Every number that decides in the evidence for and against a model, with its origin."""
 
 from __future__ import annotations
 
 # Recordings: settled points, samples, blocks.
 
 BLOCK_POINTS = 4
-"""Settled points that a block needs at least. Origin: assumed."""
+"""Fewest settled points of a block. Origin: assumed."""
 
 POINT_BUDGET = 15_000
-"""Settled points times observers at most; of longer recordings more samples are averaged into
-one point. It bounds time and memory. Origin: numerical."""
+"""Most settled points times observers, to bound time and memory; in longer recordings more samples
+are averaged into a point. Origin: numerical."""
 
 BRIDGED = 0.8
-"""Share of readings that must be there for gaps in a reading that no estimate needs to be
-bridged. Origin: assumed."""
+"""Share of valid readings above which gaps are bridged in a reading that no estimate needs.
+Origin: assumed."""
 
 STATISTICAL_SHARE = 0.3
 """Noise as a share of the systematic uncertainty where the recording does not show it. Origin:
 assumed."""
 
 FLOOR_SHARE = 0.1
-"""Noise of a mean is at least this share of what the class of its sensor gives: a reading that
-is constant by quantisation is not therefore exact. Origin: assumed."""
+"""Least noise of a mean, as a share of that by the class of its sensor: a reading that quantisation
+makes constant is not exact. Origin: assumed."""
 
-# Sensors that fail to read.
+# Sensors that fail.
 
 SENSOR_FAILS = 0.99
-"""Probability of a finding that a sensor fails: nothing else does this. Origin: assumed."""
+"""Probability of a finding that a sensor fails: it has no other cause. Origin: assumed."""
 
 IMPOSSIBLE_SHARE = 0.5
-"""Share of its readings from which on a sensor is reported to show what it cannot. Origin:
-assumed."""
+"""Share of impossible readings above which a sensor is reported. Origin: assumed."""
 
 IMPOSSIBLE_READINGS = 12
-"""Number of readings from which on a sensor is reported to show what it cannot. Origin: assumed."""
+"""Number of impossible readings above which a sensor is reported. Origin: assumed."""
 
 DROP_OUT_SHARE = 0.005
-"""Share of its readings from which on single odd ones are a fault of the sensor. Origin:
-assumed."""
+"""Share of single outliers above which they are a fault of the sensor. Origin: assumed."""
 
 DROP_OUT_READINGS = 20
-"""Number of single odd readings from which on they are a fault of the sensor. Origin: assumed."""
+"""Number of single outliers above which they are a fault of the sensor. Origin: assumed."""
 
 # Residuals at settled points.
 
 RARE_PATTERN = 0.01
-"""Patterns of usable estimates at fewer points than this share are left out. Origin: assumed."""
+"""Share of points below which a pattern of usable estimates is ignored. Origin: assumed."""
 
 LEAST_NOISE = 1e-6
-"""Noise of an output as a share of its size at least: nothing is exact. Origin: numerical."""
+"""Least noise of an output, as a share of its size: nothing is exact. Origin: numerical."""
 
 NO_SLOPE = 1e100
-"""A slope beyond this is none. Origin: numerical."""
+"""Slopes beyond this count as none. Origin: numerical."""
+
+NO_VALUE = 1e6
+"""Error, in units of its noise, of an estimate that a law cannot give. Origin: numerical."""
 
 RECONCILED = 3.0
-"""Standard uncertainties up to which errors count as noise, and all readings are reconciled;
-beyond them the outputs alone are moved. Origin: assumed."""
+"""Standard uncertainties up to which errors are noise, and all readings are reconciled; beyond them
+only the outputs are moved. Origin: assumed."""
 
 MOST_TOWARDS_ZERO = 0.95
-"""Share of itself by which a reading may be moved towards zero: it keeps its sign. Origin:
+"""Largest shift of a reading towards zero, as a share of it: it keeps its sign. Origin:
 numerical."""
 
 MOST_AWAY_FROM_ZERO = 20.0
-"""Times itself by which a reading may be moved away from zero. Origin: numerical."""
+"""Largest shift of a reading away from zero, in multiples of it. Origin: numerical."""
 
 SINGULAR = 1e10
-"""Condition number from which on a system of equations has no solution. Origin: numerical."""
+"""Condition number above which a system of equations has no solution. Origin: numerical."""
 
 PREDICTOR_STEPS = 12
-"""Newton steps in which a relation is solved for a reading. Origin: numerical."""
+"""Most Newton steps to solve a relation for a reading. Origin: numerical."""
 
 # Fits to settled points.
 
@@ -77,150 +78,143 @@ FREEDOM = 4.0
 Taylor 1989, as is usual)."""
 
 FIT_STEPS = 100
-"""Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
-after 20: what a law shares with the values of its module bends the valley that it lies in.
-Origin: numerical."""
+"""Most steps of a fit. A quarter of the refits with a law has not converged after 20: a law that
+shares an effect with values of its module makes a curved valley. Origin: numerical."""
 
 HELD_STEPS = 4
 """Steps of a refit with one value held near the optimum. Origin: numerical."""
 
 SOFTEST = 1e-9
-"""Damping of a fit at least. Origin: numerical."""
+"""Least damping of a fit. Origin: numerical."""
 
 HARDEST = 1e9
 """Damping beyond which there is no step down. Origin: numerical."""
 
 EASIER = 9.0
-"""By how much damping falls at most after a step that was foreseen. Origin: numerical."""
+"""Largest reduction of the damping after a step that was predicted well. Origin: numerical."""
 
 CONVERGED = 1e-4
-"""Gain in log likelihood per step, as a share of the points, below which a fit has ended.
+"""Gain in log likelihood per step, as a share of the points, below which a fit has converged.
 Origin: numerical."""
 
 BATCHES = 40
-"""Batches of time by whose means neighbours are found to be alike. Origin: assumed."""
+"""Batches of time whose means show the correlation of neighbours. Origin: assumed."""
 
 FARTHEST = 15.0
-"""Logarithm of the factor by which a positive parameter is moved at most. Origin: numerical."""
+"""Largest change of the logarithm of a positive parameter. Origin: numerical."""
 
 DRIFTED = 3.0
-"""Factor on the class of a sensor that drifts: it was right at another time, or at another
-temperature than the usual one. Origin: assumed."""
+"""Factor on the class of a sensor that drifts: it was right at another time or temperature than the
+usual one. Origin: assumed."""
 
 MISFIT_FAR = 5.0
-"""Robust standard deviations beyond which a point is set aside, as in calibration. Origin:
+"""Robust standard deviations beyond which a point is ignored, as in calibration. Origin:
 assumed."""
 
 # Fits to plants that store.
 
 EDGE = 0.02
-"""Share of the recording before which, and this much before whose end, nothing begins. Origin:
+"""Share of the recording, at its beginning and at its end, in which nothing begins. Origin:
 assumed."""
 
 HELD_EVALUATIONS = 8
-"""Evaluations of a fit with one value held, which starts near its end. Origin: numerical."""
+"""Evaluations of a fit with one value held, which starts near its optimum. Origin: numerical."""
 
 RUNAWAY = 1e6
-"""Error, in standard deviations, of a model whose states grow beyond all bounds. Origin:
-numerical."""
+"""Error, in standard deviations, of a model whose states diverge. Origin: numerical."""
 
 DRIFT_KNOTS = 16
-"""Values of a slow error of a given reading over a recording. Origin: assumed."""
+"""Knots of a slow error of an input over a recording. Origin: assumed."""
 
 NOTABLE_DRIFT = 0.001
-"""An error within its class that moves no reading by this share of its scatter does not matter.
-Origin: assumed."""
+"""Largest effect on readings, as a share of their scatter, of an error within the class of a sensor
+that is ignored. Origin: assumed."""
 
 LARGE_DRIFT = 0.05
-"""An error within its class may change with time where it moves a reading by this share of its
-scatter. Origin: assumed."""
+"""The same above which the error may change with time. Origin: assumed."""
 
 ODD_RESIDUAL = 4.0
-"""Scales at which residuals are cut where it is looked how alike neighbours are. Origin:
-assumed."""
+"""Scales at which residuals are clipped for the correlation of neighbours. Origin: assumed."""
 
 SPREAD_OUT = 1e6
-"""Steps that matter at which the range of a value ends that data leave open. Origin: numerical."""
+"""Widest range, in typical steps, of a value that the data do not determine. Origin: numerical."""
 
 POLISHES = 2
-"""Fits to the end, before each of which it is looked anew what errors of sensors do. Origin:
-numerical."""
+"""Fits to convergence, before each of which the effects of sensor errors are linearised again.
+Origin: numerical."""
 
 SUDDEN = 250.0
-"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
-quarter of a sample. Origin: numerical."""
+"""Length of a recording, in samples, in which the rise of catalogue entries, a thousandth of it,
+takes a quarter of a sample. Origin: numerical."""
 
-# Where something is wrong.
+# Location of a mismatch.
 
 REGION_TELLING = 0.35
-"""A region is reported if it holds this much more of the mismatch than of the points. Origin:
-assumed."""
+"""Excess of a region's share of the mismatch over its share of the points above which it is
+reported. Origin: assumed."""
 
 REGION_CLEARER = 0.02
-"""By so much more a later reading must tell a region, to be taken in the place of an earlier
-one. Origin: assumed."""
+"""Excess of a later reading over an earlier one above which it replaces that. Origin: assumed."""
 
 REGION_ENDS = 40
-"""Ends of a region that are tried per reading. Origin: numerical."""
+"""Ends of a region to try per reading. Origin: numerical."""
 
 REGION_POINTS = 8
-"""Values that a reading needs for a region, and more. Origin: assumed."""
+"""Fewest values of a reading for a region. Origin: assumed."""
 
 PERIODS_MOST = 8
-"""Periods of a mismatch at most: with more it is everywhere. Origin: assumed."""
+"""Most periods of a mismatch: with more it is everywhere. Origin: assumed."""
 
 PERIOD_SAMPLES = 20
-"""Samples from which on a mismatch may have periods. Origin: assumed."""
+"""Fewest samples of a mismatch with periods. Origin: assumed."""
 
 PERIOD_PIECES = 120
-"""Pieces of time whose mean mismatch is looked at, at most. Origin: assumed."""
+"""Most pieces of time over which a mismatch is averaged. Origin: assumed."""
 
 PERIOD_LEVEL = 0.25
-"""A piece belongs to a period from this share of the highest level on. Origin: assumed."""
+"""Share of the highest level above which a piece belongs to a period. Origin: assumed."""
 
 PERIOD_HIGHEST = 0.98
 """Quantile of the levels that counts as the highest. Origin: assumed."""
 
 PERIOD_TIME = 0.5
-"""Share of the time that periods take at most. Origin: assumed."""
+"""Largest share of the time in periods. Origin: assumed."""
 
 PERIOD_SHARE = 0.8
-"""Share of the mismatch that periods must hold. Origin: assumed."""
+"""Least share of the mismatch in periods. Origin: assumed."""
 
 SLOW_VALUES = 40
-"""Values of a course of an error that changes slowly. Origin: assumed."""
+"""Values of the course of a slow error. Origin: assumed."""
 
 SMOOTH_ENOUGH = 0.5
-"""Share of the squared errors that a smooth course must explain to be taken. Origin: assumed."""
+"""Share of the squared errors that a smooth course must explain. Origin: assumed."""
 
 COURSE_SIZES = (-3.0, 1.5, 19)
-"""Decimal logarithms of the smallest and the largest size of an error that are tried, and how
-many, as a share of what would move readings by their scatter. Origin: numerical."""
+"""Decimal logarithms of the smallest and the largest size of an error to try, relative to the one
+that moves readings by their scatter, and the number of sizes. Origin: numerical."""
 
-# What each explanation could explain.
+# Gain of each candidate.
 
 MOST_STARTS = 12
-"""Combinations of shapes that are tried of one candidate. Origin: numerical."""
+"""Most combinations of shapes to try for one candidate. Origin: numerical."""
 
 BENT = 5.0
-"""Ratio of two starts from which on a law is taken to bend between them. Origin: assumed."""
+"""Ratio of two starts above which a law counts as nonlinear. Origin: assumed."""
 
 DRIVER_VARIES = 3.0
-"""Times the noise of its settled readings by which a driver must vary. Origin: assumed."""
+"""Least variation of a driver, in the noise of its settled readings. Origin: assumed."""
 
 NEAR_ZERO = 0.05
-"""Share of its median reading below which no reference lies whose readings are positive. Origin:
-assumed."""
+"""Least reference of a driver with positive readings, as a share of its median. Origin: assumed."""
 
 HUBER = 2.5
 """Scales beyond which residuals count less, in the second of two linear problems. Origin:
 assumed."""
 
-# Intervals and held-out blocks.
+# Intervals.
 
 STEADY_PACE = (4, 0.15, 1.0, 1.2)
-"""Search for an end of an interval at settled points: steps, distance of the fall at which it
-ends, smallest growth of a step, and growth where the likelihood rises. Origin: numerical."""
+"""Search for an end of an interval at settled points, see `Pace`. Origin: numerical."""
 
 STORES_PACE = (5, 0.1, 1.1, 3.0)
 """The same for plants that store. Origin: numerical."""
@@ -228,37 +222,37 @@ STORES_PACE = (5, 0.1, 1.1, 3.0)
 # Displays with coarse steps.
 
 COARSE_LEVELS = 4
-"""Levels of a coarse display at least. Origin: assumed."""
+"""Fewest levels of a coarse display. Origin: assumed."""
 
 COARSE_SHOWN = 8
-"""Readings of each level of a coarse display, on average, at least. Origin: assumed."""
+"""Fewest readings per level of a coarse display, on average. Origin: assumed."""
 
 COARSE_BEYOND = 5.0
-"""Step of a coarse display at least, in standard uncertainties of its class. Origin: assumed."""
+"""Least step of a coarse display, in standard uncertainties of its class. Origin: assumed."""
 
 COARSE_UNEVEN = 0.1
-"""How far a level of a coarse display may be off the raster of the others, in steps. Origin:
-assumed."""
+"""Largest deviation of a level from an even grid, in steps. Origin: assumed."""
 
-NO_VALUE = 1e6
-"""Error, in units of its noise, of an estimate that a law cannot give. Origin: numerical."""
+# Operating states.
 
 ALIKE_SHARE = 0.03
-"""Inputs of one operating state agree within this share of their range. Origin: assumed."""
+"""Largest difference of inputs of one operating state, as a share of their range. Origin:
+assumed."""
 
 ALIKE_NOISE = 4.0
-"""Or within this many times their noise. Origin: assumed."""
+"""The same in units of their noise. Origin: assumed."""
 
 HELD = 1.5
-"""Scatter of an input while a state lasts, in units of its noise, below which it is held. Origin:
+"""Scatter of an input during a state, in units of its noise, below which it is held. Origin:
 numerical."""
 
 FEWEST_VISITS = 6
-"""Differences between visits to states from which the noise of means is told. Origin: assumed."""
+"""Fewest differences between visits to states to estimate the noise of means. Origin: assumed."""
 
 FORM_VARIES = 6.0
-"""Times its noise by which a reading must vary for errors of form to follow it. Origin: assumed."""
+"""Least variation, in units of its noise, of a reading that errors of form follow. Origin:
+assumed."""
 
 MOST_MEANS = 150
-"""Means of states, about, that stand for a recording: as many pieces of evidence as its operating
-points are, not as its samples. Origin: assumed."""
+"""Approximate number of means of states of a recording: the evidence follows from its operating
+points, not from its samples. Origin: assumed."""

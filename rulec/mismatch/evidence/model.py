@@ -1,4 +1,4 @@
-"""What an answer asks of a fitted model, whatever evidence it was fitted to."""
+"""The interface between answers and a fitted model of any plant."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rulec.mismatch.result import Estimate, Period
 
 @dataclass(frozen=True)
 class Variable:
-    """A course, SI, shape (n,), with factor, offset and unit in which it is shown."""
+    """A course, SI, shape (n,), with the factor, offset and unit of its display."""
 
     course: Array
     factor: float
@@ -26,15 +26,15 @@ class Variable:
     unit: str
 
     def shown(self, values: Array | float) -> Array:
-        """Values given in SI, in the unit; any shape."""
+        """Values in SI, any shape, converted to the unit."""
         return np.asarray((values - self.offset) / self.factor)
 
 
 @dataclass(frozen=True)
 class Pace:
-    """A search for an end: `steps` at most, until the fall is `near` enough to what is asked for.
-
-    A step grows by the factor `shortest` at least, and by `uphill` where the likelihood rises.
+    """The search for an end of an interval: at most `steps`, until the fall is within `near` of its
+    target. A step grows at least by the factor `shortest`, and by `uphill` where the likelihood
+    rises.
     """
 
     steps: int
@@ -45,11 +45,11 @@ class Pace:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """The likelihood along one value, all other values refitted; SI.
+    """The likelihood along one value, SI, with all other values refitted.
 
-    `u` is the standard uncertainty of the linearised model, `least` the smallest one that is
-    reported. `fall` gives by how much the log likelihood falls a signed step away from `value`.
-    `pace` says how an end of an interval is searched for.
+    `u` is the standard uncertainty of the linearised model, `least` the smallest one to report.
+    `fall` gives the fall of the log likelihood at a signed step from `value`. `pace` controls the
+    search for an end of an interval.
     """
 
     value: float
@@ -63,9 +63,9 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Model(ABC):
-    """A fitted model; values in SI by id.
+    """A fitted model; `joined` are its explanations.
 
-    `joined` are its explanations. `free` names the values in `covariance`, shape (free, free).
+    `free` are the ids of the values in `covariance`, SI, shape (free, free).
     """
 
     ruleset: Ruleset
@@ -83,15 +83,15 @@ class Model(ABC):
     def periods(
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
-        """When a fault was there, and its degree; none for what lasts."""
+        """Periods of a fault and its degrees; none for a permanent one."""
 
     @abstractmethod
     def term(self, candidate: Candidate) -> Array:
-        """What a candidate changes, squared, per sample, shape (n,); NaN: not fitted to."""
+        """Squared change by a candidate per sample, shape (n,); NaN where it was not fitted."""
 
     @abstractmethod
     def variables(self, module: str) -> Mapping[str, Variable]:
-        """Courses in which a region can be told, those of the module first."""
+        """Courses that may define a region, those of the module first."""
 
     @abstractmethod
     def variable(self, name: str) -> Variable | None:
@@ -99,5 +99,5 @@ class Model(ABC):
 
 
 def unit_of_size(degree: Unknown) -> str:
-    """The unit of a degree that is no share."""
+    """The unit of a degree, empty for a share."""
     return "" if degree.unit == "%" else degree.unit

@@ -1,4 +1,4 @@
-"""Where and when a mismatch shows: between two values of one reading, or in some periods."""
+"""Where and when a mismatch shows: between two values of a reading, or in some periods."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from rulec.mismatch.result import Region
 
 
 def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[Region, ...]:
-    """The readings at which a mismatch shows: one variable, from one value to another.
+    """The range of one variable in which a mismatch shows.
 
     Parameters
     ----------
-    contribution : shape (n,), what each sample has of the mismatch, not negative; NaN: unknown.
+    contribution : shape (n,), part of each sample in the mismatch, not negative; NaN: unknown.
     variables : by id, courses of shape (n,).
     """
     known = np.isfinite(contribution)
@@ -39,7 +39,7 @@ def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[R
 def best_interval(
     values: Array, shares: Array
 ) -> tuple[float, float | None, float | None, float] | None:
-    """Interval that holds much of the mismatch and few of the points; None where nothing varies.
+    """Interval with most of the mismatch in few of the points; None where nothing varies.
 
     `values` of a reading and `shares` of the mismatch have shape (n,). Returns the index, both ends
     (None: open) and the share inside.
@@ -70,9 +70,9 @@ def best_interval(
 def where_most(
     values: Array, parts: Array
 ) -> tuple[tuple[float | None, float | None] | None, float]:
-    """Between which values of a reading most of something lies (None: open), and its share there.
+    """Range of a reading (None: open) that contains most of the `parts`, and their share there.
 
-    `values` and `parts`, not negative, have shape (n,). None and 0 where it lies everywhere.
+    `values` and `parts`, not negative, have shape (n,). None and 0 where they are spread out.
     """
     if not parts.sum() > 0.0:
         return None, 0.0
@@ -83,7 +83,7 @@ def where_most(
 
 
 def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], ...]:
-    """Spans of time, s, that hold most of a mismatch, where it does not lie everywhere.
+    """Spans of time, s, that contain most of a mismatch; none where it is spread out.
 
     `time`, s, and `contribution`, not negative, NaN: unknown, have shape (n,).
     """

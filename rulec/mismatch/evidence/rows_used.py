@@ -1,7 +1,6 @@
-"""What each row of a recording served for, and why others served for nothing.
+"""Count the rows of a recording by their use, and by why others were not used.
 
-Every row is counted once, so that the counts sum to the rows that were recorded: what is left out
-in silence may be what speaks most.
+Every row is counted once, so that the counts sum to all rows: nothing is omitted unreported.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ HELD_OUT = "held out for the proof"
 
 
 def counted_rows(used: Iterable[str], unused: Iterable[str]) -> tuple[Evidence, ...]:
-    """Rows by what became of them, those that served for something first, then the most."""
+    """Counts of rows by their use, used ones first, then by falling number."""
     found = []
     for served, texts in ((True, used), (False, unused)):
         known = sorted(Counter(texts).items(), key=lambda entry: (-entry[1], entry[0]))
@@ -27,5 +26,5 @@ def counted_rows(used: Iterable[str], unused: Iterable[str]) -> tuple[Evidence, 
 
 
 def unread(recording: Recording) -> list[str]:
-    """Rows of the files that are no part of the recording, one text each."""
+    """Why each row of the files that is no part of the recording was left out."""
     return [because for rows, because in recording.left_out for _ in range(rows)]

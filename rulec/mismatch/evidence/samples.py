@@ -1,7 +1,7 @@
-"""Samples of a recording, and what each block of them serves for.
+"""Samples of a recording, and the use of each block of them.
 
-Samples are split by blocks of time, never singly: neighbours are alike, and a sample between two
-others is no test of anything.
+Samples are split by blocks of time, never singly: neighbours are correlated, so a sample between
+two others tests nothing.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from rulec_runtime.contract.plan import Array
 ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
 
 PATTERN = (ESTIMATION, SELECTION, HELDOUT, SELECTION, ESTIMATION)
-"""What the blocks of a recording serve for, in turn."""
+"""Use of the blocks of a recording, in turn."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Samples:
     """Samples in order of time.
 
-    `time` in s and `part`, one of the numbers above, have shape (n,). `split` says in words which
-    blocks served for what, `digest` is its hash. `timed` tells that samples lie on one clock: else
-    nothing can follow time.
+    `time`, s, and `part`, one of the numbers above, have shape (n,). `split` describes the split in
+    words, `digest` is its hash. `timed` samples have a common clock; otherwise nothing can follow
+    time.
     """
 
     time: Array
@@ -37,9 +37,8 @@ class Samples:
 
     @property
     def open(self) -> np.ndarray:
-        """Samples that may be looked at before the end, shape (n,)."""
-        flags: np.ndarray = self.part != HELDOUT
-        return flags
+        """Flags of samples that are not held out, shape (n,)."""
+        return np.asarray(self.part != HELDOUT)
 
 
 def digest_of(time: Array, part: NDArray[np.intp]) -> str:
@@ -49,7 +48,7 @@ def digest_of(time: Array, part: NDArray[np.intp]) -> str:
 
 
 def inside_of(time: Array, spans: Sequence[tuple[float, float]]) -> np.ndarray:
-    """Samples within some spans of time, s, ends included, shape (n,)."""
+    """Flags of samples within some spans of time, s, ends included, shape (n,)."""
     inside: np.ndarray = np.zeros(len(time), dtype=bool)
     for low, high in spans:
         inside |= (time >= low) & (time <= high)

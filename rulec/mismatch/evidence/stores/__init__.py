@@ -1,1 +1,1 @@
-"""Evidence over time: errors of the readings of a plant that stores."""
+"""Evidence over time: simulation errors of a plant that stores."""

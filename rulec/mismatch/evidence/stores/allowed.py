@@ -1,5 +1,5 @@
-"""How far readings may be off with nothing missing: sensors within their class, laws within their
-accuracy, everything else refitted beside those."""
+"""Allowed errors of readings under a complete model, with sensors within their class, laws within
+their accuracy, and everything else refitted."""
 
 from __future__ import annotations
 
@@ -19,10 +19,8 @@ from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Simulated, 
 def allowed(
     bench: SimulationProblem, fitted: Fitted, kept: Mapping[str, float], judged: Judged
 ) -> dict[str, float]:
-    """Error of each measured signal that is explained in 19 of 20 recordings, SI.
-
-    `kept` are values that stay, SI by id.
-    """
+    """Largest error of each measured signal in 19 of 20 recordings, SI; `kept` are fixed values, SI
+    by id."""
     fitter = Fitter(bench, fitted.joined, kept)
     _, slopes = fitter.residual(fitter.vector(fitted.values), judged, judged.basis())
     flags = judged.flags()
@@ -41,17 +39,24 @@ def allowed(
 def errors_of_form(
     bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
 ) -> Iterator[tuple[Spot, Array]]:
-    """What errors of form of each law do to readings, stacked, shape (signals * samples, errors),
-    SI, over parts of what the law says.
+    """Effects of errors of form of each law on readings, stacked, shape (signals * samples,
+    errors), SI; each error covers a part of the range of the law.
 
-    Those with which the plant runs away are left out.
+    Errors with which the plant runs away are omitted.
     """
     zero = np.zeros(len(bench.time))
     for spot in (s for s in bench.builder.laws if s.accuracy):
         plain = _with_error(bench, ids, values, spot, zero)
-        value = _value(bench, ids, values, spot, plain)
-        if value is None:
+        step = 1e-3 * spot.factor
+        there = _with_error(bench, ids, values, spot, np.full(len(bench.time), step))
+        moved_first = (there.course.shown[0] - plain.course.shown[0]) / step
+        names = bench.builder.balances(ids, (spot.id,)).outputs
+        # The value of the law is the flow that at first moves as the error does.
+        flows = (i for i, n in enumerate(names) if not n.startswith(SHOWN))
+        own = next((i for i in flows if abs(moved_first[i] - 1.0) < 1e-3), None)
+        if own is None:
             continue
+        value = np.ascontiguousarray(plain.course.shown[:, own])
         share = common.FORM_U * spot.accuracy
         moved = [np.zeros(len(bench.signals) * len(zero))]
         for shape in hats(value, 1 + round(1.0 / common.FORM_LENGTH)):
@@ -61,23 +66,6 @@ def errors_of_form(
                 continue
             moved.append(np.concatenate([there.shown[n] - plain.shown[n] for n in bench.signals]))
         yield spot, np.stack(moved, axis=1)
-
-
-def _value(
-    bench: SimulationProblem,
-    ids: tuple[str, ...],
-    values: Mapping[str, float],
-    spot: Spot,
-    plain: Simulated,
-) -> Array | None:
-    """What a law says, shape (n,), SI: the flow that at first moves as its error does."""
-    step = 1e-3 * spot.factor
-    there = _with_error(bench, ids, values, spot, np.full(len(bench.time), step))
-    moved = (there.course.shown[0] - plain.course.shown[0]) / step
-    names = bench.builder.balances(ids, (spot.id,)).outputs
-    flows = (i for i, n in enumerate(names) if not n.startswith(SHOWN))
-    own = next((i for i in flows if abs(moved[i] - 1.0) < 1e-3), None)
-    return None if own is None else np.ascontiguousarray(plain.course.shown[:, own])
 
 
 def _with_error(

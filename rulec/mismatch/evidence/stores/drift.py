@@ -1,8 +1,8 @@
-"""What errors of sensors within their class do: no model is to blame for those.
+"""Effects of sensor errors within their class, which no model has to explain.
 
-Each reading may be off by its stated uncertainty. A flow meter that is off by a share of its class
-fills a tank that nothing empties by itself without end; there the error may change slowly too. What
-that does to the readings that are predicted is taken out of errors, as far as its size allows.
+Each reading may be off by its stated uncertainty. An error of a flow meter fills a tank with no
+other outflow without limit; such an error may also change slowly. Its effect on predicted readings
+is removed from their errors as far as its size allows.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 @dataclass(frozen=True)
 class Drift:
-    """Errors within the class of sensors, each in its standard uncertainty.
+    """Sensor errors within their class, each in units of its standard uncertainty.
 
-    `moved` is what each does to readings, shape (signals * samples, errors), all measured signals
-    one below the other. `shapes` holds per error the given reading and the course, SI, shape (n,),
-    by which it is off; None for the zero error of a predicted reading.
+    `moved` are their effects on readings, shape (signals * samples, errors), with the measured
+    signals stacked. `shapes` has the input and the course of each error, SI, shape (n,); None for
+    the zero error of a predicted reading.
     """
 
     moved: Array
@@ -36,7 +36,7 @@ class Drift:
         return len(self.shapes)
 
     def put_right(self, inputs: Mapping[str, Array], errors: Array) -> dict[str, Array]:
-        """What was given, less errors, shape (n,), SI; `errors` shape (errors,)."""
+        """Inputs, shape (n,), SI, corrected for errors, shape (errors,)."""
         result = dict(inputs)
         for shape, size in zip(self.shapes, errors, strict=True):
             if shape is not None and size:
@@ -44,27 +44,24 @@ class Drift:
         return result
 
     def given(self, errors: Array) -> Array:
-        """Errors of given readings alone, others 0, shape (errors,)."""
-        kept = [shape is not None for shape in self.shapes]
-        return np.where(kept, errors, 0.0)
+        """Errors of inputs, with all others 0, shape (errors,)."""
+        return np.where([shape is not None for shape in self.shapes], errors, 0.0)
 
 
 def no_drift(bench: SimulationProblem) -> Drift:
-    """Sensors without errors."""
+    """No sensor errors."""
     return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
 
 
 def drift_of(
     bench: SimulationProblem, joined: tuple[str, ...], values: Mapping[str, float]
 ) -> Drift:
-    """What each error within a class does."""
+    """All notable sensor errors, linearised at a model."""
     record = bench.record
     columns: list[Array] = []
     shapes: list[tuple[str, Array] | None] = []
     plain = _stacked(bench, joined, values, record.inputs)
-    spread = np.concatenate(
-        [np.full(len(bench.time), np.nanstd(v)) for v in record.measured.values()]
-    )
+    spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
     for name, course in record.inputs.items():
         if name not in bench.balances(joined).inputs:
             continue
@@ -74,21 +71,24 @@ def drift_of(
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
         if size < limits.NOTABLE_DRIFT:
             continue
-        for shape in (
-            hats(bench.time, limits.DRIFT_KNOTS)
-            if size > limits.LARGE_DRIFT
-            else [np.ones(len(bench.time))]
-        ):
+        large = size > limits.LARGE_DRIFT
+        ways = hats(bench.time, limits.DRIFT_KNOTS) if large else [np.ones(len(bench.time))]
+        for shape in ways:
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
             shapes.append((name, u * shape))
-    for i, (name, course) in enumerate(record.measured.items()):
-        u = systematic_u(bench.ruleset.signal_by_id[name], course)
-        own = np.zeros((len(record.measured), len(bench.time)))
-        own[i] = np.nan_to_num(np.broadcast_to(u, course.shape))
-        columns.append(own.ravel())
-        shapes.append(None)
-    return Drift(np.column_stack(columns), tuple(shapes))
+    zeros = _zero_errors(bench)
+    return Drift(np.column_stack([*columns, *zeros]), (*shapes, *([None] * len(zeros))))
+
+
+def _zero_errors(bench: SimulationProblem) -> list[Array]:
+    """The zero error of each predicted reading, shape (signals * samples,), SI."""
+    measured, found = bench.record.measured, []
+    for i, (name, course) in enumerate(measured.items()):
+        own = np.zeros((len(measured), len(course)))
+        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
+        found.append(own.ravel())
+    return found
 
 
 def moved_again(
@@ -98,16 +98,14 @@ def moved_again(
     values: Mapping[str, float],
     inputs: Mapping[str, Array],
 ) -> Drift:
-    """The same errors, and what they do in another model: what runs over a rim is not
-    stored. `inputs` have shape (n,), SI."""
+    """The same errors, linearised at another model, where other volumes may run over a rim.
+    `inputs` have shape (n,), SI."""
     plain = _stacked(bench, joined, values, inputs)
-    columns = [
-        drift.moved[:, i]
-        if shape is None
-        else _stacked(bench, joined, values, {**inputs, shape[0]: inputs[shape[0]] + shape[1]})
-        - plain
-        for i, shape in enumerate(drift.shapes)
-    ]
+    columns = list(drift.moved.T)
+    for i, shape in enumerate(drift.shapes):
+        if shape is not None:
+            changed = {**inputs, shape[0]: inputs[shape[0]] + shape[1]}
+            columns[i] = _stacked(bench, joined, values, changed) - plain
     return replace(drift, moved=np.column_stack(columns)) if columns else drift
 
 
@@ -122,7 +120,7 @@ def _stacked(
 
 
 def hats(over: Array, knots: int) -> list[Array]:
-    """Piecewise linear shapes over the range of something that add up to one, shape (n,)."""
+    """Piecewise linear shapes, shape (n,), over the range of a course, which add up to one."""
     ends = np.linspace(over.min(), over.max(), knots)
     return [np.interp(over, ends, row) for row in np.eye(knots)]
 
@@ -130,17 +128,12 @@ def hats(over: Array, knots: int) -> list[Array]:
 def errors_of_sensors(
     bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
 ) -> Array:
-    """What errors of sensors within their class do to readings, stacked, shape (signals * samples,
-    errors), SI. Those that move over a recording wander, as all else that a model is off by."""
-    record, count = bench.record, len(bench.time)
-    plain = _stacked(bench, ids, values, record.inputs)
+    """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
+    samples, errors), SI. Errors that move belong to the wandering error of a model."""
+    inputs = bench.record.inputs
+    plain = _stacked(bench, ids, values, inputs)
     found = []
-    for name in (n for n in record.inputs if n in bench.balances(ids).inputs):
-        course = record.inputs[name]
-        u = systematic_u(bench.ruleset.signal_by_id[name], course)
-        found.append(_stacked(bench, ids, values, {**record.inputs, name: course + u}) - plain)
-    for i, (name, course) in enumerate(record.measured.items()):
-        own = np.zeros((len(record.measured), count))
-        own[i] = np.nan_to_num(systematic_u(bench.ruleset.signal_by_id[name], course))
-        found.append(own.ravel())
-    return np.stack(found, axis=1)
+    for name in (n for n in inputs if n in bench.balances(ids).inputs):
+        u = systematic_u(bench.ruleset.signal_by_id[name], inputs[name])
+        found.append(_stacked(bench, ids, values, {**inputs, name: inputs[name] + u}) - plain)
+    return np.stack([*found, *_zero_errors(bench)], axis=1)

@@ -1,5 +1,5 @@
-"""What a candidate changes in a plant that stores, and what else it may change: no effect obeys
-its formula."""
+"""The change by a candidate in a plant that stores, and errors of form of that change: no effect
+obeys its formula exactly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, SimulationP
 RATE = "der:"
 
 SPOTS = {RATE: "balance:", SHOWN: "reading:"}
-"""Where an error adds to a rate, and to what a sensor shows."""
+"""Prefixes of the places at which an error adds to a rate and to a reading."""
 
 
 def changes(
@@ -25,23 +25,21 @@ def changes(
     inputs: Mapping[str, Array],
     candidate: Candidate,
 ) -> dict[str, tuple[Array, Array]]:
-    """Rates and readings along the course of a model, and what of them a candidate changes, both
-    of shape (n,), SI, by output."""
+    """Rates and readings along the course of a model, and their change by a candidate, both of
+    shape (n,), SI, by output."""
     balances = bench.balances(ids)
-    said = bench.simulate(ids, values, inputs=inputs)
-    known = {
-        n: np.asarray(v) for n, v in {**bench.plain_values, **values, TIME: bench.time}.items()
-    }
-    known = {n: known[n] for n in balances.plan.inputs if n in known}
+    course = bench.simulate(ids, values, inputs=inputs).course
+    every = {**bench.plain_values, **values, TIME: bench.time}
+    known = {n: np.asarray(every[n]) for n in balances.plan.inputs if n in every}
     known |= {n: inputs[n] for n in balances.inputs}
     states = enumerate(balances.states)
-    known |= {n: np.ascontiguousarray(said.course.states[:, i]) for i, n in states}
+    known |= {n: np.ascontiguousarray(course.states[:, i]) for i, n in states}
     off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
     outputs = [n for n in balances.plan.outputs if n.startswith((RATE, SHOWN))]
     plan, found = balances.plan.select(outputs), {}
     here, there = (plan.run({**known, **extra}) for extra in ({}, off))
     for name in outputs:
-        # A lag that is switched off at a moment has no rate.
+        # A lag that is switched off at one moment has no rate.
         with np.errstate(all="ignore"):
             change = here[name] - there[name]
         change = np.where(np.isfinite(change), change, 0.0)
@@ -53,7 +51,7 @@ def changes(
 def forms_of_effects(
     bench: SimulationProblem, joined: tuple[Candidate, ...], values: Mapping[str, float]
 ) -> Iterator[Array]:
-    """What each effect does to readings where its own term is larger by smooth functions of its
+    """Change of readings if the own term of each effect is larger by smooth functions of its
     drivers: stacked, shape (signals * samples,), SI."""
     ids, inputs = tuple(c.id for c in joined), bench.record.inputs
     places, zero = bench.builder.places, np.zeros(len(bench.time))
@@ -84,7 +82,7 @@ def forms_of_effects(
 
 
 def bends(driver: Array) -> tuple[Array, ...]:
-    """A bend and an S over the range of a driver, of unit size."""
+    """A parabola and a cubic over the range of a driver, of unit size."""
     low, high = np.quantile(driver, [0.02, 0.98])
     if high <= low:
         return ()

@@ -1,4 +1,5 @@
-"""Fits of plants that store to the end: errors of sensors anew, samples counted once."""
+"""Fits of plants that store to convergence, with sensor errors linearised again and the memory of
+errors taken into account."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 @dataclass(frozen=True)
 class FinalFits:
-    """Fits models of a plant to the end, with samples counted as `judged` says."""
+    """Fits models of a plant to convergence, with the weights of samples in `judged`."""
 
     bench: SimulationProblem
     judged: Judged
@@ -31,11 +32,11 @@ class FinalFits:
         return {n: int(k.sum()) for n, k in self.judged.known.items()}
 
     def news(self, fitted: Fitted) -> float:
-        """Independent pieces of news in the recording, by what a model leaves."""
+        """Effective number of independent samples, by the residuals of a model."""
         return sum(self.samples[n] / noise.memory for n, noise in fitted.noise.items())
 
     def gain(self, after: Fitted, before: Fitted) -> float:
-        """Gain in log likelihood over another model; as many values as it has more are paid for.
+        """Gain in log likelihood over another model, less the price of additional values.
 
         Source: Schwarz 1978.
         """
@@ -48,14 +49,14 @@ class FinalFits:
     def fitted(
         self, joined: Sequence[Candidate], values: Mapping[str, float], near: Fitted
     ) -> Fitted:
-        """A model fitted from some values, SI by id; `near` is one that is much alike."""
+        """Fit a model from some values, SI by id; `near` is a similar model."""
         fixed = {u.id for c in joined for u in c.unknowns if u.fixed}
         fitter = Fitter(self.bench, tuple(joined), {n: v for n, v in values.items() if n in fixed})
         there = fitter.values(fitter.vector(values))
         return self.polished(replace(near, joined=tuple(joined), values=there))
 
     def polished(self, fitted: Fitted) -> Fitted:
-        """The same, fitted to the end, or as far as the model does not run away."""
+        """Fit a model to convergence, or as far as it does not run away."""
         fitter = Fitter(self.bench, fitted.joined, fixed_values(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         for _ in range(limits.POLISHES):
@@ -72,12 +73,12 @@ class FinalFits:
         return fitted
 
     def sharpened(self, fitted: Fitted) -> Fitted:
-        """The same with onsets that take less than a sample, where that fits as well.
+        """The same model with onsets shorter than a sample, if that fits as well.
 
-        A search by slopes needs a rise of some samples. Where readings are many times their noise
-        within one, the smooth rise is itself an error of the model, and degrees make up for it.
+        A search by slopes needs a rise of several samples. Where readings change by many times
+        their noise within one sample, that smooth rise is an error, and would bias degrees.
         """
-        # The fixed time of an entry with an onset is what its rise is a share of.
+        # The rise of an entry with an onset is a share of its fixed time.
         share = min(limits.SUDDEN / len(self.bench.time), 1.0)
         lengths = {
             u.id: fitted.values[u.id] * share
@@ -93,7 +94,7 @@ class FinalFits:
 
 
 def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[FinalFits, Fitted]:
-    """The model without anything joined fitted from some values, and what fits others beside it."""
+    """Fit the plain model from some values, and return it with what fits others beside it."""
     measured = bench.record.measured
     noise = {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
     rough = Judged(bench.known, noise, no_drift(bench), np.zeros(0))
@@ -105,6 +106,6 @@ def plain_end(bench: SimulationProblem, values: Mapping[str, float]) -> tuple[Fi
 
 
 def fixed_values(fitted: Fitted) -> dict[str, float]:
-    """Typical values that parameters of a model stay at, SI by id."""
+    """Values of the fixed parameters of a model, SI by id."""
     fixed = {u.id for c in fitted.joined for u in c.unknowns if u.fixed}
     return {n: v for n, v in fitted.values.items() if n in fixed}

@@ -1,4 +1,4 @@
-"""Fit a model to what is open of a recording: simulation error, priors, bounds, its noise.
+"""Fit a model to the open samples of a recording: simulation errors, priors, bounds, noise.
 
 Source: trust region with bounds (Branch, Coleman, Li 1999; scipy); slow errors of inputs are
 eliminated by projection (variable projection: Golub, Pereyra 1973).
@@ -31,12 +31,11 @@ from rulec.mismatch.evidence.stores.simulation_problem import (
 class Fitted:
     """A model fitted to a recording.
 
-    `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
-    (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
-    signal, shape (n,); `noise` is what they show. `negative_log_prior` is half the
-    squares of what the priors cost, those of sensors too. `slow` holds errors within the class of
-    sensors, in their uncertainties, `inputs` what was given, put right by them, and `drift` what
-    they do.
+    `values` has free and fixed parameters, SI, by id; `free` are the ids of those in `covariance`,
+    shape (free, free). `errors` are simulated less measured readings less the part explained by
+    sensor errors, per signal, shape (n,); `noise` is estimated from them. `negative_log_prior`
+    includes that of sensor errors. `slow` are sensor errors within their class, in their
+    uncertainties, `inputs` the inputs corrected for them, and `drift` has their effects.
     """
 
     joined: tuple[Candidate, ...]
@@ -52,7 +51,7 @@ class Fitted:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of what is joined."""
+        """Ids of the joined candidates."""
         return tuple(c.id for c in self.joined)
 
     def u(self, name: str) -> float:
@@ -63,9 +62,9 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Judged:
-    """Which samples count, and how: `known` and `noise` per signal.
+    """Which samples count (`known`), and their `noise`, per signal.
 
-    `slow` holds errors of what is given that a simulation starts from, shape (errors of `drift`,).
+    `slow` are the errors of inputs in a simulation, shape (errors of `drift`,).
     """
 
     known: Mapping[str, Flags]
@@ -74,11 +73,11 @@ class Judged:
     slow: Array
 
     def flags(self) -> Flags:
-        """Samples that count, all signals one below the other."""
+        """Flags of samples that count, all signals stacked."""
         return np.concatenate(list(self.known.values()))
 
     def weights(self) -> Array:
-        """What errors are divided by, shape (signals * samples,), stacked alike."""
+        """Divisors of errors, shape (signals * samples,), stacked alike."""
         return np.concatenate(
             [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
         )
@@ -96,8 +95,9 @@ class Judged:
 class Fitter:
     """Fits models with some candidates joined.
 
-    A point `at` has the free parameters, shape (free,): logarithms of positive ones of the plant,
-    of all others their values, SI. `basis` is that of `Judged.basis`.
+    A point `at`, shape (free,), has the coordinates of the free parameters: logarithms of positive
+    ones of the plant, values, SI, of all others. `basis` is that of `Judged.basis`; `scale`, shape
+    (free,), has a typical step of each coordinate.
     """
 
     def __init__(
@@ -109,31 +109,19 @@ class Fitter:
         known = set(bench.base.ids)
         self._count = sum(n in known for n in self.free)
         self._belief = bench.belief(self.free[: self._count])
-        self._mean = self._belief.mean
-        self._u = 1.0 / np.sqrt(np.diag(self._belief.near(self._mean).precision))
+        self._mean = mean = self._belief.mean
         self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
-        natural = np.zeros(len(self._unknowns), dtype=bool)
-        self._coordinates = Coordinates(
-            np.concatenate([self._belief.coordinates.positive, natural])
-        )
-        duration = float(bench.time[-1])
-        self._scale = np.concatenate([self._u, [_size(u, duration) for u in self._unknowns]])
-        self._low, self._high = self._bounds()
-
-    def _bounds(self) -> tuple[Array, Array]:
         positive = self._belief.coordinates.positive
-        low = np.where(positive, self._mean - limits.FARTHEST, -np.inf)
-        high = np.where(positive, self._mean + limits.FARTHEST, np.inf)
-        ends = [self.bench.ends(u) for u in self._unknowns]
-        return (
-            np.concatenate([low, [end[0] for end in ends]]),
-            np.concatenate([high, [end[1] for end in ends]]),
-        )
-
-    @property
-    def scale(self) -> Array:
-        """A step of each coordinate that matters, shape (free,)."""
-        return self._scale
+        natural = np.zeros(len(self._unknowns), dtype=bool)
+        self._coordinates = Coordinates(np.concatenate([positive, natural]))
+        u, duration = np.diag(self._belief.near(mean).precision), float(bench.time[-1])
+        steps = [_size(one, duration) for one in self._unknowns]
+        self.scale = np.concatenate([1.0 / np.sqrt(u), steps])
+        ends = [bench.ends(one) for one in self._unknowns]
+        low = np.where(positive, mean - limits.FARTHEST, -np.inf)
+        high = np.where(positive, mean + limits.FARTHEST, np.inf)
+        self._low = np.concatenate([low, [end[0] for end in ends]])
+        self._high = np.concatenate([high, [end[1] for end in ends]])
 
     def slopes(self, at: Array) -> Array:
         """Slopes of the values, SI, by the coordinates at a point, shape (free,)."""
@@ -144,35 +132,37 @@ class Fitter:
         return np.asarray(np.clip(at, self._low, self._high))
 
     def vector(self, values: Mapping[str, float]) -> Array:
-        """The point with values, SI, by id, within bounds; plain ones where none is given."""
+        """The point with values, SI, by id, within bounds; plain values where none are given."""
         plain = dict(zip(self.free, self._belief.coordinates.values(self._mean), strict=False))
         at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
-        return np.asarray(np.clip(self._coordinates.of(at), self._low, self._high))
+        return self.within(self._coordinates.of(at))
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Between which values an unknown of a candidate may lie, SI."""
+        """Bounds of an unknown of a candidate, SI."""
         i = self.free.index(name)
         return float(self._low[i]), float(self._high[i])
 
     def fall(
         self, at: Array, i: int, step: float, along: Array, judged: Judged, basis: Array
     ) -> float:
-        """The least cost with one parameter held a step off; `along` is how others go with it.
+        """The least cost with one parameter held a step away; `along` has the linear response of
+        the others.
 
-        Values that only the priors tell apart form a ridge, which no descent from beside it climbs.
+        Values that only the priors distinguish form a ridge, which a descent beside it does not
+        reach.
         """
         value = at[i] + step
         with self._held({i: value}):
-            starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
+            starts = (self.within(at + step * a) for a in (0.0, along))
             near = [self.descend(start, judged, basis, limits.HELD_EVALUATIONS) for start in starts]
             return min(self.cost(point, judged, basis) for point in near)
 
     @contextlib.contextmanager
     def _held(self, values: Mapping[int, float]) -> Iterator[None]:
-        """Some free values, by number, stay where they are put."""
+        """Hold some free values, by number."""
         low, high = self._low.copy(), self._high.copy()
         for i, value in values.items():
-            margin = 1e-7 * self._scale[i]
+            margin = 1e-7 * self.scale[i]
             self._low[i], self._high[i] = value - margin, value + margin
         try:
             yield
@@ -180,12 +170,12 @@ class Fitter:
             self._low, self._high = low, high
 
     def values(self, at: Array) -> dict[str, float]:
-        """Values by id, SI, with what is fixed."""
+        """Free and fixed values, SI, by id."""
         found = self._coordinates.values(at)
         return {**self.fixed, **dict(zip(self.free, found.tolist(), strict=True))}
 
     def simulate(self, at: Array, judged: Judged, slopes: bool = True) -> Simulated:
-        """Simulate at a point."""
+        """Simulate the model at a point."""
         seeds = self.free if slopes else ()
         inputs = judged.drift.put_right(self.bench.record.inputs, judged.slow)
         return self.bench.simulate(self.ids, self.values(at), seeds, inputs)
@@ -193,26 +183,30 @@ class Fitter:
     def _strains(self, at: Array) -> tuple[Array, Array]:
         return self._belief.strains(at[: self._count])
 
+    def _errors_of(self, model: Simulated) -> Array:
+        """Simulated less measured readings, stacked, SI; NaN where nothing was measured."""
+        measured = self.bench.record.measured
+        return np.concatenate([model.shown[n] - v for n, v in measured.items()])
+
     def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
         """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
-        said = self.simulate(at, judged)
+        model = self.simulate(at, judged)
         flags, weights = judged.flags(), judged.weights()
-        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
-        step = self._scale * self.slopes(at)
-        slopes = [said.slopes[n] * step for n in self.bench.signals]
-        columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
+        step = self.scale * self.slopes(at)
+        slopes = [model.slopes[n] * step for n in self.bench.signals]
+        columns = np.column_stack([self._errors_of(model), np.concatenate(slopes)])
         columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
         strains, by_coordinates = self._strains(at)
         of_prior = np.zeros((len(strains), len(self.free)))
-        of_prior[:, : self._count] = by_coordinates * self._scale[: self._count]
+        of_prior[:, : self._count] = by_coordinates * self.scale[: self._count]
         return (
             np.concatenate([columns[:, 0], strains]),
             np.concatenate([columns[:, 1:], of_prior]),
         )
 
     def as_rows(self, moved: Array, judged: Judged, basis: Array) -> Array:
-        """What moves readings by `moved`, shape (signals * samples, columns), SI, as further
-        columns of the slopes of `residual`."""
+        """Changes of readings, shape (signals * samples, columns), SI, as further columns of the
+        slopes in `residual`."""
         columns = (moved / judged.weights()[:, None])[judged.flags()]
         columns = _projected(columns, basis, np.zeros(basis.shape[1]))
         return np.concatenate([columns, np.zeros((self._belief.rows, columns.shape[1]))])
@@ -220,11 +214,10 @@ class Fitter:
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
         """Half the sum of squares; infinite where the model runs away."""
         try:
-            said = self.simulate(at, judged, slopes=False)
+            errors = self._errors_of(self.simulate(at, judged, slopes=False))
         except RanAway:
             return float("inf")
-        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
-        column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
+        column = (errors / judged.weights())[judged.flags(), None]
         total = np.sum(_projected(column, basis, judged.slow) ** 2)
         total += np.sum(self._strains(at)[0] ** 2)
         return 0.5 * float(total)
@@ -240,20 +233,20 @@ class Fitter:
             if key not in kept:
                 kept.clear()
                 try:
-                    kept[key] = _compressed(*self.residual(z * self._scale, judged, basis))
+                    kept[key] = _compressed(*self.residual(z * self.scale, judged, basis))
                 except RanAway:
                     count = len(z) + 1
                     kept[key] = (np.full(count, limits.RUNAWAY), np.zeros((count, len(z))))
             return kept[key]
 
-        low, high = self._low / self._scale, self._high / self._scale
+        low, high = self._low / self.scale, self._high / self.scale
         span = np.minimum(1e-9 * (1.0 + np.abs(low) + np.abs(high)), 1e-6)
         span = np.minimum(span, 0.25 * (high - low))
-        # Steps that lead nowhere overflow, and are turned down.
+        # Steps that overflow are rejected.
         with np.errstate(all="ignore"):
             found = least_squares(
                 lambda z: both(z)[0],
-                np.clip(at / self._scale, low + span, high - span),
+                np.clip(at / self.scale, low + span, high - span),
                 jac=lambda z: both(z)[1],
                 bounds=(low, high),
                 max_nfev=evaluations,
@@ -261,14 +254,12 @@ class Fitter:
                 ftol=1e-6,
                 gtol=1e-6,
             )
-        return np.asarray(found.x * self._scale)
+        return np.asarray(found.x * self.scale)
 
     def errors(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array]:
-        """Simulated less measured less what errors within the class of sensors explain; NaN where
-        nothing was measured. Those errors beside it."""
-        said = self.simulate(at, judged, slopes=False)
-        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
-        whole, slow = np.concatenate(errors), judged.slow
+        """Simulated less measured readings less the part that sensor errors explain, per signal,
+        NaN where nothing was measured; and those sensor errors."""
+        whole, slow = self._errors_of(self.simulate(at, judged, slopes=False)), judged.slow
         if judged.drift.count:
             weights, flags = judged.weights(), judged.flags()
             moved = judged.drift.moved / weights[:, None]
@@ -276,12 +267,13 @@ class Fitter:
             normal = moved[flags].T @ moved[flags] + np.eye(len(slow))
             found = np.linalg.solve(normal, moved[flags].T @ left + slow)
             whole, slow = whole - judged.drift.moved @ found, slow - found
-        return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True)), slow
+        signals = self.bench.signals
+        return dict(zip(signals, np.split(whole, len(signals)), strict=True)), slow
 
     def _descended(self, at: Array, judged: Judged, evaluations: int) -> Array:
-        """A local optimum, also of the other values at the times at which something begins.
+        """A local optimum, then one of the other values with the onsets held.
 
-        Errors have a kink where such a time passes a sample: there steps of all values end.
+        Errors have a kink where an onset passes a sample, at which steps of all values end.
         """
         basis = judged.basis()
         at = self.descend(at, judged, basis, evaluations)
@@ -292,22 +284,23 @@ class Fitter:
             return self.descend(at, judged, basis, evaluations)
 
     def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
-        """Fit and look at the noise in turn."""
+        """Fit and estimate the noise in turn."""
         for _ in range(rounds):
             at = self._descended(at, judged, evaluations)
             errors, slow, judged = self.looked_at(at, judged)
         return self.as_fitted(at, errors, slow, judged)
 
     def looked_at(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array, Judged]:
-        """What `errors` gives at a point, and how samples count by the noise that shows there."""
+        """The result of `errors` at a point, and the weights of samples by the noise there."""
         errors, slow = self.errors(at, judged)
-        noise, given = self._noise(errors, judged), judged.drift.given(slow)
-        return errors, slow, replace(judged, noise=noise, slow=given)
+        least = self.bench.record.resolution
+        noise = {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
+        return errors, slow, replace(judged, noise=noise, slow=judged.drift.given(slow))
 
     def as_fitted(
         self, at: Array, errors: Mapping[str, Array], slow: Array, judged: Judged
     ) -> Fitted:
-        """The model at a point, with what `looked_at` gives there."""
+        """The model at a point, by the result of `looked_at` there."""
         negative_log_prior = 0.5 * float(np.sum(self._strains(at)[0] ** 2) + np.sum(slow**2))
         return Fitted(
             self.joined,
@@ -322,29 +315,24 @@ class Fitter:
             judged.drift,
         )
 
-    def _noise(self, errors: Mapping[str, Array], judged: Judged) -> dict[str, Noise]:
-        """The noise that errors show, per signal."""
-        least = self.bench.record.resolution
-        return {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
-
     def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
-        """The same with the covariance of its parameters."""
+        """Add the covariance of the parameters."""
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         at = self.vector(fitted.values)
         _, slopes = self.residual(at, judged, judged.basis())
-        # What the data leave open is uniform between its bounds, and no more uncertain than that.
-        span = np.minimum(self._high - self._low, limits.SPREAD_OUT * self._scale) / self._scale
+        # A value that the data do not determine is uniform between its bounds.
+        span = np.minimum(self._high - self._low, limits.SPREAD_OUT * self.scale) / self.scale
         scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
-        step = self._scale * self.slopes(at)
+        step = self.scale * self.slopes(at)
         covariance = np.asarray(scaled * np.outer(step, step))
         return replace(fitted, covariance=covariance)
 
 
 def _compressed(residual: Array, slopes: Array) -> tuple[Array, Array]:
-    """As many rows as parameters and one more, with the same squares, gradient and curvature.
+    """One row more than parameters, with the same sum of squares, gradient and curvature.
 
-    The optimiser takes a singular value decomposition at each point; that of all samples would cost
-    more than to simulate them.
+    The optimiser needs a singular value decomposition at each point; that of all samples would cost
+    more than their simulation.
     """
     count = slopes.shape[1]
     triangle: Array = np.asarray(np.linalg.qr(np.column_stack([slopes, residual]), mode="r"))
@@ -352,10 +340,8 @@ def _compressed(residual: Array, slopes: Array) -> tuple[Array, Array]:
 
 
 def _projected(columns: Array, basis: Array, slow: Array) -> Array:
-    """What is left of columns, errors first, when slow errors explain what their priors allow.
-
-    `slow` is where those stand already.
-    """
+    """Columns, errors first, less the part that slow errors explain within their priors; `slow` are
+    the current values of these."""
     extra = basis.shape[1]
     if not extra:
         return columns
@@ -365,7 +351,7 @@ def _projected(columns: Array, basis: Array, slow: Array) -> Array:
 
 
 def _size(unknown: Unknown, duration: float) -> float:
-    """A step that matters for an unknown."""
+    """A typical step of an unknown."""
     if unknown.driver == TIME:
         return limits.EDGE * duration
     null = unknown.null or 0.0

@@ -1,7 +1,7 @@
-"""Where a mismatch sits: every balance and every sensor gets an error of free course, one by one.
+"""Locate a mismatch: every balance and every sensor in turn gets an error with a free course.
 
-The course is a row of values over time, held together by a prior; its size is the one under which
-the errors of the model are most likely. A place is suspected by what that explains.
+The course has values over time with a common prior, whose size makes the errors of the model most
+likely. A place is suspect by what its error explains.
 
 Source: noise terms on state equations point at the deficient one (Kristensen, Madsen, Jorgensen
 2004); here as a smoothed input, by linear response.
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
@@ -29,7 +28,7 @@ STORED = ("balance", "reading")
 class Suspect:
     """A place with the course of its error, SI, shape (n,); `gain` in log likelihood.
 
-    `share` is the part of the squared errors that goes.
+    `share` is the part of the squared errors that it explains.
     """
 
     spot: Spot
@@ -40,57 +39,37 @@ class Suspect:
 
 def suspects(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
+    flags = judged.flags()
+    weight = np.repeat([fitted.noise[n].weight for n in bench.signals], len(bench.time))[flags]
+    left = np.concatenate([fitted.errors[n] for n in bench.signals])[flags] / weight
     found: list[Suspect] = []
     for knots in common.COURSE_KNOTS:
-        found = _suspects(bench, fitted, judged, knots)
-        # The smoother a course that will do, the more its place is worth.
+        found = []
+        for spot in (s for s in bench.builder.spots if s.kind in STORED):
+            answer = response(bench, fitted, spot, knots)
+            if answer is not None:
+                columns, shapes, size = answer
+                found.append(_suspect(spot, columns[flags] / weight[:, None], shapes, size, left))
+        found.sort(key=lambda s: -s.gain)
+        # The smoothest course that suffices says most about its place.
         if found and found[0].share > limits.SMOOTH_ENOUGH:
             break
     return found
 
 
-def _suspects(
-    bench: SimulationProblem, fitted: Fitted, judged: Judged, knots: int
-) -> list[Suspect]:
-    flags, weights, left = _left(bench, fitted, judged)
-    found = []
-    for spot in bench.builder.spots:
-        if spot.kind not in STORED:
-            continue
-        answer = response(bench, fitted, spot, knots)
-        if answer is None:
-            continue
-        columns, shapes, size = answer
-        found.append(_suspect(spot, columns[flags] / weights[:, None], shapes, size, left))
-    return sorted(found, key=lambda s: -s.gain)
-
-
-def _left(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, Array]:
-    """Samples that count, all signals stacked; what errors there are divided by, and those errors
-    over that, shape (counting samples,)."""
-    flags = judged.flags()
-    weights = [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
-    weight: Array = np.concatenate(weights)[flags]
-    error = np.concatenate([fitted.errors[n] for n in bench.signals])[flags]
-    return flags, weight, error / weight
-
-
 def response(
     bench: SimulationProblem, fitted: Fitted, spot: Spot, knots: int
 ) -> tuple[Array, list[Array], float] | None:
-    """What unit errors at a place do to all readings, stacked; None where nothing sees it.
+    """Effects of unit errors at a place on all readings, stacked, with the shapes of the errors and
+    the unit, SI; None where there is no effect.
 
-    Scaled so that a constant unit error moves readings by their scatter.
+    A constant unit error moves readings by their scatter.
     """
 
     def shown(course: Array) -> Array:
-        said = bench.simulate(
-            fitted.ids,
-            fitted.values,
-            inputs={**fitted.inputs, spot.unknown: course},
-            spots=(spot.id,),
-        )
-        return np.concatenate([said.shown[n] for n in bench.signals])
+        inputs = {**fitted.inputs, spot.unknown: course}
+        model = bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,))
+        return np.concatenate([model.shown[n] for n in bench.signals])
 
     scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
     zero = np.zeros(len(bench.time))
@@ -111,7 +90,7 @@ def response(
 
 
 def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left: Array) -> Suspect:
-    """The size of the error that makes what is left most likely, and its course there."""
+    """The error of the likeliest size, and its course."""
     basis, lengths, turned = np.linalg.svd(columns, full_matrices=False)
     inside = basis.T @ left
     best: tuple[float, float] = (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""A model of a plant that stores, fitted to a recording, as an answer sees it."""
+"""A fitted model of a plant that stores, by the interface of answers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rulec.mismatch.result import Estimate, Period
 
 @dataclass(frozen=True, kw_only=True)
 class StoresModel(Model):
-    """Output error of a simulation; `kept` are values that stay, SI by id."""
+    """Output error of a simulation; `kept` are fixed values, SI by id."""
 
     bench: SimulationProblem
     fitted: Fitted
@@ -28,7 +28,7 @@ class StoresModel(Model):
     kept: Mapping[str, float]
 
     def line(self, name: str) -> Line:
-        """All other values fitted anew, from where they stand and from where they lead."""
+        """All other values refitted, from their current values and from their linear response."""
         fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         basis, at, i = judged.basis(), fitter.vector(fitted.values), fitted.free.index(name)
@@ -48,14 +48,14 @@ class StoresModel(Model):
     def periods(
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
-        """A fault that begins was there from then on."""
+        """A fault that begins lasts to the end."""
         return period_of(self.bench, candidate, estimates)
 
     def term(self, candidate: Candidate) -> Array:
-        """What a candidate changes in balances and sensors along the repaired course, squared.
+        """Squared change of balances and readings by a candidate along the repaired course, each
+        over its scatter, shape (n,).
 
-        Shape (n,), each part over its scatter; zero where the candidate stores something itself, as
-        then it cannot be switched off at a moment.
+        Zero where the candidate itself stores something and cannot be switched off at one moment.
         """
         own = self.fitted
         found = changes(self.bench, own.ids, own.values, own.inputs, candidate)
@@ -68,7 +68,6 @@ class StoresModel(Model):
 
     @cached_property
     def _courses(self) -> dict[str, Variable]:
-        """States of the plant, and what is given."""
         bench, fitted = self.bench, self.fitted
         assert bench.ruleset.dynamics is not None
         found = {
@@ -86,13 +85,13 @@ class StoresModel(Model):
         return found
 
     def variables(self, module: str) -> dict[str, Variable]:
-        """States of the plant, and what is given."""
+        """States of the plant, and inputs."""
         found = self._courses
         own = {n: v for n, v in found.items() if n.partition(".")[0] == module}
         return {**own, **found}
 
     def variable(self, name: str) -> Variable | None:
-        """A state, what is given, or what a sensor showed."""
+        """A state, an input or a measured reading."""
         if name in self.bench.record.measured:
             signal = self.bench.ruleset.signal_by_id[name]
             course = self.bench.record.measured[name]
@@ -103,7 +102,7 @@ class StoresModel(Model):
 def model_of(
     bench: SimulationProblem, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
 ) -> StoresModel:
-    """What an answer asks of a fit; `kept` are values that stay, SI by id."""
+    """The model of a fit; `kept` are fixed values, SI by id."""
     return StoresModel(
         ruleset=bench.ruleset,
         builder=bench.builder,
@@ -121,7 +120,7 @@ def model_of(
 def period_of(
     bench: SimulationProblem, candidate: Candidate, estimates: Mapping[str, Estimate]
 ) -> tuple[Period, ...]:
-    """When a fault that begins was there, and its degree."""
+    """The period of a fault that begins, and its degree."""
     onset = candidate.onset
     degree = next((u for u in candidate.unknowns if u.null is not None), None)
     if onset is None or degree is None:
@@ -129,5 +128,5 @@ def period_of(
     first, last = (float(t) for t in bench.record.time[[0, -1]])
     found = estimates[degree.name]
     since = first + estimates[onset.name].value
-    size = unit_of_size(degree)
-    return (Period(since, last, found.value * degree.factor, found.u * degree.factor, size),)
+    value, u = found.value * degree.factor, found.u * degree.factor
+    return (Period(since, last, value, u, unit_of_size(degree)),)

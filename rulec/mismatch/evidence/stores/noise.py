@@ -1,8 +1,7 @@
-"""How much an error of a simulation says: its size, and for how long it stays as it is.
+"""The noise of a simulation error: its size and its memory.
 
-A plain model is off for long stretches. Were its errors counted as if each sample were new, every
-candidate that bends the curve would seem proven a thousand times over. So squares of errors are
-counted once per memory of what remains.
+A plain model is off for long stretches. If every sample counted as independent, every candidate
+that bends the course would seem certain. So squares of errors count once per memory of the error.
 
 Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
 """
@@ -18,32 +17,32 @@ from rulec_runtime.recordings.autocorrelation_time import Flags, correlations_of
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of an error (SI), and the number of samples that say one new thing."""
+    """Standard deviation of an error, SI, and the number of samples per independent one."""
 
     spread: float
     memory: float
 
     @property
     def weight(self) -> float:
-        """What an error is divided by, so that a square counts as one nat and a half."""
+        """Divisor of an error that makes half its square a loss of log likelihood, nats."""
         return float(self.spread * np.sqrt(self.memory))
 
 
 def noise_of(error: Array, known: Flags, least: float) -> Noise:
-    """The noise that an error shows.
+    """Estimate the noise of an error.
 
     Parameters
     ----------
-    error : shape (n,); where it is not `known`, it does not count.
-    least : standard deviation at least, such as the resolution of the sensor.
+    error : shape (n,); only `known` samples count.
+    least : lower bound of the standard deviation, such as the resolution of the sensor.
     """
-    seen = error[known]
-    spread = float(np.sqrt(np.mean(seen**2))) if len(seen) else least
+    own = error[known]
+    spread = float(np.sqrt(np.mean(own**2))) if len(own) else least
     return Noise(max(spread, least), memory_of(error, known))
 
 
 def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
-    """Covariance of the products of columns with an error that is correlated in time.
+    """Covariance of the products of columns with an error correlated in time.
 
     Parameters
     ----------
@@ -52,7 +51,7 @@ def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
 
     Returns shape (k, k), per variance of the error.
 
-    Source: Newey and West 1987; a spectrum that ends up below zero counts as zero.
+    Source: Newey and West 1987; a negative spectrum counts as zero.
     """
     size = 2 ** int(np.ceil(np.log2(2 * len(error))))
     kept = correlations_of(error, known)[0]
@@ -70,6 +69,6 @@ def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
 
 
 def gain(before: Noise, after: Noise, samples: int) -> float:
-    """By how much the logarithm of the likelihood rises, the size of the noise being unknown."""
+    """Rise of the log likelihood, with the size of the noise unknown."""
     count = samples / max(after.memory, 1.0)
     return float(count * np.log(before.spread / after.spread))

@@ -1,4 +1,4 @@
-"""A recording as the analysis of a plant that stores reads it: even in time, split into blocks."""
+"""A recording prepared for a plant that stores: evenly sampled, split into blocks."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
-from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.coarse_steps import coarse_step
+from rulec.mismatch.evidence.failing_sensors import coarse_step, median_u
 from rulec.mismatch.evidence.rows_used import HELD_OUT, SEARCHED, counted_rows, unread
 from rulec.mismatch.evidence.samples import (
     ESTIMATION,
@@ -34,12 +33,11 @@ from rulec.mismatch.result import Evidence
 class Record(Samples):
     """Samples in order of time.
 
-    `inputs` holds what is given, all finite, `measured` what sensors showed, NaN where they show
-    nothing; both per signal an array, shape (n,), SI. `resolution` is the step in which a reading
-    moves at least. `glitches` counts readings that were set aside, per signal. Of the rows of the
-    recording, shape (rows,): `sample` is the number of the sample that each is a part of, -1 for
-    none; `read` and `odd` flag those with a usable reading of what is predicted, and those with one
-    that was set aside. `timed` tells that samples lie on one clock: else nothing can follow time.
+    `inputs` are finite, `measured` readings are NaN where there is none; both have an array of
+    shape (n,), SI, per signal. `resolution` is the smallest step of a reading, `glitches` the
+    number of removed readings, per signal. For the rows of the recording, shape (rows,), `sample`
+    is the number of the sample that includes each, or -1; `read` flags rows with a usable reading
+    of a predicted signal, `odd` those with a removed one.
     """
 
     inputs: Mapping[str, Array]
@@ -57,7 +55,7 @@ def record_of(
     given: Sequence[str],
     heldout: Sequence[tuple[float, float]] = (),
 ) -> Record | None:
-    """Prepare a recording; None where a reading that is given, or every predicted one, is missing.
+    """Prepare a recording; None where an input, or every predicted reading, is missing.
 
     Parameters
     ----------
@@ -88,30 +86,24 @@ def record_of(
     measured = {n: v for n, v in measured.items() if np.isfinite(v[open_]).sum() > limits.BLOCKS}
     if not measured:
         return None
-    steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
-    text = _told(time, part, heldout)
-    sample = np.where(rows < len(time) * factor, rows // factor, -1)
-    read = np.any([np.isfinite(whole[n]) for n in measured], axis=0)
-    odd = np.any([strange[n] for n in measured], axis=0)
-    timed = recording.one_clock
     return Record(
         time=time,
         inputs=inputs,
         measured=measured,
-        resolution=steps,
+        resolution={n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured},
         glitches=glitches,
         part=part,
-        split=text,
+        split=_split_in_words(time, part, heldout),
         digest=digest_of(time, part),
-        sample=sample,
-        read=read,
-        odd=odd,
-        timed=timed,
+        sample=np.where(rows < len(time) * factor, rows // factor, -1),
+        read=np.any([np.isfinite(whole[n]) for n in measured], axis=0),
+        odd=np.any([strange[n] for n in measured], axis=0),
+        timed=recording.one_clock,
     )
 
 
 def coarser(record: Record, most: int) -> Record:
-    """The same over at most so many samples, neighbours averaged."""
+    """Average neighbours, to at most `most` samples."""
     factor = -(-len(record.time) // most)
     time, inputs, measured = thinned(record.time, record.inputs, record.measured, factor)
     part = record.part[::factor][: len(time)]
@@ -119,7 +111,7 @@ def coarser(record: Record, most: int) -> Record:
 
 
 def without_odd(signal: SignalSpec, values: Array) -> Array:
-    """Readings without those that no neighbour bears out, or that stand still, shape (n,)."""
+    """Readings without outliers and stuck ones, shape (n,)."""
     odd = glitches_in(values)
     for first, behind in standing_still(values, ends=(signal.lowest, signal.highest)):
         odd[first + 1 : behind] = True
@@ -127,13 +119,13 @@ def without_odd(signal: SignalSpec, values: Array) -> Array:
 
 
 def _resolution(values: Array, signal: SignalSpec) -> float:
-    """Standard deviation of a reading's steps, however coarse."""
-    u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
-    return coarse_step(values, u) / float(np.sqrt(12.0)) or resolution(values, signal)
+    """Standard deviation by the steps of a reading."""
+    step = coarse_step(values, median_u(signal, values))
+    return step / float(np.sqrt(12.0)) or resolution(values, signal)
 
 
 def stored_evidence(recording: Recording, record: Record) -> tuple[Evidence, ...]:
-    """Count the rows of a recording."""
+    """Count the rows of a recording by their use."""
     used: list[str] = []
     unused = unread(recording)
     rows = zip(record.sample.tolist(), record.read.tolist(), record.odd.tolist(), strict=True)
@@ -151,7 +143,7 @@ def stored_evidence(recording: Recording, record: Record) -> tuple[Evidence, ...
 
 
 def lacking(recording: Recording, ruleset: Ruleset) -> str:
-    """Why `record_of` finds nothing to compare, for people."""
+    """Explain to users why `record_of` finds nothing to compare."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
 
@@ -169,11 +161,11 @@ def lacking(recording: Recording, ruleset: Ruleset) -> str:
 def _split(
     time: Array, inputs: Mapping[str, Array], heldout: Sequence[tuple[float, float]]
 ) -> NDArray[np.intp]:
-    """What each sample serves for.
+    """Use of each sample, shape (n,).
 
-    Which blocks are set aside follows from what is given alone: those whose inputs are most like
-    the others', so that what is proved there was also there to be learnt. The first block is none
-    of them: what was stored at the beginning shows there alone.
+    The inputs alone decide which blocks are held out: those most similar to the others, so that
+    what they test could be learnt. The first block is not held out: only it shows the initial
+    contents.
     """
     n = len(time)
     block = np.arange(n) * limits.BLOCKS // n
@@ -187,7 +179,7 @@ def _split(
 
 
 def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) -> float:
-    """Largest distance between the distributions of smoothed inputs (Kolmogorov, Smirnov)."""
+    """Largest distance of the distributions of smoothed inputs (Kolmogorov, Smirnov)."""
     far = 0.0
     for course in inputs.values():
         smooth = np.convolve(course, np.ones(length) / length)[: len(course)]
@@ -198,7 +190,7 @@ def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) 
     return round(far, 3)
 
 
-def _told(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str:
+def _split_in_words(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str:
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
     chosen = "as asked" if heldout else "every fifth block, by the inputs"
     return (

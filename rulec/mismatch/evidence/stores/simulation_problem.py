@@ -1,4 +1,4 @@
-"""Models of one plant over one recording: simulated as often as the analysis asks."""
+"""Simulations of the models of one plant over one recording."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Simulated:
-    """What a model says: per measured signal what its sensor shows, shape (n,), SI.
+    """Simulated readings per measured signal, shape (n,), SI.
 
-    `slopes` are derivatives by the seeds, shape (n, seeds); `course` is all of it.
+    `slopes` are derivatives by the seeds, shape (n, seeds); `course` has all states and outputs.
     """
 
     shown: Mapping[str, Array]
@@ -36,21 +36,21 @@ class Simulated:
 
 
 class SimulationProblem:
-    """The plant, what may join it, and the recording."""
+    """A plant, its candidates, and a recording."""
 
     def __init__(self, ruleset: Ruleset, builder: ModelBuilder, record: Record) -> None:
         self.ruleset, self.builder, self.record = ruleset, builder, record
         self.signals = tuple(record.measured)
         self._beliefs: dict[tuple[str, ...], Belief] = {}
         self.time: Array = record.time - record.time[0]
-        # Noise and fits may see samples that are open; a reading at the end of its range counts.
+        # Noise and fits use open samples; a reading at the end of its range counts.
         self.known: Mapping[str, Flags] = {
             n: np.isfinite(v) & record.open for n, v in record.measured.items()
         }
 
     @cached_property
     def _lines(self) -> frozenset[str]:
-        """Given readings that go in a line from one sample to the next."""
+        """Inputs that are linear between samples."""
         return frozenset(s.id for s in self.ruleset.signals if s.between == "line")
 
     @property
@@ -59,7 +59,7 @@ class SimulationProblem:
         return self.builder.parameters
 
     def belief(self, names: tuple[str, ...]) -> Belief:
-        """What is known of some parameters of the plain plant."""
+        """The prior of some parameters of the plain plant."""
         if names not in self._beliefs:
             base = self.base
             place = {n: i for i, n in enumerate(base.ids)}
@@ -74,8 +74,8 @@ class SimulationProblem:
         return self._beliefs[names]
 
     def ends(self, unknown: Unknown) -> tuple[float, float]:
-        """What is possible; what is there nearly from the first sample on, or to the last, no
-        recording can tell from what always is, or never."""
+        """Range of an unknown. Near the ends of a recording, an onset cannot be distinguished from
+        a permanent effect, or from none."""
         if unknown.driver != TIME:
             return unknown.lowest, unknown.highest
         duration = float(self.time[-1])
@@ -86,7 +86,7 @@ class SimulationProblem:
         return self.builder.balances(joined)
 
     def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
-        """Parameters that a fit may move: uncertain ones that reach what is measured, unknowns."""
+        """Free parameters of a fit: uncertain ones that affect a measured reading, and unknowns."""
         plan = self.balances(tuple(c.id for c in joined)).plan
         reached = plan.select(self._watched(plan.outputs)).used_inputs
         known = [n for n in self.base.ids if n in reached]
@@ -122,21 +122,17 @@ class SimulationProblem:
         course = whole.run(self.time, table, held, {**self.plain_values, **values}, seeds)
         shown, slopes = {}, {}
         for name in self.signals:
-            i = whole.outputs.index(f"{SHOWN}{name}")
-            shown[name], slopes[name] = self._within(
-                name, course.shown[:, i], course.slopes[:, i, :]
-            )
+            i, (low, high) = whole.outputs.index(f"{SHOWN}{name}"), self._ends[name]
+            own = course.shown[:, i]
+            inside = (own > low) & (own < high)
+            # A sensor shows nothing beyond its range.
+            shown[name] = np.asarray(np.clip(own, low, high))
+            slopes[name] = np.where(inside[:, None], course.slopes[:, i, :], 0.0)
         return Simulated(shown, slopes, course)
-
-    def _within(self, name: str, shown: Array, slopes: Array) -> tuple[Array, Array]:
-        """A sensor shows no more than the end of its range."""
-        low, high = self._ends[name]
-        inside = (shown > low) & (shown < high)
-        return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
 
     @cached_property
     def _ends(self) -> dict[str, tuple[float, float]]:
-        """Ends of what each sensor shows: its range, unless the recording proves more."""
+        """Range of each sensor, extended to its readings."""
         found = {}
         for name, seen in self.record.measured.items():
             signal = self.ruleset.signal_by_id[name]
@@ -148,10 +144,7 @@ class SimulationProblem:
     def trajectory(
         self, joined: tuple[str, ...], values: Values, name: str, inputs: Mapping[str, Array]
     ) -> Array:
-        """Course of a given reading, time, or what the model says of a state, a flow or a sensor.
-
-        Shape (n,), SI.
-        """
+        """Course of an input, of time, or of a simulated state, flow or reading, shape (n,), SI."""
         if name == TIME:
             return self.time
         if name in inputs:
@@ -166,10 +159,8 @@ class SimulationProblem:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Explanations all of whose parameters reach something that is measured.
-
-        Without a common clock nothing that follows one.
-        """
+        """Candidates with all parameters affecting measured readings; without a common clock, only
+        those that do not follow time."""
         known = self.builder.candidates
         timed = [c for c in known if self.record.timed or not c.follows_time]
         return tuple(c for c in timed if self._reaches(c))

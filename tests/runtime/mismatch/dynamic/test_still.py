@@ -7,7 +7,7 @@ import pytest
 from rulec_runtime.recordings.piecewise import runs_of_same
 from rulec_runtime.recordings.standing_still import standing_still
 
-from rulec.mismatch.evidence.coarse_steps import coarse_step
+from rulec.mismatch.evidence.failing_sensors import coarse_step
 
 COURSE = 3.0 + np.sin(np.arange(600) / 40.0)
 NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 3)
