@@ -1,1 +1,1 @@
-"""Evidence at settled points: errors in the relations of a plant that stores nothing."""
+"""Evidence at settled points: errors of the relations of a plant that stores nothing."""

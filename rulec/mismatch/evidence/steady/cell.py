@@ -1,4 +1,4 @@
-"""Points at which the same estimates check each other, and what they say of readings."""
+"""Points at which the same estimates check each other, and their dependence on readings."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from rulec.mismatch.evidence.steady.system import Slopes
 class Cell:
     """Points at which the same estimates check each other.
 
-    `observers` are numbers in the system, `basis` shape (rank, observers) their combinations that
-    vanish, `outputs` as many readings that follow from the others. `whitener`, shape (points,
-    rank, rank), turns errors of the outputs into rows with unit noise; `first` is its first row.
+    `observers` are numbers in the system; `basis`, shape (rank, observers), are the combinations of
+    them that vanish, `outputs` as many readings that follow from the others. `whitener`, shape
+    (points, rank, rank), turns errors of the outputs into rows with unit noise; `first` is the
+    first of these rows.
     """
 
     points: NDArray[np.intp]
@@ -34,7 +35,7 @@ class Cell:
 
     @property
     def rows(self) -> slice:
-        """Its rows in the table; those of one combination follow each other."""
+        """Its rows in the table, ordered by combination."""
         return slice(self.first, self.first + len(self.points) * self.rank)
 
     def table(self, rows: Array) -> Array:
@@ -42,16 +43,15 @@ class Cell:
         return rows[self.rows].reshape(self.rank, len(self.points))
 
     def at_points(self, values: Array) -> Array:
-        """Values at its points, shape (points,), or one number for all."""
+        """Values at its points, shape (points,), or one value for all."""
         return values[self.points] if values.ndim else values
 
     def combined(self, values: Array) -> Array:
         """Combinations of the estimates of all observers, shape (points, rank)."""
-        result: Array = (self.basis @ values[np.ix_(self.observers, self.points)]).T
-        return result
+        return np.asarray((self.basis @ values[np.ix_(self.observers, self.points)]).T)
 
     def readings(self, by_reading: Slopes) -> tuple[str, ...]:
-        """Readings that its estimates depend on."""
+        """Readings on which its estimates depend."""
         reached = set(self.observers.tolist())
         return tuple(name for name, by in by_reading.items() if not reached.isdisjoint(by))
 
@@ -70,11 +70,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Linear:
-    """The relations of a cell, linearised by its readings.
+    """The relations of a cell, linearised at its readings.
 
-    `combined` shape (points, rank) is what does not vanish, `slopes` shape (points, rank,
-    readings) its derivatives, `scaled` those per unit of noise, and `normal` shape (points, rank,
-    rank) the covariance that noise gives it.
+    `combined`, shape (points, rank), are the errors of the relations; `slopes`, shape (points,
+    rank, readings), their derivatives; `scaled` those per unit of noise; `normal`, shape (points,
+    rank, rank), their covariance by noise.
     """
 
     names: tuple[str, ...]

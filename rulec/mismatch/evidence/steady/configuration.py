@@ -1,4 +1,4 @@
-"""A model in numbers: what is joined, and the values of everything in it."""
+"""The configuration of a model: joined candidates and all values."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate
 
 ERROR = "error:"
-"""Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
+"""Mark before the id of a signal: its systematic error, in standard uncertainties of its class."""
 
 OF_RECORDING = "|"
-"""Mark behind the name of an error, before the number of the recording that has it as its own."""
+"""Mark between the name of an error and the number of the only recording that has it."""
 
 
 def own_error(signal: str, number: int) -> str:
-    """Name of the part of a sensor's error that one of several recordings has as its own."""
+    """Name of the part of a sensor's error that is specific to one of several recordings."""
     return f"{ERROR}{signal}{OF_RECORDING}{number}"
 
 
 def reading_and_recording(error: str) -> tuple[str, int | None]:
-    """The signal of an error, and the number of the recording that has it as its own.
+    """The signal of an error, and the number of its recording if it is specific to one.
 
     >>> reading_and_recording("error:A.dp"), reading_and_recording("error:A.dp|1")
     (('A.dp', None), ('A.dp', 1))
@@ -33,16 +33,15 @@ def reading_and_recording(error: str) -> tuple[str, int | None]:
 
 
 HIDDEN = "hidden"
-"""Sort of what stands for a driver that is not recorded: an error at a place, free in time."""
+"""Sort of candidates for an unrecorded driver: an error at a place with a free course in time."""
 
 CHANGE = "~"
-"""Mark behind the id of a parameter: by how much it differs from its value, where that is free in
-time."""
+"""Mark after the id of a parameter: its change, with a free course in time."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """A period, s, and the number of the level it has."""
+    """A period, s, and the number of its level."""
 
     since: float
     until: float
@@ -53,10 +52,10 @@ class Span:
 class Course:
     """An unknown that has one of a few levels in some periods, and none outside.
 
-    `segment` has shape (n,): the number of the level at each point, -1 outside. A course that is
-    smooth passes from each level to the next: `ahead`, shape (n,), is how far it is. One that grows
-    is nothing at first and reaches its level where its period ends: `risen`, shape (n,), is the
-    share of the level that is there.
+    `segment`, shape (n,), is the number of the level at each point, -1 outside. A smooth course is
+    linear between levels: `ahead`, shape (n,), is the share of the next one. A growing course
+    starts at zero and reaches its level at the end of its period: `risen`, shape (n,), is the share
+    reached.
     """
 
     unknown: str
@@ -71,7 +70,7 @@ class Course:
         return self.risen is not None
 
     def since(self, begin: float, time: Array) -> Course:
-        """The same, from another time on, s, to the end; `time`, s, has shape (n,)."""
+        """The same course with another onset, s, lasting to the end; `time`, s, has shape (n,)."""
         level, until = self.periods[0].level, float(time[-1])
         return replace(
             self,
@@ -81,7 +80,7 @@ class Course:
         )
 
     def at_times(self, time: Array) -> Course:
-        """The same periods at other points; what lasts to the end does so there too."""
+        """The same periods at other points; a course that lasts to the end does so there too."""
         segment = np.full(len(time), -1)
         for span in self.periods:
             segment[(time >= span.since) & (time <= span.until)] = span.level
@@ -93,7 +92,7 @@ class Course:
 
     @property
     def levels(self) -> int:
-        """How many levels there are."""
+        """Number of levels."""
         return 1 + max((p.level for p in self.periods), default=-1)
 
     def names(self) -> tuple[str, ...]:
@@ -103,11 +102,10 @@ class Course:
     def degrees(self, values: Mapping[str, float]) -> Array:
         """The unknown at each point, shape (n,)."""
         levels = [values[name] * self.share(i) for i, name in enumerate(self.names())]
-        course: Array = np.sum(levels, axis=0)
-        return course
+        return np.asarray(np.sum(levels, axis=0))
 
     def share(self, level: int) -> Array:
-        """How much of a level is there at each point, shape (n,)."""
+        """Share of a level at each point, shape (n,)."""
         share: Array = (self.segment == level).astype(float)
         if self.ahead is not None:
             share = share * (1.0 - self.ahead) + (self.segment == level - 1) * self.ahead
@@ -115,7 +113,7 @@ class Course:
 
 
 def lasting(unknown: str, begin: float, time: Array, *, grows: bool = False) -> Course:
-    """An unknown that is there from a time on, s, or grows from then on; `time` has shape (n,)."""
+    """An unknown that is present, or grows, from a time on, s; `time` has shape (n,)."""
     until = float(time[-1])
     return Course(
         unknown,
@@ -126,18 +124,17 @@ def lasting(unknown: str, begin: float, time: Array, *, grows: bool = False) -> 
 
 
 def _risen(time: Array, since: float, until: float) -> Array:
-    """Share of what is reached at `until` that is there at each time, shape (n,)."""
-    risen: Array = np.maximum(time - since, 0.0) / max(until - since, 1e-300)
-    return risen
+    """Share of the level at `until` that is reached at each time, shape (n,)."""
+    return np.asarray(np.maximum(time - since, 0.0) / max(until - since, 1e-300))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Configuration:
-    """What is joined and the values of what is free; numbers in SI.
+    """Joined candidates and values, SI.
 
-    `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
-    `fixed` references of joined candidates. `known` are mean, scale and degrees of freedom of
-    unknowns, as far as they are known before.
+    `values` has base parameters, sensor errors (`ERROR`), unknowns and degrees of periods; `fixed`
+    has references of joined candidates. `known` has mean, scale and degrees of freedom of the prior
+    of unknowns, if any.
     """
 
     joined: tuple[Candidate, ...] = ()
@@ -148,35 +145,31 @@ class Configuration:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of what is built into module types."""
+        """Ids of candidates that are built into module types."""
         return tuple(c.id for c in self.joined if c.sort != HIDDEN)
 
     @property
     def spots(self) -> tuple[str, ...]:
-        """Ids of places, and of parameters, with an error whose course is free in time."""
+        """Ids of places and parameters that have an error with a free course in time."""
         return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 
     def candidate_of(self, course: Course) -> Candidate:
-        """What has a course."""
+        """The candidate with a course."""
         return next(c for c in self.joined if course.unknown in {u.id for u in c.unknowns})
 
     @property
     def in_periods(self) -> frozenset[str]:
-        """Ids of unknowns that are there in some periods only."""
+        """Ids of unknowns that are present in some periods only."""
         return frozenset(c.unknown for c in self.courses)
 
     def free_unknowns(self) -> tuple[str, ...]:
-        """Unknowns of what is joined, those in periods as one each."""
-        plain = [
-            u.id
-            for c in self.joined
-            for u in c.unknowns
-            if not u.fixed and u.id not in self.in_periods
-        ]
-        return (*plain, *(name for course in self.courses for name in course.names()))
+        """Free unknowns of the joined candidates, with one value per level of a course."""
+        free = (u.id for c in self.joined for u in c.unknowns if not u.fixed)
+        names = (name for course in self.courses for name in course.names())
+        return (*(id_ for id_ in free if id_ not in self.in_periods), *names)
 
     def limits(self) -> Mapping[str, tuple[float, float]]:
-        """Legal range of each unknown."""
+        """Allowed range of each unknown."""
         ranges = {u.id: (u.lowest, u.highest) for c in self.joined for u in c.unknowns}
         return {name: ranges[name.partition("#")[0]] for name in self.free_unknowns()}
 
@@ -187,7 +180,7 @@ class Configuration:
         fixed: Mapping[str, float],
         course: Course | None = None,
     ) -> Configuration:
-        """With one more candidate."""
+        """Add a candidate."""
         return replace(
             self,
             joined=(*self.joined, candidate),
@@ -197,7 +190,7 @@ class Configuration:
         )
 
     def leaving(self, candidate: str) -> Configuration:
-        """Without one of the candidates."""
+        """Remove a candidate."""
         gone = {u.id for c in self.joined if c.id == candidate for u in c.unknowns}
         return replace(
             self,

@@ -1,10 +1,10 @@
 """Refit all values of a model: base parameters within their priors, sensor errors, unknowns.
 
 Residuals follow a Student distribution with a common scale: points that the model cannot explain
-yet must not bend it, and the scale is that of what is left, not that of the noise alone.
+yet must not distort it, and the scale includes errors of the model, not only noise.
 
 Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, Nielsen, Tingleff
-2004 (Gauss-Newton steps with damping by how well the last was foreseen).
+2004 (Gauss-Newton steps with damping by how well the last was predicted).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """What is known of the free values before the recording; arrays have shape (values,).
+    """Prior of the free values; arrays have shape (values,).
 
-    Values are fitted in `coordinates`, the logarithms of positive parameters. The first of them are
-    parameters of the plant, of which `belief` tells; the others have a `mean` and a precision
-    (`known`, 1/u^2; 0: nothing is known), and are Student distributed where `freedom` is finite.
-    `lowest`, `highest` bound them; `size` is the scale on which a value moves. `odds` make up for
-    what bounds cut off.
+    Values are fitted in `coordinates`, the logarithms of positive parameters. The first ones are
+    parameters of the plant with the prior `belief`. The others have a `mean` and a precision
+    (`known`, 1/u^2; 0: no prior), and are Student distributed where `freedom` is finite. `lowest`
+    and `highest` bound them; `size` is a typical step. `odds` normalise the prior within the
+    bounds.
     """
 
     names: tuple[str, ...]
@@ -51,17 +51,17 @@ class Prior:
     odds: float = 0.0
 
     def of(self, values: Mapping[str, float]) -> Array:
-        """Coordinates of values by their names, SI; where there is none, that of the mean."""
+        """Coordinates of values, SI, by name; those without a value are at their mean."""
         means = self.coordinates.values(self.mean)
         own = np.array([values.get(n, m) for n, m in zip(self.names, means, strict=True)])
         return self.coordinates.of(own)
 
     def values(self, at: Array) -> dict[str, float]:
-        """Values at coordinates, SI."""
+        """Values, SI, at coordinates."""
         return dict(zip(self.names, self.coordinates.values(at).tolist(), strict=True))
 
     def near(self, at: Array) -> LocalBelief:
-        """What is known near some coordinates."""
+        """The prior near some coordinates."""
         k = len(self.belief.names)
         plant = self.belief.near(at[:k])
         mean, precision = self.mean.copy(), np.diag(self.known + 1e-12 / self.size**2)
@@ -81,7 +81,7 @@ class Prior:
 
 
 def prior_of(system: System, setting: Configuration) -> Prior:
-    """What is known of the free values before the recording."""
+    """The prior of the free values."""
     belief = system.belief
     errors = list(system.errors)
     unknowns = setting.free_unknowns()
@@ -125,7 +125,7 @@ def prior_of(system: System, setting: Configuration) -> Prior:
 
 
 def _adrift(setting: Configuration) -> set[str]:
-    """Errors of sensors that drift: when or at which temperature they were right is not known."""
+    """Errors of sensors that drift; when or at which temperature they were right is not known."""
     return {
         f"{ERROR}{c.module}.{c.place}" for c in setting.joined if c.sort == "sensor" and c.drivers
     }
@@ -135,13 +135,12 @@ def _adrift(setting: Configuration) -> set[str]:
 class Fitted:
     """A setting refitted to some points.
 
-    `scale` is that of the residuals in units of their noise; `variance_inflation` how many
-    neighbouring groups of rows say as much as one alone would (they are alike where something is
-    left out). `used` flags points, shape (n,); `residual`, shape (rows,), is in units of its noise.
-    `predicted` are the readings as reconciled by the model, shape (n,), SI. `likelihood` shape
-    (groups,): log likelihood of every group of rows, also of those that were not used. Slopes
-    are worked out when they are asked for: a step that is not taken, and a fit that is only
-    judged, need none.
+    `scale` is that of the residuals in units of their noise; `variance_inflation` is the number of
+    neighbouring groups of rows with the information of one (they are correlated where an effect is
+    missing). `used` flags points, shape (n,); `residual`, shape (rows,), is in units of its noise.
+    `predicted` are the readings reconciled with the model, shape (n,), SI. `likelihood`, shape
+    (groups,), is the log likelihood of every group of rows, used or not. Slopes are calculated on
+    demand: rejected steps and models that are only compared need none.
     """
 
     setting: Configuration
@@ -157,7 +156,7 @@ class Fitted:
 
     @property
     def maps(self) -> Maps:
-        """How changes of estimates show in the rows."""
+        """Maps from changes of estimates to rows."""
         return self._slopes[0]
 
     @property
@@ -188,24 +187,21 @@ class Fitted:
 
     @cached_property
     def known(self) -> LocalBelief:
-        """What was known before, as it counts here."""
+        """The prior near the coordinates."""
         return self.prior.near(self.at)
 
     @cached_property
     def normal(self) -> Array:
         """The normal matrix of the coordinates with their prior, shape (values, values)."""
-        weights = self.weights
-        half = self.jacobian * np.sqrt(weights)[:, None]
-        normal: Array = half.T @ half + self.known.precision
-        return normal
+        half = self.jacobian * np.sqrt(self.weights)[:, None]
+        return np.asarray(half.T @ half + self.known.precision)
 
     @cached_property
     def weights(self) -> Array:
         """Weights of the rows in the normal matrix, shape (rows,)."""
         use = self.used[self.rows.point]
         robust = student_weights(self.rows, self.residual, self.scale)
-        weights: Array = robust * use / (self.scale**2 * self.variance_inflation)
-        return weights
+        return np.asarray(robust * use / (self.scale**2 * self.variance_inflation))
 
     @cached_property
     def covariance(self) -> Array:
@@ -213,15 +209,14 @@ class Fitted:
         size = np.sqrt(np.diag(self.normal))
         inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
         size /= self.prior.coordinates.slopes(self.at)
-        covariance: Array = inverse / np.outer(size, size)
-        return covariance
+        return np.asarray(inverse / np.outer(size, size))
 
     @property
     def negative_log_prior(self) -> float:
-        """How much what was known before is strained, in log likelihood, less than by its best.
+        """Fall of the log prior density from its maximum.
 
-        The class of a sensor is a promise, which one that is known to err has broken: how far it is
-        off at the usual temperature, say, is open.
+        The class of a sensor that is known to err does not count: it says nothing about the size of
+        that error.
         """
         prior, at = self.prior, self.at.copy()
         broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
@@ -249,41 +244,37 @@ def fit(
     ----------
     setting : where to start.
     used : shape (n,), points to fit to.
-    held : values that must stay where they are put.
+    held : values that stay fixed.
     variance_inflation : divides the log likelihood against the priors.
     """
-    system = rows.system
-    prior = prior_of(system, setting)
+    prior = prior_of(rows.system, setting)
     held = held or {}
     free = np.array([name not in held for name in prior.names], dtype=bool)
     at = prior.of({**setting.values, **held})
     use = used[rows.point]
-    current = _evaluated(rows, setting, prior, at, used, variance_inflation, None)
+    current = evaluated(rows, setting, prior, at, used, variance_inflation)
     damping, harder = 1e-3, 2.0
     for _ in range(steps):
         step = _step(current, prior, at, free, damping)
         trial_at = np.clip(at + step, prior.lowest, prior.highest)
-        trial = _evaluated(rows, setting, prior, trial_at, used, variance_inflation, current.scale)
+        trial = evaluated(rows, setting, prior, trial_at, used, variance_inflation, current.scale)
         gain = current.objective - trial.objective
         if not np.isfinite(trial.objective) or gain < 0:
             damping, harder = damping * harder, 2.0 * harder
             if damping > limits.HARDEST:
                 break
             continue
-        # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
-        foreseen = gain / max(_promised(current, at, trial_at - at), 1e-300)
-        easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / limits.EASIER)
+        # A curved valley needs short steps: damping falls only after a step predicted well.
+        change = trial_at - at
+        slope = _gradient(current, at)
+        predicted = -float(slope @ change + 0.5 * change @ current.normal @ change)
+        quality = gain / max(predicted, 1e-300)
+        easier = max(1.0 - (2.0 * min(quality, 1.0) - 1.0) ** 3, 1.0 / limits.EASIER)
         damping, harder = max(damping * easier, limits.SOFTEST), 2.0
         at, current = trial_at, trial
         if gain < limits.CONVERGED * max(int(use.sum()), 1) * 0.01:
             break
     return current
-
-
-def _promised(now: Fitted, at: Array, step: Array) -> float:
-    """By how much the objective would fall if slopes stayed as they are."""
-    slope = _gradient(now, at)
-    return -float(slope @ step + 0.5 * step @ now.normal @ step)
 
 
 def _gradient(now: Fitted, at: Array) -> Array:
@@ -305,26 +296,31 @@ def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float
     return step
 
 
-def _evaluated(
+def evaluated(
     rows: Rows,
     setting: Configuration,
     prior: Prior,
     at: Array,
     used: np.ndarray,
-    variance_inflation: float,
-    scale: float | None,
+    variance_inflation: float = 1.0,
+    scale: float | None = None,
 ) -> Fitted:
-    """Residuals, scale and objective at some coordinates."""
+    """A setting at some coordinates, not fitted; `used` has shape (n,).
+
+    The search for the scale of the residuals starts at `scale`, if given.
+    """
     placed = replace(setting, values={**setting.values, **prior.values(at)})
     errors, predicted = rows.errors(rows.system.flows(placed))
     residual = _sound(errors)
     use = used[rows.point]
     scale = _scale(rows, residual, use, scale)
-    likelihood = _likelihood(rows, residual, scale)
-    said = float(likelihood[used[rows.group_point]].sum()) / variance_inflation
-    objective = -prior.near(at).density - said
+    rank = rows.group_rank
+    distance = rows.per_group(residual**2) / (limits.FREEDOM * scale**2)
+    likelihood = -rank * np.log(scale) - 0.5 * (limits.FREEDOM + rank) * np.log1p(distance)
+    of_rows = float(likelihood[used[rows.group_point]].sum()) / variance_inflation
+    objective = -prior.near(at).density - of_rows
     if not np.isfinite(errors[use]).any():
-        objective = np.inf  # where a law has no value anywhere, nothing is wrong any more
+        objective = np.inf  # a law without any value would explain everything
     return Fitted(
         placed,
         rows,
@@ -339,15 +335,8 @@ def _evaluated(
     )
 
 
-def evaluated(
-    rows: Rows, setting: Configuration, prior: Prior, at: Array, used: np.ndarray
-) -> Fitted:
-    """A setting at some values, not fitted; `used` has shape (n,)."""
-    return _evaluated(rows, setting, prior, at, used, 1.0, None)
-
-
 def variance_inflation_of(fitted: Fitted) -> float:
-    """How many neighbouring groups of rows are as good as one, by means over batches of time.
+    """Number of neighbouring groups of rows with the information of one, by means over batches.
 
     Source: batch means (Geyer 1992).
     """
@@ -359,9 +348,8 @@ def variance_inflation_of(fitted: Fitted) -> float:
         count = len(table) // limits.BATCHES
         if count < 2:
             continue
-        means = (
-            table[: count * limits.BATCHES].reshape(limits.BATCHES, count, cell.rank).mean(axis=1)
-        )
+        batches = table[: count * limits.BATCHES].reshape(limits.BATCHES, count, cell.rank)
+        means = batches.mean(axis=1)
         spread = np.var(table, axis=0)
         ratio = count * np.var(means, axis=0, ddof=1) / np.maximum(spread, 1e-300)
         factors.append((len(table), float(np.max(ratio))))
@@ -372,37 +360,25 @@ def variance_inflation_of(fitted: Fitted) -> float:
 
 
 def _sound(residual: Array) -> Array:
-    """Where a law has no value (a root of something negative) it is as wrong as can be."""
+    """Residuals with a very large error where a law has no value (a root of a negative number)."""
     bad = ~np.isfinite(residual)
     if not bad.any():
         return residual
-    # Less would pay: a law without a value where something is wrong would explain all of it.
+    # With a smaller error it would pay to have no value where the model is wrong.
     worst = max(10.0 * float(np.max(np.abs(residual[~bad]), initial=1.0)), limits.NO_VALUE)
     return np.where(bad, worst, residual)
 
 
-def _distance(rows: Rows, residual: Array) -> Array:
-    return rows.per_group(residual**2)
-
-
 def student_weights(rows: Rows, residual: Array, scale: float) -> Array:
     """Weight of every row by the Student distribution, shape (rows,)."""
-    rank = rows.group_rank
-    weight = (limits.FREEDOM + rank) / (limits.FREEDOM + _distance(rows, residual) / scale**2)
-    spread: Array = weight[rows.group]
-    return spread
-
-
-def _likelihood(rows: Rows, residual: Array, scale: float) -> Array:
-    rank = rows.group_rank
-    distance = _distance(rows, residual) / (limits.FREEDOM * scale**2)
-    value: Array = -rank * np.log(scale) - 0.5 * (limits.FREEDOM + rank) * np.log1p(distance)
-    return value
+    distance = rows.per_group(residual**2) / scale**2
+    weight = (limits.FREEDOM + rows.group_rank) / (limits.FREEDOM + distance)
+    return np.asarray(weight[rows.group])
 
 
 def _scale(rows: Rows, residual: Array, use: np.ndarray, start: float | None) -> float:
-    """Most likely scale of the used residuals, by a few fixed-point steps."""
-    distance, rank = _distance(rows, residual), rows.group_rank
+    """Most likely scale of the used residuals, by fixed-point steps."""
+    distance, rank = rows.per_group(residual**2), rows.group_rank
     chosen = rows.per_group(use.astype(float)) > 0
     distance, rank = distance[chosen], rank[chosen]
     if not len(distance):

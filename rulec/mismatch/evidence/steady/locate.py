@@ -1,7 +1,7 @@
-"""Step 2: where a mismatch sits, before anything is named, and in which region it shows.
+"""Locate a mismatch before any effect is named, and the region in which it shows.
 
-Every place gets an error of unknown course, free at each point. What it would explain of the
-residuals, beyond what it would explain of mere noise, is its share.
+Every place in turn gets an error, free at each point. Its share is the part of the residuals that
+it explains, beyond what it would explain of noise.
 
 Source: own derivation; the idea of free disturbances per equation is that of Kristensen, Madsen,
 Jorgensen 2004, for static relations.
@@ -25,7 +25,7 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True)
 class Suspect:
-    """A place with its error: `course` shape (n,), SI of its unit; `share` of the mismatch."""
+    """A place with its error: `course`, shape (n,), SI of its unit, and `share` of the mismatch."""
 
     spot: Spot
     column: Array
@@ -35,10 +35,7 @@ class Suspect:
 
 
 def noise_scale(rows: Rows, residual: Array) -> float:
-    """Scatter of neighbouring residuals, shape (rows,), in units of the noise that was expected.
-
-    Below 1 the noise was overestimated, which changes nothing.
-    """
+    """Scatter of neighbouring residuals, shape (rows,), over the expected noise; at least 1."""
     if rows.system.data.of_rows:
         return 1.0
     sizes = []
@@ -55,12 +52,12 @@ def noise_scale(rows: Rows, residual: Array) -> float:
 def suspects(fitted: Fitted) -> list[Suspect]:
     """Places by the share of the mismatch that an error there explains, largest first.
 
-    An error may have its own value at every point, or one that changes slowly: what is weak shows
-    in the second way only, what is fast in the first.
+    An error may be free at every point or change slowly: a weak one shows only in the second way, a
+    fast one only in the first.
     """
     rows = fitted.rows
     system = rows.system
-    # Sensors may be better than their class says; then the scatter of what is left says more.
+    # Sensors may be better than their class; then the scatter of the residuals counts.
     noise = min(noise_scale(rows, fitted.residual), fitted.scale) ** 2
     open_ = fitted.used[rows.point]
     total = float(np.sum(fitted.residual[open_] ** 2)) - noise * int(open_.sum())
@@ -83,11 +80,8 @@ def suspects(fitted: Fitted) -> list[Suspect]:
 
 
 def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
-    """A place with the error that explains each point best; `column`, shape (rows,), are slopes
-    of the residuals.
-
-    Its share is not known yet.
-    """
+    """A place with the error that explains each point best; `column`, shape (rows,), are the slopes
+    of the residuals. Its share is left at 0."""
     rows = fitted.rows
     n = len(rows.system.data)
     weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
@@ -98,7 +92,7 @@ def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
 
 
 def _explained(moment: Array, weight: Array, noise: float, values: int) -> float:
-    """Squares that a course of so many values explains beyond what it explains of noise."""
+    """Squares that a course of `values` values explains beyond what it explains of noise."""
     count = min(values, len(moment))
     if count == 0:
         return 0.0
@@ -108,36 +102,28 @@ def _explained(moment: Array, weight: Array, noise: float, values: int) -> float
 
 
 def spot_column(fitted: Fitted, spot: Spot) -> Array | None:
-    """Slopes of the residuals by an error at a place, shape (rows,)."""
+    """Slopes of the residuals by an error at a place, shape (rows,); None where all are 0."""
     system = fitted.rows.system
     if not any(o in system.number for o in spot.observers):
         return None
-    flows = system.flows(
-        fitted.setting,
-        (spot.unknown,),
-        (spot.id,),
-        modules=system.reached(spot.observers),
-        at=fitted.predicted,
-    )
+    modules, at = system.reached(spot.observers), fitted.predicted
+    flows = system.flows(fitted.setting, (spot.unknown,), (spot.id,), modules=modules, at=at)
     column = fitted.rows.column(fitted.maps, flows.by_value[spot.unknown])
     return column if np.any(column) else None
 
 
 def alike(first: Suspect, second: Suspect) -> bool:
-    """Do errors at two places look the same in all residuals?"""
+    """Do errors at two places have the same signature?"""
     cosine = np.abs(first.column @ second.column)
     cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
     return bool(cosine > common.SAME_PATTERN)
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:
-    """Readings in which a region can be told: those of the module first; shape (n,), SI."""
-    known = system.ruleset.signal_by_id
+    """Readings that may define a region, shape (n,), SI: those of the module, then those that no
+    observer needs."""
+    known, used = system.ruleset.signal_by_id, {n for o in system.observers for n in o.signals}
     values = {n: v for n, v in system.data.values.items() if n in known}
     own = {n: v for n, v in values.items() if n.partition(".")[0] == module}
-    others = {
-        n: v
-        for n, v in values.items()
-        if n not in own and not any(n in o.signals for o in system.observers)
-    }
+    others = {n: v for n, v in values.items() if n not in own and n not in used}
     return {n: v for n, v in {**own, **others}.items() if np.isfinite(v).sum() > 8}

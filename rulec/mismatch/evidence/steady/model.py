@@ -1,4 +1,4 @@
-"""A model fitted to settled points, as an answer sees it."""
+"""A model fitted to settled points, by the interface of answers."""
 
 from __future__ import annotations
 
@@ -28,20 +28,13 @@ class SteadyModel(Model):
     fitted: Fitted
 
     def line(self, name: str) -> Line:
-        """All other values refitted; neighbours count as what they are worth."""
+        """All other values refitted, with the correlation of neighbours taken into account."""
         fitted, prior = self.fitted, self.fitted.prior
         i, value, u = prior.names.index(name), fitted.setting.values[name], fitted.u(name)
+        of_fit = fitted.rows, fitted.setting, fitted.used, limits.HELD_STEPS
 
         def fall(step: float) -> float:
-            held: Mapping[str, float] = {name: value + step}
-            there = fit(
-                fitted.rows,
-                fitted.setting,
-                fitted.used,
-                limits.HELD_STEPS,
-                held,
-                fitted.variance_inflation,
-            )
+            there = fit(*of_fit, {name: value + step}, fitted.variance_inflation)
             return there.objective - fitted.objective
 
         return Line(
@@ -57,7 +50,7 @@ class SteadyModel(Model):
     def periods(
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
-        """Periods of a fault that comes and goes, or when it grew."""
+        """Periods of a fault that comes and goes, or the one in which it grew."""
         unknowns = {u.id: u for u in candidate.unknowns}
         found = []
         for course in self.fitted.setting.courses:
@@ -74,7 +67,6 @@ class SteadyModel(Model):
         return tuple(found)
 
     def _growing(self, course: Course, size: str) -> Period:
-        """What grew until the end."""
         (span,), (name,) = course.periods, course.names()
         degree, known = self.fitted.setting.values[name], onset_of(self.fitted, course)
         rate, u = HOUR * degree / (span.until - span.since), HOUR * known.u_rate
@@ -85,26 +77,21 @@ class SteadyModel(Model):
         return Period(span.since, span.until, degree, known.u_degree, size, growth)
 
     def term(self, candidate: Candidate) -> Array:
-        """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
+        """Squared change of the residuals by a candidate, summed per point, shape (n,)."""
         fitted, system = self.fitted, self.fitted.rows.system
         without = fitted.setting.leaving(candidate.id)
         modules, at = system.reached(candidate.observers), fitted.predicted
         with_it = system.flows(fitted.setting, modules=modules, at=at).values
-        bare = system.flows(without, modules=modules, at=at).values
-        change = {
-            i: np.nan_to_num(a - b)
-            for i, (a, b) in enumerate(zip(with_it, bare, strict=True))
-            if np.isfinite(a - b).any()
-        }
+        change_of = with_it - system.flows(without, modules=modules, at=at).values
+        change = {i: np.nan_to_num(c) for i, c in enumerate(change_of) if np.isfinite(c).any()}
         rows = fitted.rows.column(fitted.maps, change)
         squares = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
         return np.where(fitted.used, squares, np.nan)
 
     def variables(self, module: str) -> dict[str, Variable]:
-        """Readings of the module, and those that no estimate needs."""
-        found = {
-            name: self.variable(name) for name in variables_of(self.fitted.rows.system, module)
-        }
+        """Readings of the module, and those that no observer needs."""
+        names = variables_of(self.fitted.rows.system, module)
+        found = {name: self.variable(name) for name in names}
         return {name: variable for name, variable in found.items() if variable is not None}
 
     def variable(self, name: str) -> Variable | None:
@@ -120,7 +107,7 @@ class SteadyModel(Model):
 
 
 def model_of(fitted: Fitted) -> SteadyModel:
-    """What an answer asks of a fit; degrees of periods are told as such."""
+    """The model of a fit, without the degrees of periods among its free values."""
     system = fitted.rows.system
     places = [i for i, name in enumerate(fitted.prior.names) if "#" not in name]
     return SteadyModel(

@@ -1,7 +1,7 @@
-"""When a fault begins to grow, as one more value of a fit.
+"""The onset of a growing fault, as one more value of a fit.
 
-The residuals bend at the onset and follow it smoothly elsewhere, so it has a slope like any other
-value. With the onset held, rate and degree would be told too surely: a later onset asks for a
+The residuals have a kink at the onset and depend on it smoothly elsewhere, so it has a slope like
+any other value. With the onset held, rate and degree would seem too certain: a later onset needs a
 higher rate.
 """
 
@@ -18,8 +18,8 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 
 @dataclass(frozen=True)
 class Onset:
-    """What is known of a degree that grows: `u` of its degree at the end, of its onset (s) and of
-    its rate (1/s); `step` (s) is by how much a Gauss-Newton step would move the onset."""
+    """Standard uncertainties of the final degree of a growing fault, of its onset, s, and of its
+    rate, 1/s, and the Gauss-Newton `step` of the onset, s."""
 
     u_degree: float
     u_since: float
@@ -28,7 +28,7 @@ class Onset:
 
 
 def onset_of(fitted: Fitted, course: Course) -> Onset:
-    """Degree and onset together, all other values refitted."""
+    """Linearise degree and onset together, with all other values refitted."""
     (span,), (name,) = course.periods, course.names()
     at = fitted.prior.names.index(name)
     value, length = fitted.setting.values[name], span.until - span.since
@@ -54,7 +54,7 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
 
 
 def slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
-    """Slopes of the residuals by the onset, shape (rows,), 1/s; `at` is the place of the degree
+    """Slopes of the residuals by the onset, shape (rows,), 1/s; `at` is the index of the degree
     among the values."""
     (span,), (name,) = course.periods, course.names()
     assert course.risen is not None
@@ -62,5 +62,4 @@ def slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
     by_onset = np.where(course.risen > 0.0, (time - span.until) / length**2, 0.0)
     share = np.where(course.risen > 0.0, course.risen, 1.0)
     whole = fitted.jacobian[:, at] / share[fitted.rows.point]
-    slope: Array = fitted.setting.values[name] * whole * by_onset[fitted.rows.point]
-    return slope
+    return np.asarray(fitted.setting.values[name] * whole * by_onset[fitted.rows.point])

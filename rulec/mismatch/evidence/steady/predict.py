@@ -1,7 +1,7 @@
-"""What a model predicts for a reading, the others given: the errors that a user understands.
+"""Predict a reading from the others, for errors in units that a user understands.
 
-A residual of the ruleset is solved for one of its readings. So the error of a relation gets the
-unit of a signal.
+A residual of the ruleset is solved for one of its readings, so that its error has the unit of that
+signal.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rulec.simulation.shut_off import is_flow
 
 @dataclass(frozen=True)
 class Predictor:
-    """A residual and the reading it is solved for; `points` are those where it can be used."""
+    """A residual and the reading it is solved for; `points` flags those where it can be used."""
 
     system: System
     residual: ResidualSpec
@@ -36,18 +36,16 @@ class Predictor:
 
     def predicted(self, setting: Configuration) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""
-        system = self.system
-        measured = system.data.values[self.signal.id]
+        measured = self.system.data.values[self.signal.id]
         at = measured.copy()
-        size = max(
-            float(np.nanstd(measured[self.points])), 1e-6 * float(np.nanmax(np.abs(measured)))
-        )
+        spread, largest = np.nanstd(measured[self.points]), np.nanmax(np.abs(measured))
+        size = max(float(spread), 1e-6 * float(largest))
         settled = np.full(len(at), np.inf)
         for _ in range(limits.PREDICTOR_STEPS):
             value, slope = self._value(setting, at)
             with np.errstate(all="ignore"):
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)
-            # Where the law has no value the search stays at the reading, which is no prediction.
+            # Where the law has no value the iteration stays at the reading, which is no prediction.
             known = np.isfinite(step)
             at = np.where(known, at + step, at)
             settled = np.where(known, np.abs(step), np.inf)
@@ -56,7 +54,7 @@ class Predictor:
         return np.where(self.points & (settled < 1e-3 * size), at, np.nan)
 
     def _value(self, setting: Configuration, at: Array) -> tuple[Array, Array]:
-        """The residual and its slope by the reading."""
+        """The residual at a value of the reading, and its slope by the reading."""
         system = self.system
         inputs = system.corrected(setting)
         error = system.error_at(self.signal.id, setting)
@@ -72,7 +70,8 @@ class Predictor:
         return value, slope
 
     def noise(self, setting: Configuration) -> Array:
-        """Standard uncertainty of measured less predicted by the noise of all readings, (n,)."""
+        """Standard uncertainty of measured less predicted, by the noise of all readings, shape
+        (n,)."""
         system = self.system
         flows = system.flows(setting)
         variance, own = np.zeros(len(system.data)), np.zeros(len(system.data))
@@ -81,13 +80,12 @@ class Predictor:
             for term in self.residual.terms:
                 i = system.number[term.observer]
                 total = total + term.sign * slopes.get(i, np.zeros(1))
-            with np.errstate(invalid="ignore"):  # where an estimate has no slope, none is told
+            with np.errstate(invalid="ignore"):  # an estimate without a slope has no noise
                 variance += (total * system.data.noise[name]) ** 2
             if name == self.signal.id:
                 own = total
         with np.errstate(all="ignore"):
-            result: Array = np.sqrt(variance) / np.abs(own)
-        return result
+            return np.asarray(np.sqrt(variance) / np.abs(own))
 
 
 def predictors_for(
@@ -95,8 +93,8 @@ def predictors_for(
 ) -> list[Predictor]:
     """Residuals and readings that show the error of some observers, the most natural first.
 
-    A reading of the kind of the place (`unit`) is best, then one that only one side of the
-    residual has, such as that of a flow meter.
+    A reading of the dimension of the place (`unit`) is best, then one of only one side of the
+    residual, such as that of a flow meter.
     """
     kind = parse_unit(unit, system.ruleset.units)
     modules = {o.rpartition(".")[0] for o in observers}
@@ -139,6 +137,4 @@ def predictor_of(system: System, relation: str, name: str) -> Predictor:
 
 def _usable(system: System, spec: ResidualSpec) -> np.ndarray:
     """Points at which all estimates of a residual may be used, shape (n,)."""
-    rows = [system.number[t.observer] for t in spec.terms]
-    flags: np.ndarray = np.all(system.valid[rows], axis=0)
-    return flags
+    return np.asarray(np.all(system.valid[[system.number[t.observer] for t in spec.terms]], axis=0))

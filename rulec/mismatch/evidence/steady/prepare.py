@@ -1,4 +1,4 @@
-"""Settled points of a recording, and which of them serve for what."""
+"""Settled points of a recording, and the use of each."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from rulec.mismatch.evidence.samples import (
 )
 
 UNSETTLED, SPARED = -1, -2
-"""In the place of the number of its point: a sample that is not settled, and one that is and was
-not taken, as a few of so many stretches say the same."""
+"""Instead of the number of a point: a sample that is not settled, and a settled one that was
+omitted because there are so many."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,13 +43,13 @@ class Data(Samples):
     """Settled points.
 
     `block`, shape (n,), is the number of the block of each. `noise` is the statistical standard
-    uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
-    `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
-    rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
-    others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
-    the recording, or `UNSETTLED` or `SPARED`. `source`, shape (n,), is the number of the recording
-    of each point, `sources` are their names; none where there is one. `clock`, s, shape (n,), is
-    the time since the recording of each began, or since the first where all are on one clock.
+    uncertainty of each reading of a point. With `of_rows`, each row of the recording is a settled
+    point of its own; `stretches` are the rows of each point. `moving` are flags per module, shape
+    (n,): while one ramps, others may be settled. `sample`, shape (samples,), is the number of the
+    point of each sample of the recording, or `UNSETTLED` or `SPARED`. `source`, shape (n,), is the
+    number of the recording of each point, `sources` are their names, none for a single recording.
+    `clock`, s, shape (n,), is the time since the start of the recording of each, or of the first
+    one if all have one clock.
     """
 
     points: Points
@@ -77,7 +77,7 @@ def prepare(
 ) -> Data | None:
     """Find the settled points; None where there are none.
 
-    Readings that are none are left out; what the model says of them is what is in doubt here.
+    Failed readings are removed without regard to the model, which is what is in doubt here.
     """
     recording = examine(recording, ruleset, by_model=False).recording
     noise = noise_at_work(recording, ruleset)
@@ -100,16 +100,13 @@ def prepare(
         if signal.id in points.values:
             floor = limits.STATISTICAL_SHARE * systematic_u(signal, points.values[signal.id])
             own = points.statistical(signal.id)
-            # A reading that is constant by quantisation or filtering is not therefore exact.
+            # A reading that quantisation or filtering makes constant is not exact.
             smallest = floor if of_rows else limits.FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
             statistical[signal.id] = np.maximum(own, smallest)
     first = stretches.first
     source = np.zeros(len(time), np.intp) if recording.source is None else recording.source[first]
     clock = time - (time[0] if recording.origin is None else recording.origin[first])
     block, part = _split(time, source, heldout)
-    text = _told(time, part, block, heldout)
-    sample = _points_of_samples(stretches, rests)
-    timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
     return Data(
         points=points,
         time=time,
@@ -117,20 +114,20 @@ def prepare(
         block=block,
         part=part,
         of_rows=of_rows,
-        split=text,
+        split=_split_in_words(time, part, block, heldout),
         digest=digest_of(time, part),
         moving=moving,
         stretches=stretches,
-        sample=sample,
+        sample=_points_of_samples(stretches, rests),
         source=source,
         sources=recording.sources,
         clock=clock,
-        timed=timed,
+        timed=recording.one_clock and (not of_rows or follows_a_course(recording, ruleset)),
     )
 
 
 def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.intp]:
-    """Number of the point of each sample, shape (samples,); `rests` flags the settled ones."""
+    """Number of the point of each sample, shape (samples,); `rests` flags settled samples."""
     sample: NDArray[np.intp] = np.where(rests, SPARED, UNSETTLED)
     for i, (low, high) in enumerate(zip(stretches.first, stretches.last, strict=True)):
         sample[low:high] = i
@@ -140,10 +137,10 @@ def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.in
 def settled_parts(
     recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> tuple[Stretches, dict[str, np.ndarray], np.ndarray]:
-    """Pieces of time in which some modules rest, by module in which of them it moves, and all
-    samples in which some rest, shape (samples,).
+    """Pieces of time in which some modules rest, flags per module of pieces in which it moves, and
+    flags of samples in which some module rests, shape (samples,).
 
-    Pumps that are run one by one seldom all rest at once.
+    Pumps that run one by one seldom all rest at once.
     """
     own: dict[str, list[ObserverSpec]] = {}
     for observer in ruleset.observers:
@@ -165,7 +162,7 @@ def settled_parts(
 
 
 def _bridged(points: Points, read: set[str]) -> Points:
-    """Gaps in readings that no estimate needs, bridged: they may drive something all the same."""
+    """Bridge gaps in readings that no estimate needs: they may still drive an effect."""
     assert points.time is not None
     values = dict(points.values)
     for name, course in points.values.items():
@@ -176,7 +173,7 @@ def _bridged(points: Points, read: set[str]) -> Points:
 
 
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
-    """Stretches cut, so that there are as many points as the budget allows, and no more."""
+    """Cut stretches into about as many points as the budget allows."""
     budget = limits.POINT_BUDGET // max(observers, 1)
     length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST_STRETCH)
     first, last = [], []
@@ -190,7 +187,7 @@ def _pieces(stretches: Stretches, observers: int) -> Stretches:
     pieces = Stretches(np.concatenate(first), np.concatenate(last))
     if len(pieces) <= 1.5 * budget:
         return pieces
-    # Many short stretches: every so-manyth is kept, whole.
+    # Of many short stretches a fraction is kept, each of them whole.
     keep = np.arange(len(pieces)) % (-(-len(pieces) // budget)) == 0
     return Stretches(pieces.first[keep], pieces.last[keep])
 
@@ -198,7 +195,7 @@ def _pieces(stretches: Stretches, observers: int) -> Stretches:
 def _split(
     time: Array, source: NDArray[np.intp], heldout: Sequence[tuple[float, float]]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number of the block of each point, and what it serves for: of each recording its share."""
+    """Number of the block of each point, and its use; each recording is split by itself."""
     block, part = np.zeros(len(time), np.intp), np.zeros(len(time), np.intp)
     behind = 0
     for own in np.unique(source):
@@ -228,7 +225,7 @@ def _split_of_one(
     return block, part
 
 
-def _told(
+def _split_in_words(
     time: Array, part: NDArray[np.intp], block: NDArray[np.intp], heldout: Sequence[object]
 ) -> str:
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]

@@ -1,9 +1,9 @@
 """Residuals as rows of one table, in units of their noise.
 
-Flows are eliminated: what several estimates of the same flows say beyond one value per free flow
-is redundant, and vanishes in a healthy plant that obeys its relations (`redundancy.py`).
-So many readings, the *outputs*, follow from the others. A residual is told as the error of its
-output, measured less predicted: whoever only rescales a relation gains nothing by it.
+Flows are eliminated: estimates of the same flows beyond one per free flow are redundant, and their
+combinations vanish in a healthy plant (`redundancy.py`). As many readings, the *outputs*, follow
+from the others. A residual is the error of its output, measured less predicted, so that rescaling a
+relation changes nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.small_systems import inverses, inverses_of
 from rulec.mismatch.evidence.steady.system import Flows, System
 
 Maps = tuple[Array, ...]
-"""Per cell the map from changes of estimates to whitened errors, (observers, rank, points)."""
+"""Map of each cell from changes of estimates to whitened errors, (observers, rank, points)."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Rows:
     def errors(self, flows: Flows) -> tuple[Array, dict[str, Array]]:
         """Whitened errors of the outputs, shape (rows,), and readings that obey the relations, SI.
 
-        Errors are exact where estimates are linear in the outputs, as they mostly are. Where they
-        are no more than noise, the readings are reconciled: the nearest, in units of their noise,
-        that obey. Slopes taken at noisy readings would be correlated with the errors, and
-        parameters biased. Where errors are larger, the outputs alone are moved: something is left
-        out, and the other readings have no part in it.
+        Errors are exact where estimates are linear in the outputs, as they mostly are. Where errors
+        are noise, the readings are reconciled: they move to the nearest ones, in units of their
+        noise, that obey the relations. Slopes at noisy readings would be correlated with the
+        errors, and bias parameters. Where errors are larger, only the outputs move: an effect is
+        missing, which does not concern the other readings.
 
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
@@ -70,7 +70,7 @@ class Rows:
     def _move(
         self, obeying: dict[str, Array], cell: Cell, names: Sequence[str], shifts: Array
     ) -> None:
-        """Take shifts, shape (points, readings), off readings, their signs kept."""
+        """Subtract shifts, shape (points, readings), from readings, but keep the signs of these."""
         values = self.system.data.values
         measured = np.stack([values[name][cell.points] for name in names], axis=1)
         sign, size = np.sign(measured), np.abs(measured)
@@ -99,7 +99,7 @@ class Rows:
         return np.stack([noise[name][cell.points] for name in names], axis=1)
 
     def maps(self, flows: Flows) -> Maps:
-        """How changes of the estimates show in the rows, at the readings of `flows`."""
+        """Maps from changes of estimates to rows, at the readings of `flows`."""
         slopes = [cell.slopes(flows.by_reading, cell.outputs) for cell in self.cells]
         result = []
         for cell, inverse in zip(self.cells, inverses_of(slopes), strict=True):
@@ -108,7 +108,7 @@ class Rows:
         return tuple(result)
 
     def column(self, maps: Maps, slopes: Mapping[int, Array]) -> Array:
-        """Rows of a change of some observers, each shape (n,) or a number for all points."""
+        """Rows of a change of some observers, each of shape (n,) or one value for all points."""
         table = np.zeros(len(self))
         for i, change in slopes.items():
             for number, j in self._places.get(i, ()):
@@ -122,7 +122,7 @@ class Rows:
 
     @cached_property
     def _places(self) -> Mapping[int, tuple[tuple[int, int], ...]]:
-        """Where an observer stands: numbers of cells, and its place in each."""
+        """Cells of each observer, by number, with its index in each."""
         places: dict[int, tuple[tuple[int, int], ...]] = {}
         for number, cell in enumerate(self.cells):
             for j, i in enumerate(cell.observers.tolist()):
@@ -131,7 +131,7 @@ class Rows:
 
     @cached_property
     def group(self) -> NDArray[np.intp]:
-        """Number of the (cell, point) of each row: rows that are judged together, shape (rows,)."""
+        """Number of the (cell, point) of each row, shape (rows,): these rows count together."""
         groups, start = [np.zeros(0, dtype=int)], 0
         for cell in self.cells:
             groups.append(start + np.tile(np.arange(len(cell.points)), cell.rank))
@@ -161,7 +161,7 @@ class Rows:
 
 
 def rows_of(system: System, setting: Configuration) -> Rows:
-    """Find what checks what, and the noise of the outputs' errors at a setting."""
+    """Find the estimates that check each other, and the noise of the outputs at a setting."""
     flows = system.flows(setting)
     cells: list[Cell] = []
     start = 0
@@ -187,7 +187,7 @@ def _cell(
     points: NDArray[np.intp],
     first: int,
 ) -> Cell | None:
-    """Choose outputs, and whiten their errors; None where no reading follows from others."""
+    """Choose outputs and whiten their errors; None where no reading follows from others."""
     points = points[np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)]
     bare = Cell(points, observers, basis, (), np.zeros(0), first)
     names = bare.readings(flows.by_reading)
@@ -208,19 +208,17 @@ def _cell(
     diagonal = np.arange(len(basis))
     covariance[:, diagonal, diagonal] += (limits.LEAST_NOISE * (size + size.mean(axis=0))) ** 2
     sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
-    factor = np.linalg.cholesky(covariance[sound])
-    whitener = np.linalg.inv(factor)
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance[sound]))
     return Cell(points[sound], observers, basis, outputs, whitener, first)
 
 
 def _product(matrices: Array, vectors: Array) -> Array:
     """One matrix times one vector per point, shapes (n, r, r) and (n, r)."""
-    product: Array = np.einsum("nrs,ns->nr", matrices, vectors)
-    return product
+    return np.asarray(np.einsum("nrs,ns->nr", matrices, vectors))
 
 
 def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[str, ...] | None:
-    """As many readings as there are combinations: those whose noise shows most in new ways."""
+    """As many readings as combinations: in turn that whose noise shows most beside the others."""
     signals = system.ruleset.signal_by_id
     names = [name for name in by_noise if not signals[name].is_input]
     if len(names) < rank:
@@ -241,7 +239,7 @@ def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[
 
 
 def _blocks(system: System) -> list[NDArray[np.intp]]:
-    """Numbers of the observers that check each other."""
+    """Numbers of the observers that may check each other."""
     ruleset, number = system.ruleset, system.number
     blocks = []
     for block in blocks_of(ruleset):

@@ -1,4 +1,4 @@
-"""What each row of a recording of a plant that settles served for."""
+"""Use of each row of a recording of a plant that settles."""
 
 from __future__ import annotations
 
@@ -35,42 +35,41 @@ def evidence_of(
     """
     if data is None:
         return counted_rows((), [*unread(recording), *[UNSETTLED] * len(recording)])
-    serves, told = _points(data, rows, judged, faulty)
+    compared, texts = _points(data, rows, judged, faulty)
     used: list[str] = []
     unused = unread(recording)
     for point in data.sample.tolist():
         if point < 0:
             unused.append(TOO_MANY if point == SPARED else UNSETTLED)
         else:
-            (used if serves[point] else unused).append(told[point])
+            (used if compared[point] else unused).append(texts[point])
     return counted_rows(used, unused)
 
 
 def _points(
     data: Data, rows: Rows | None, judged: np.ndarray | None, faulty: np.ndarray | None
 ) -> tuple[np.ndarray, list[str]]:
-    """Whether each point serves for something, shape (n,), and for what, or why not."""
-    serves = np.zeros(len(data), dtype=bool)
+    """Flags of points that are compared, shape (n,), and the use of each, or why it has none."""
+    compared = np.zeros(len(data), dtype=bool)
     if rows is not None:
-        serves[rows.group_point] = True
-    told = []
+        compared[rows.group_point] = True
+    texts = []
     for point in range(len(data)):
         why = _why_not(rows, point)
-        if not serves[point]:
-            told.append(why or NOTHING_TO_COMPARE)
+        if not compared[point]:
+            texts.append(why or NOTHING_TO_COMPARE)
             continue
-        held = data.part[point] == HELDOUT
-        what = HELD_OUT if held else SEARCHED
+        what = HELD_OUT if data.part[point] == HELDOUT else SEARCHED
         if faulty is not None and faulty[point]:
             what += "; in a period of a fault, so not in the errors"
         elif judged is not None and not judged[point]:
             what += "; not in the errors, as no reading is predicted there"
-        told.append(f"{what}; but {why}" if why else what)
-    return serves, told
+        texts.append(f"{what}; but {why}" if why else what)
+    return compared, texts
 
 
 def _why_not(rows: Rows | None, point: int) -> str:
-    """Why the first of the estimates that cannot be used at a point cannot; empty where all can."""
+    """Why the first unusable estimate at a point is unusable; empty where all are usable."""
     if rows is None or not rows.system.observers:
         return ""
     system = rows.system
@@ -79,7 +78,6 @@ def _why_not(rows: Rows | None, point: int) -> str:
         moving = system.data.moving.get(spec.module)
         if moving is not None and moving[point]:
             return f"{spec.module} is not settled"
-        return reason(
-            system.ruleset, system.observed, system.ruleset.observer_index[spec.id], point
-        )
+        index = system.ruleset.observer_index[spec.id]
+        return reason(system.ruleset, system.observed, index, point)
     return ""

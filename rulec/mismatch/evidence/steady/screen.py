@@ -1,7 +1,7 @@
-"""What each candidate could explain at best, by one linear step from the model as it is.
+"""The largest gain of each candidate, by one linear step from a fitted model.
 
-A full refit of every candidate would be slow, and needless: most explain nothing. A candidate's
-term is linear in its amplitudes near their null, so that its gain follows from projections. Shapes
+A full refit of every candidate would be slow and needless: most explain nothing. The term of a
+candidate is linear in its amplitudes near their null, so its gain follows from projections. Shapes
 (thresholds, exponents) are tried on a grid.
 
 Source: score test (Rao 1948); the gain is that of a likelihood with free scale.
@@ -25,24 +25,21 @@ from rulec.mismatch.evidence.steady.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class InitialCandidate:
-    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
-
-    `along` are others that must be joined with it.
-    """
+    """A candidate with starting values for a refit; `gain` in log likelihood, linearised."""
 
     candidate: Candidate
     values: Mapping[str, float]
     fixed: Mapping[str, float]
     gain: float
     course: Course | None = None
-    along: tuple[InitialCandidate, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreTest:
-    """The weighted linear problem around a fit; what base values can mend is projected out.
+    """The weighted linear problem about a fit; the part that base values can explain is projected
+    out.
 
-    `pull` is the slope of the priors there, in units of the weighted squares, shape (values,).
+    `pull` is the gradient of the priors there, in units of the weighted squares, shape (values,).
     """
 
     weights: Array
@@ -52,15 +49,6 @@ class ScoreTest:
     pull: Array
     total: float
     count: int
-
-    def cleaned(self, columns: Array) -> Array:
-        """Columns less what the values that are free anyway can imitate, shape (rows, k)."""
-        left: Array = columns - self.jacobian @ self._imitated(columns)
-        return left
-
-    def _imitated(self, columns: Array) -> Array:
-        imitated: Array = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
-        return imitated
 
     def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
         """Amplitudes within bounds, shape (k,), and the gain in log likelihood with free scale.
@@ -74,16 +62,17 @@ class ScoreTest:
     def best_of(
         self, columns: Array, sets: np.ndarray, lowest: Array, highest: Array
     ) -> tuple[Array, Array]:
-        """The same for many sets of columns, numbers of shape (sets, k): shapes (sets, k), (sets,).
+        """The same for many sets of columns, given by numbers of shape (sets, k).
 
-        `lowest` and `highest` are those of each column.
+        Returns shapes (sets, k) and (sets,); `lowest` and `highest` are those of each column.
         """
-        clean = self.cleaned(columns)
+        imitated = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
+        clean = columns - self.jacobian @ imitated
         normal = columns.T @ (self.weights[:, None] * clean)
-        # A sensor that errs beyond its class is held by its prior: what frees it gains that.
-        moment = clean.T @ (self.weights * self.residual) - self._imitated(columns).T @ self.pull
+        # A sensor error beyond its class is held by its prior, and a column that frees it gains.
+        moment = clean.T @ (self.weights * self.residual) - imitated.T @ self.pull
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        # What base values imitate all but wholly has no gain of its own.
+        # A column that base values imitate almost completely has no gain of its own.
         alone = np.einsum("nk,n,nk->k", columns, self.weights, columns)
         sound = (size**2 >= 1e-9 * alone) & np.isfinite(size)
         normal, size = np.where(np.outer(sound, sound), normal, 0.0), np.where(sound, size, 1.0)
@@ -99,37 +88,34 @@ class ScoreTest:
 
 
 def score_tests_at(fitted: Fitted) -> tuple[ScoreTest, ScoreTest]:
-    """Two looks: by the weights of the robust fit, and with far points counting more.
+    """Two tests: with the weights of the robust fit, and with more weight on outliers.
 
-    The first sees what is small and everywhere, the second what is large and rare.
+    The first finds small and frequent effects, the second large and rare ones.
     """
     rows, scale = fitted.rows, fitted.scale
     use = fitted.used[rows.point]
     size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
     huber = np.minimum(1.0, limits.HUBER * scale / np.maximum(size, 1e-300))
     robust = student_weights(rows, fitted.residual, scale)
-    return _look(fitted, robust * use), _look(fitted, huber * use)
+    return _score_test(fitted, robust * use), _score_test(fitted, huber * use)
 
 
-def _look(fitted: Fitted, weights: Array) -> ScoreTest:
-    jacobian, scale, known = fitted.jacobian, fitted.scale, fitted.known
-    normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.variance_inflation)
-    normal = normal + known.precision
+def _score_test(fitted: Fitted, weights: Array) -> ScoreTest:
+    jacobian, at, known = fitted.jacobian, fitted.at, fitted.known
+    unit = fitted.scale**2 * fitted.variance_inflation
+    normal = jacobian.T @ (weights[:, None] * jacobian) / unit + known.precision
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))
-    size = np.where(size > 0.0, size, 1.0)  # a value that nothing speaks of has no scale
+    size = np.where(size > 0.0, size, 1.0)  # a value without any information has no scale
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-    inverse = inverse / np.outer(size, size) / (scale**2 * fitted.variance_inflation)
-    # The weighted optimum need not be that of the fit: what is left must be free of base values.
-    at = fitted.at
-    unit = scale**2 * fitted.variance_inflation
+    inverse = inverse / np.outer(size, size) / unit
+    # The optimum with these weights differs from the fit: base values are refitted linearly.
     pull = unit * known.precision @ (at - known.mean)
     part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
     pull = pull - unit * known.precision @ part
-    # What can fall is also the negative log prior.
+    # The negative log prior can fall too.
     strained = float(pull @ (at - part - known.mean))
     total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
-    count = int(np.sum(weights > 0))
     return ScoreTest(
         weights=weights,
         residual=residual,
@@ -137,23 +123,24 @@ def _look(fitted: Fitted, weights: Array) -> ScoreTest:
         inverse=inverse,
         pull=pull,
         total=max(total, 1e-300),
-        count=count,
+        count=int(np.sum(weights > 0)),
     )
 
 
 def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[InitialCandidate]:
-    """The best start of each candidate that could help, best first."""
-    looks = score_tests_at(fitted)
-    trials = [trial for candidate in candidates for trial in _best_of(fitted, looks, candidate)]
-    return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
+    """The best starting values of each candidate that gains, by falling gain."""
+    tests = score_tests_at(fitted)
+    trials = (_best_of(fitted, tests, candidate) for candidate in candidates)
+    gaining = [trial for trial in trials if trial is not None and trial.gain > 0]
+    return sorted(gaining, key=lambda t: (-t.gain, t.candidate.id))
 
 
 def _best_of(
-    fitted: Fitted, looks: Sequence[ScoreTest], candidate: Candidate
-) -> list[InitialCandidate]:
+    fitted: Fitted, tests: Sequence[ScoreTest], candidate: Candidate
+) -> InitialCandidate | None:
     system = fitted.rows.system
     if not has_drivers(system, candidate):
-        return []
+        return None
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
     best: InitialCandidate | None = None
@@ -164,24 +151,21 @@ def _best_of(
             continue
         low = np.array([u.lowest - null[u.id] for u in amplitudes])
         high = np.array([u.highest - null[u.id] for u in amplitudes])
-        for look in looks:
-            found, gain = look.best(columns, low, high)
+        for test in tests:
+            found, gain = test.best(columns, low, high)
             if best is None or gain > best.gain:
-                values = {
-                    u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
-                }
-                best = InitialCandidate(
-                    candidate=candidate, values={**values, **shape}, fixed=fixed, gain=gain
-                )
-    return [best] if best is not None and best.gain > 0 else []
+                own = zip(amplitudes, found, strict=True)
+                values = {u.id: null[u.id] + float(a) for u, a in own} | shape
+                best = InitialCandidate(candidate=candidate, values=values, fixed=fixed, gain=gain)
+    return best
 
 
 def _bends(
     amplitudes: Sequence[Unknown], null: Mapping[str, float]
 ) -> Iterator[Mapping[str, float]]:
-    """Amplitudes at which the slope of a law is taken: at the null, and where it may differ.
+    """Amplitudes at which to take the slope of a law: the null, and others where it may differ.
 
-    An entry that states starts of different size says that its law bends.
+    An entry with starts of different sizes has a nonlinear law.
     """
     yield null
     for unknown in amplitudes:
@@ -193,22 +177,21 @@ def _bends(
 def columns_of(
     fitted: Fitted, candidate: Candidate, values: Mapping[str, float], fixed: Mapping[str, float]
 ) -> Array | None:
-    """Slopes of the residuals by the amplitudes of a candidate, shape (rows, amplitudes)."""
-    rows = fitted.rows
+    """Slopes of the residuals by the amplitudes of a candidate, shape (rows, amplitudes); None
+    where all are 0."""
+    rows, system = fitted.rows, fitted.rows.system
     names = [u.id for u in candidate.unknowns if u.null is not None and not u.fixed]
     setting = fitted.setting.joining(candidate, values, fixed)
-    system = rows.system
-    flows = system.flows(
-        setting, names, modules=system.reached(candidate.observers), at=fitted.predicted
-    )
+    modules = system.reached(candidate.observers)
+    flows = system.flows(setting, names, modules=modules, at=fitted.predicted)
     columns = np.stack([rows.column(fitted.maps, flows.by_value[n]) for n in names], axis=1)
     return columns if np.any(columns) else None
 
 
 def has_drivers(system: System, candidate: Candidate) -> bool:
-    """Is everything recorded that drives it, and does it vary by more than its noise?
+    """Are all drivers of a candidate recorded, and do they vary by more than their noise?
 
-    A law that bends where a reading is at rest would only fit the noise of that reading.
+    A nonlinear law of a constant reading would only fit the noise of that reading.
     """
     data = system.data
     asked = (u.driver for u in candidate.unknowns if u.driver is not None)
@@ -224,8 +207,8 @@ def has_drivers(system: System, candidate: Candidate) -> bool:
 
 
 def references(system: System, candidate: Candidate) -> dict[str, float]:
-    """Fixed parameters, where the recording is open: the median reading of their driver or another
-    quantile, or half the distance between two."""
+    """Fixed parameters by the open readings of their driver: the median or another quantile, or
+    half the distance between two."""
     found = {}
     for unknown in candidate.unknowns:
         if unknown.fixed and len(unknown.quantiles) == 2:
@@ -237,9 +220,9 @@ def references(system: System, candidate: Candidate) -> dict[str, float]:
 
 
 def with_open_references(system: System, trial: InitialCandidate) -> InitialCandidate | None:
-    """The trial with the conditions at which the plain law holds searched for; None without such.
+    """A trial with free reference conditions of its law; None where it has none.
 
-    Those of a calibration on an earlier run were others than the usual ones of this recording.
+    A calibration on an earlier run may have had other conditions than this recording.
     """
     candidate = trial.candidate
     opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
@@ -256,10 +239,10 @@ def with_open_references(system: System, trial: InitialCandidate) -> InitialCand
 
 
 def _opened(system: System, unknown: Unknown) -> Unknown:
-    """A reference as an unknown: the readings of its driver, and half their span beyond."""
+    """A reference as an unknown, within the readings of its driver and half their span beyond."""
     low, middle, high = _readings(system, unknown, (0.0, 0.5, 1.0))
     beyond = 0.5 * (high - low)
-    # What is positive by its nature stays so.
+    # A positive reference stays positive.
     lowest = max(low - beyond, limits.NEAR_ZERO * middle) if low > 0.0 else low - beyond
     opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
     derived = system.builder.fluid_drivers.get(unknown.driver or "")
@@ -286,8 +269,8 @@ def _grid(system: System, unknown: Unknown) -> list[float]:
     return [float(np.clip(v, unknown.lowest, unknown.highest)) for v in dict.fromkeys(values)]
 
 
-def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = MEDIAN) -> list[float]:
-    """Quantiles of the readings of a parameter's driver."""
+def _readings(system: System, unknown: Unknown, quantiles: Sequence[float]) -> list[float]:
+    """Quantiles of the open readings of a parameter's driver."""
     data = system.data
     assert unknown.driver is not None
     values = data.clock if unknown.driver == TIME else data.values[unknown.driver]

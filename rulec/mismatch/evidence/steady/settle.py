@@ -1,8 +1,8 @@
-"""The repaired model as it will be used: with sensors as they are, and what it may be trusted for.
+"""The repaired model for use: without lasting sensor errors, and with its range of validity.
 
-In the search each sensor may err within its class. Whoever uses the model later reads the same
-sensors: what of their errors stays belongs into the parameters then, as in any calibration on
-site. What one of several recordings has as its own does not.
+In the search each sensor may err within its class. Users of the model read the same sensors, so
+their lasting errors belong into the parameters, as in any calibration on site. Errors of single
+recordings do not.
 """
 
 from __future__ import annotations
@@ -20,31 +20,29 @@ from rulec.mismatch.result import Changed, Repair
 
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Configuration | None = None) -> Fitted:
-    """Refit a setting (that of the fit unless given) with no error of a sensor that stays.
+    """Refit a setting (that of the fit unless given) without lasting sensor errors.
 
-    Whoever uses the plant reads the same sensors. What one of several recordings has as its own
-    stays an error: values that make up for it would be wrong for the next one. Terms without
-    physics behind them are left out: nobody should rely on them.
+    Errors of single recordings remain: values that absorb them would be wrong for the next one.
+    Terms without physics are removed: nobody should rely on them.
     """
     setting = fitted.setting if setting is None else setting
     for candidate in setting.joined:
         if candidate.sort == "free":
             setting = setting.leaving(candidate.id)
-    none = no_lasting_errors(fitted.rows.system)
-    return fit(
-        fitted.rows, setting, fitted.used, held=none, variance_inflation=fitted.variance_inflation
-    )
+    held, inflation = no_lasting_errors(fitted.rows.system), fitted.variance_inflation
+    return fit(fitted.rows, setting, fitted.used, held=held, variance_inflation=inflation)
 
 
 def no_lasting_errors(system: System) -> dict[str, float]:
-    """Errors of sensors that stay, put to none; those of single recordings are not among them."""
+    """Lasting errors of sensors, each 0; errors of single recordings are not among them."""
     return {ERROR + name: 0.0 for name in system.shared}
 
 
 def repair_of(settled: Fitted, covariance: Array) -> Repair:
-    """What to write into a plant of a refitted model.
+    """The changes of a plant by a refitted model.
 
-    `covariance`, shape (values, values), SI, is that of all values of its prior."""
+    `covariance`, shape (values, values), SI, is that of all values of its prior.
+    """
     setting, system = settled.setting, settled.rows.system
     known = {*system.builder.parameters.ids, *setting.free_unknowns()}
     names = [n for n in settled.prior.names if n in known]
@@ -65,11 +63,10 @@ def repair_of(settled: Fitted, covariance: Array) -> Repair:
 
 
 def _misfit(settled: Fitted) -> dict[str, float]:
-    """What two estimates of a flow still differ by, noise of the readings included, as calibration
-    counts it.
+    """Remaining differences between two estimates of a flow, noise included, as in calibration.
 
-    It is the fault of the one that has a misfit at all, or of both alike. Points far off belong to
-    something else and are set aside.
+    They are attributed to the estimate that has a misfit at all, or to both alike. Outliers have
+    other causes and are ignored.
     """
     system = settled.rows.system
     flows = system.flows(settled.setting)
@@ -93,12 +90,12 @@ def _misfit(settled: Fitted) -> dict[str, float]:
 
 
 def _ranges(settled: Fitted) -> dict[str, tuple[float, float]]:
-    """Readings at which the relations that speak of a signal were tested, and held.
+    """Range of readings in which all relations with a signal were tested and held.
 
-    A relation is tested where all its estimates may be used. Where one of them is missing (no flow
-    through a closed valve, say), what is left says nothing of the others; where the two are far
-    apart, the model is wrong or the plant is. A signal that only drives a law is tested with its
-    module's relations. A meter is no law: what it may show is not known from where it was used.
+    A relation is tested where all its estimates are usable. Where one is missing (no flow through a
+    closed valve), the others remain untested; where they differ widely, the model or the plant is
+    wrong. A signal that only drives a law is tested with the relations of its module. A meter has
+    no law, so its use does not limit its range.
     """
     system, setting = settled.rows.system, settled.setting
     tested, fitted = _tested(settled), _with_values(settled)
@@ -128,10 +125,8 @@ def _with_values(settled: Fitted) -> set[str]:
 
 
 def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
-    """Per relation (its observers) the points at which it was tested and held, shape (n,).
-
-    Relations that were tested nowhere in this recording are left out.
-    """
+    """Flags of points, shape (n,), at which each relation (its observers) was tested and held;
+    without relations that were never tested."""
     system = settled.rows.system
     flows = system.flows(settled.setting).values
     found = {}
@@ -149,16 +144,14 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
 
 
 def _near(off: Array) -> np.ndarray:
-    """Which of some errors are not far off."""
+    """Flags of errors that are no outliers."""
     far = np.abs(off - np.median(off))
-    flags: np.ndarray = far <= limits.MISFIT_FAR * max(
-        NORMAL_SPREAD * float(np.median(far)), 1e-300
-    )
-    return flags
+    spread = max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
+    return np.asarray(far <= limits.MISFIT_FAR * spread)
 
 
 def plain_of(setting: Configuration) -> Configuration:
-    """The plain model to compare with; faults that come and go are no part of any model."""
+    """The plain model to compare with; faults that come and go stay, as no model has them."""
     for candidate in setting.joined:
         if not setting.in_periods & {u.id for u in candidate.unknowns}:
             setting = setting.leaving(candidate.id)

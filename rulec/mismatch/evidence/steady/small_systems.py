@@ -1,7 +1,7 @@
-"""Many small systems of equations at once: one per point, of as many unknowns as there are outputs.
+"""Solve many small systems of equations at once, one per point, with one unknown per output.
 
-Up to two unknowns have a formula. Whether a larger system has a solution is mostly plain from
-bounds of its condition; singular values, which cost ten times as much, are for doubtful ones.
+Up to two unknowns have a formula. Bounds of the condition mostly show whether a larger system is
+singular; singular values, which cost ten times as much, decide doubtful cases.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rulec.mismatch.evidence import limits
 
 
 def inverses_of(tables: Sequence[Array]) -> list[Array]:
-    """Invert several tables of matrices, shape (k, r, r), those of one size together."""
+    """Invert several tables of matrices, shape (k, r, r), those of equal size together."""
     result = list(tables)
     for size in dict.fromkeys(table.shape[1] for table in tables):
         chosen = [i for i, table in enumerate(tables) if table.shape[1] == size]
@@ -29,13 +29,10 @@ def inverses_of(tables: Sequence[Array]) -> list[Array]:
 def inverses(matrices: Array) -> Array:
     """Invert k matrices, shape (k, r, r); NaN where one is singular.
 
-    Unknowns have units of their own: rows and columns are brought to one size before a system
-    counts as singular.
+    Rows and columns are scaled before a system counts as singular, as unknowns differ in units.
     """
     if matrices.shape[1] == 1:
-        one = np.where(np.isfinite(matrices) & (matrices != 0.0), matrices, np.nan)
-        reciprocal: Array = 1.0 / one
-        return reciprocal
+        return 1.0 / np.where(np.isfinite(matrices) & (matrices != 0.0), matrices, np.nan)
     sound = np.ones(len(matrices), dtype=bool)
     if not np.isfinite(matrices).all():
         sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
@@ -57,10 +54,10 @@ def inverses(matrices: Array) -> Array:
 
 
 def _size(matrices: Array, axis: int) -> Array:
-    """Largest entry along an axis, 1 where there is none."""
+    """Largest absolute entry along an axis, 1 where all are 0."""
     parts = np.moveaxis(np.abs(matrices), axis, 0)
     sizes = parts[0].copy()
-    # A maximum over a short axis, many times, is slow in one call.
+    # One call of max over a short axis would be slow.
     for part in parts[1:]:
         np.maximum(sizes, part, out=sizes)
     sizes[sizes == 0.0] = 1.0
@@ -68,7 +65,7 @@ def _size(matrices: Array, axis: int) -> Array:
 
 
 def _of_two(matrices: Array) -> tuple[Array, Array]:
-    """Inverses, and conditions, by the sum and the product of the squares of singular values."""
+    """Inverses and conditions, by the sum and the product of squared singular values."""
     a, b = matrices[:, 0, 0], matrices[:, 0, 1]
     c, d = matrices[:, 1, 0], matrices[:, 1, 1]
     inverse = np.empty_like(matrices)
@@ -83,7 +80,7 @@ def _of_two(matrices: Array) -> tuple[Array, Array]:
 
 
 def _of_many(matrices: Array, sound: np.ndarray) -> Array:
-    """Inverses; clears `sound` where there is none."""
+    """Inverses; clears `sound` for singular matrices."""
     try:
         inverse = np.asarray(np.linalg.inv(matrices), dtype=float)
     except np.linalg.LinAlgError:
@@ -100,5 +97,4 @@ def _of_many(matrices: Array, sound: np.ndarray) -> Array:
 
 def _square(matrices: Array) -> Array:
     flat = matrices.reshape(len(matrices), -1)
-    square: Array = np.einsum("kn,kn->k", flat, flat)
-    return square
+    return np.asarray(np.einsum("kn,kn->k", flat, flat))

@@ -1,7 +1,7 @@
 """Settled points as means per operating state and block of time.
 
-What a state is follows from the inputs alone: points whose inputs agree are of one state. Visits
-to one state within a block of time are one point; visits to different ones never are.
+The inputs alone define a state: points whose inputs agree belong to one. Visits to a state within a
+block of time are one mean; visits to different states are never averaged.
 """
 
 from __future__ import annotations
@@ -51,12 +51,11 @@ def states_of(system: System, share: float = limits.ALIKE_SHARE) -> NDArray[np.i
 
 
 def likeness(system: System, flows: Flows, module: str) -> Array:
-    """How alike errors of form of a module's laws are at two points, shape (n, n), 1 where equal.
+    """Correlation of the errors of form of a module's laws between points, shape (n, n).
 
-    A law follows from what its module is set to and from the flow through it, and so does what is
-    wrong with its form. The flow counts as the plant's inputs set it: a fault that changes it at
-    the same inputs is no error of form. Errors bend, but have hardly any corners: the covariance is
-    that of Matern with two derivatives.
+    A law and its error of form depend on the set points of the module and on the flow through it,
+    here as a function of the plant's inputs: a fault that changes the flow at the same inputs is no
+    error of form. Errors are smooth: the covariance is that of Matern with two derivatives.
 
     Source: Stein 1999, chapter 1.7.
     """
@@ -68,8 +67,7 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
     far = np.sqrt(5.0 * square)
-    alike: Array = (1.0 + far + far**2 / 3.0) * np.exp(-far)
-    return alike
+    return np.asarray((1.0 + far + far**2 / 3.0) * np.exp(-far))
 
 
 def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Array]) -> list[Array]:
@@ -88,26 +86,23 @@ def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Arr
 
 
 def _spread(values: Array) -> float:
-    """Range of a course without its ends."""
+    """Range of a course without its outermost 5 % at either end."""
     return float(np.subtract(*np.quantile(values, [0.95, 0.05])))
 
 
 def _inputs(system: System) -> dict[str, tuple[Array, float]]:
-    """Values of each recorded input, and its noise."""
-    inputs = [s.id for s in system.ruleset.signals if s.is_input]
-    return {name: _course(system, name) for name in inputs if name in system.data.values}
-
-
-def _course(system: System, name: str) -> tuple[Array, float]:
-    """Values of a reading, gaps at the median, and its noise."""
-    values = system.data.values[name]
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-    return known, float(np.nanmedian(system.data.noise[name]))
+    """Values of each recorded input, with the median in gaps, and its noise."""
+    data, found = system.data, {}
+    for name in (s.id for s in system.ruleset.signals if s.is_input and s.id in data.values):
+        values = data.values[name]
+        known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+        found[name] = known, float(np.nanmedian(data.noise[name]))
+    return found
 
 
 def rows_of_states(system: System, cuts: Array | None = None) -> Rows:
-    """Rows whose points are means per operating state and block of time; none reaches over a cut,
-    s, at which something began or ended."""
+    """Rows whose points are means per operating state and block of time; no mean includes a cut, s,
+    at which an effect begins or ends."""
     data = averaged(system, np.zeros(0) if cuts is None else cuts)
     rows = rows_of(replace(system, data=data), Configuration())
     return rows_of(replace(rows.system, data=with_wobble(rows)), Configuration())
@@ -125,8 +120,7 @@ def averaged(system: System, cuts: Array) -> Data:
     first = first[order]
 
     def mean(values: Array) -> Array:
-        means: Array = (np.bincount(group, values) / count)[order]
-        return means
+        return np.asarray((np.bincount(group, values) / count)[order])
 
     # The error of a held input is the same in all of its points.
     noise = {
@@ -155,10 +149,10 @@ def averaged(system: System, cuts: Array) -> Data:
 
 
 def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
-    """The data with each input that is held while a state lasts at its mean there; which these are.
+    """The data with inputs that are held during states at their means, and the names of these.
 
-    Else every sample could have a true input of its own, and laws under which a reading no longer
-    follows an input, as that of a relief valve at its pressure, would explain the input's noise.
+    Otherwise each sample could have its own true input, and a law that makes a reading independent
+    of an input, as an open relief valve does, would explain the noise of the input.
     """
     data, state = system.data, states_of(system)
     new = np.diff(state, prepend=-1) != 0
@@ -183,16 +177,15 @@ def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
 
 
 def with_wobble(rows: Rows) -> Data:
-    """The data with the noise of each output raised to what repeated visits to its states show.
+    """The data with the noise of each output at least that between repeated visits to its states.
 
-    A mean over a block has less noise than its samples only where these are independent; what
-    wobbles slowly does not average out. Seen are differences between blocks that follow each other
-    in one state: what is wrong with a law is the same in both.
+    Means have less noise than samples only if these are independent; slow fluctuations do not
+    average out. They show in differences between successive blocks of one state, as an error of a
+    law is the same in both.
     """
     system, data = rows.system, rows.system.data
     state = states_of(system)
-    setting = Configuration()
-    residual = rows.errors(system.flows(setting))[0]
+    residual = rows.errors(system.flows(Configuration()))[0]
     noise = {name: values.copy() for name, values in data.noise.items()}
     for cell in rows.cells:
         off = np.einsum("nrs,ns->nr", np.linalg.inv(cell.whitener), cell.table(residual).T)
@@ -203,7 +196,7 @@ def with_wobble(rows: Rows) -> Data:
 
 
 def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float:
-    """Variance of errors between visits to one state, robust; 0 where too few are seen."""
+    """Robust variance of errors between visits to one state; 0 where there are too few."""
     steps = [np.diff(errors[(state == s) & open_ & np.isfinite(errors)]) for s in np.unique(state)]
     every = np.abs(np.concatenate(steps))
     if len(every) < limits.FEWEST_VISITS:
@@ -212,20 +205,19 @@ def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float
 
 
 def _groups(system: System, cuts: Array) -> NDArray[np.intp]:
-    """Number of the group of each point, shape (n,): of one state and block, and as usable."""
+    """Number of the group of each point, shape (n,): of equal state, stretch and usability."""
     data = system.data
     moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
     bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
     state = states_of(system)
     piece = np.searchsorted(cuts, data.time, side="right")
     key = np.stack([state, _stretch(data, state), piece, *moving, *bad], axis=1).astype(int)
-    group: NDArray[np.intp] = np.unique(key, axis=0, return_inverse=True)[1].ravel()
-    return group
+    return np.unique(key, axis=0, return_inverse=True)[1].ravel()
 
 
 def _stretch(data: Data, state: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Number of the stretch of time of each point, shape (n,): within its block, and so many that
-    there are about as many means as are wanted."""
+    """Number of the stretch of time of each point, shape (n,): parts of blocks, as many as give
+    about the wanted number of means."""
     n, states = len(data), int(state.max(initial=0)) + 1
     blocks = int(data.block.max(initial=0)) + 1
     parts = max(-(-limits.MOST_MEANS // (states * blocks)), 1) if n > limits.MOST_MEANS else n
@@ -233,8 +225,7 @@ def _stretch(data: Data, state: NDArray[np.intp]) -> NDArray[np.intp]:
     for block in np.unique(data.block):
         at = np.flatnonzero(data.block == block)
         inside[at] = np.arange(len(at)) * parts // max(len(at), 1)
-    stretch: NDArray[np.intp] = data.block * parts + inside
-    return stretch
+    return np.asarray(data.block * parts + inside)
 
 
 def _at(flags: Mapping[str, np.ndarray], chosen: NDArray[np.intp]) -> dict[str, np.ndarray]:

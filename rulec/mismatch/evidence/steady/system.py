@@ -1,4 +1,4 @@
-"""The relations of a plant over the points of a recording: flows by every observer, with slopes."""
+"""The relations of a plant at the points of a recording: estimates of all observers, and slopes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rulec.mismatch.evidence.steady.configuration import (
 from rulec.mismatch.evidence.steady.prepare import Data
 
 Slopes = dict[str, dict[int, Array]]
-"""Per name of a free value the derivative of each observer (its number) that it reaches."""
+"""Derivatives by the name of a free value and the number of each observer that depends on it."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Flows:
 class System:
     """A plant and the points of a recording.
 
-    `observers` are those whose readings are recorded; all arrays over observers are in this order.
+    `observers` are those with recorded readings; all arrays over observers have this order.
     """
 
     ruleset: Ruleset
@@ -62,33 +62,22 @@ class System:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """What may explain this recording: without a common clock nothing that follows one."""
-        every = self.builder.candidates
-        if not self.data.timed:
-            every = tuple(c for c in every if not c.follows_time)
-        # Of a property that is read, the reading counts.
-        return tuple(c for c in every if not self._stands_for_a_reading(c))
-
-    def _stands_for_a_reading(self, candidate: Candidate) -> bool:
-        """Does a property of the fluid drive it that somebody measures?"""
+        """Possible explanations; without a common clock, only those that do not follow time."""
+        every = [c for c in self.builder.candidates if self.data.timed or not c.follows_time]
+        measured = {
+            signal.quantity
+            for module in self.builder.network.plant.modules.values()
+            for signal in module.type.signals.values()
+            if np.isfinite(self.data.values.get(f"{module.name}.{signal.name}", np.nan)).any()
+        }
+        # Where a property of the fluid is measured, its reading is the driver.
         known = self.builder.fluid_drivers
-        names = {known[d].name for d in candidate.drivers.values() if d in known}
-        return not names.isdisjoint(self._measured)
-
-    @cached_property
-    def _measured(self) -> frozenset[str]:
-        """Quantities of which there are readings."""
-        modules = self.builder.network.plant.modules.values()
-        return frozenset(
-            s.quantity
-            for m in modules
-            for s in m.type.signals.values()
-            if np.isfinite(self.data.values.get(f"{m.name}.{s.name}", np.nan)).any()
-        )
+        replaced = {driver for driver, own in known.items() if own.name in measured}
+        return tuple(c for c in every if replaced.isdisjoint(c.drivers.values()))
 
     @cached_property
     def belief(self) -> Belief:
-        """What is known of the parameters of these modules that recalibration may move."""
+        """The prior of the parameters of these modules that recalibration may change."""
         known = self.builder.parameters
         u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
         inside = [name.partition(".")[0] in self.modules for name in known.ids]
@@ -103,19 +92,19 @@ class System:
 
     @cached_property
     def number(self) -> Mapping[str, int]:
-        """Place of each observer."""
+        """Number of each observer."""
         return {o.id: i for i, o in enumerate(self.observers)}
 
     @cached_property
     def observed(self) -> Observed:
-        """What the plain plan says of the points, for all observers of the ruleset."""
+        """Estimates of all observers of the ruleset by the plain plan."""
         return observe(self.ruleset, self.data.points)
 
     @cached_property
     def valid(self) -> np.ndarray:
-        """Which estimates may be used at which point, shape (observers, n)."""
-        seen = self.observed.valid
-        valid = np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
+        """Flags of usable estimates, shape (observers, n)."""
+        every, index = self.observed.valid, self.ruleset.observer_index
+        valid = np.array([every[index[o.id]] for o in self.observers])
         for row, observer in zip(valid, self.observers, strict=True):
             if observer.module in self.data.moving:
                 row &= ~self.data.moving[observer.module]
@@ -123,7 +112,7 @@ class System:
 
     @cached_property
     def inputs(self) -> dict[str, Array | float]:
-        """Readings as recorded and the clock, shape (n,), and constants; SI."""
+        """Recorded readings and the clock, shape (n,), and constants; SI."""
         return {**self.data.values, TIME: self.data.clock, **self.builder.parameters.constants}
 
     @cached_property
@@ -134,26 +123,25 @@ class System:
 
     @cached_property
     def errors(self) -> tuple[str, ...]:
-        """Names of the errors of sensors: what stays, and per recording what was set anew."""
+        """Names of sensor errors: the lasting ones, and those of single recordings."""
         numbers = np.unique(self.data.source).tolist() if self.data.sources else []
         own = [own_error(name, number) for number in numbers for name in self.shared]
         return (*(ERROR + name for name in self.shared), *own)
 
     def error_at(self, name: str, setting: Configuration) -> Array | float:
-        """The error of a reading in uncertainties of its class, shape (n,) where it differs from
-        recording to recording."""
-        values, stays = setting.values, setting.values.get(ERROR + name, 0.0)
+        """The error of a reading in uncertainties of its class, shape (n,) where recordings
+        differ."""
+        values, lasting = setting.values, setting.values.get(ERROR + name, 0.0)
         if not self.data.sources:
-            return stays
+            return lasting
         count = len(self.data.sources)
         own = np.array([values.get(own_error(name, number), 0.0) for number in range(count)])
-        error: Array = stays + own[self.data.source]
-        return error
+        return np.asarray(lasting + own[self.data.source])
 
     def corrected(
         self, setting: Configuration, at: Mapping[str, Array] | None = None
     ) -> dict[str, Array | float]:
-        """Plan inputs, SI: readings, shape (n,), less errors of their sensors; all values."""
+        """Plan inputs, SI: readings, shape (n,), corrected for sensor errors, and all values."""
         inputs = {**self.inputs, **(at or {}), **setting.fixed, **setting.values}
         parameters = self.builder.parameters
         for name, value in zip(parameters.ids, parameters.values, strict=True):
@@ -179,18 +167,16 @@ class System:
 
         Parameters
         ----------
-        by : names of free values to differentiate by; sensor errors too.
-        spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
-        at : readings other than those recorded, shape (n,), SI.
+        by : names of free values to differentiate by, sensor errors included.
+        spots : ids of places with an unknown error of value 0, whose name may be in `by`.
+        at : readings instead of the recorded ones, shape (n,), SI.
         """
         inputs = self.corrected(setting, at)
-        n = len(self.data)
-        values = np.full((len(self.observers), n), np.nan)
+        values = np.full((len(self.observers), len(self.data)), np.nan)
         by_reading: Slopes = {}
         raw: Slopes = {}
-        # Without any, nothing need be matched to places: that takes longer than all the rest.
-        asked = bool(spots or setting.spots)
-        own_spots = self.builder.places if asked else {}
+        # Places are slow to find, so only if needed.
+        own_spots = self.builder.places if spots or setting.spots else {}
         built = self.built_in(setting)
         spots = (*(s for s in spots if s in own_spots and s not in built), *built)
         by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))
@@ -210,12 +196,12 @@ class System:
         return Flows(values, by_reading, self._of_values(by, raw, by_reading))
 
     def built_in(self, setting: Configuration) -> tuple[str, ...]:
-        """Places with an error that plans must have an input for; a parameter is one anyway."""
+        """Places whose error needs an input of the plans; parameters are inputs already."""
         places = {s.id for s in self.builder.spots} if setting.spots else set()
         return tuple(s for s in setting.spots if s in places)
 
     def value_of(self, spot: Spot) -> Array:
-        """What the plain law at a place gives, shape (n,), in SI of the place."""
+        """Value of the plain law at a place, shape (n,), in SI of the place."""
         kind = "d:" if spot.kind == "definition" else f"q:{spot.module}."
         plan = self.builder.plan(spot.module, (), definitions=True).select([kind + spot.place])
         with np.errstate(all="ignore"):
@@ -228,7 +214,7 @@ class System:
         return tuple(m for m in self.modules if m in touched)
 
     def _of_values(self, by: Sequence[str], raw: Slopes, by_reading: Slopes) -> Slopes:
-        """Slopes by free values; those by sensor errors follow from the readings they act on."""
+        """Slopes by free values; those by sensor errors follow from slopes by readings."""
         result: Slopes = {}
         for name in by:
             if not name.startswith(ERROR):
@@ -243,14 +229,14 @@ class System:
 
 
 def system_of(ruleset: Ruleset, builder: ModelBuilder, data: Data) -> System:
-    """A plant and its settled points, with the properties that its fluid has there."""
+    """A plant and its settled points, with the properties of its fluid there."""
     return System(ruleset, builder, with_properties(builder, data))
 
 
 def with_properties(builder: ModelBuilder, data: Data) -> Data:
-    """Settled points with the properties that the fluid of the plant has there.
+    """Add the properties of the fluid to settled points.
 
-    Where the equations of a fluid do not reach a temperature that was recorded, nothing is known.
+    They are unknown if a recorded temperature is outside the range of the equations.
     """
     points, noise = data.points, dict(data.noise)
     values, u, systematic = dict(points.values), dict(points.u), dict(points.systematic)

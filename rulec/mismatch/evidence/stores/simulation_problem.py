@@ -172,11 +172,7 @@ class SimulationProblem:
 
     def candidate(self, name: str) -> Candidate:
         """A candidate by id."""
-        return self._by_id[name]
-
-    @cached_property
-    def _by_id(self) -> dict[str, Candidate]:
-        return {c.id: c for c in self.builder.candidates}
+        return next(c for c in self.builder.candidates if c.id == name)
 
 
 def unknowns_of(joined: Sequence[Candidate]) -> dict[str, Unknown]:
