@@ -8,7 +8,6 @@ examined, whether an equation reads it or not.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -60,7 +59,7 @@ def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
                 f"{len(known)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
                 f"{signal.unit}, which is all that its sensor can show; they are left out"
             )
-            yield failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
+            yield _failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
 
 
 def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
@@ -71,8 +70,8 @@ def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
             found.setdefault(one.signal, []).append(one)
     for name, members in found.items():
         text = f"{members[0].text}; these readings are left out"
-        finding = failed(ruleset.signal_by_id[name], "stuck-reading", "Sensor that is stuck", text)
-        yield replace(finding, periods=tuple(Period(m.since, m.until, 1.0, 0.0) for m in members))
+        periods = tuple(Period(m.since, m.until, 1.0, 0.0) for m in members)
+        yield _stuck(ruleset.signal_by_id[name], text, periods)
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
@@ -90,17 +89,17 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         # Inputs are often set points, and held.
         u, ends = median_u(signal, values), (signal.lowest, signal.highest)
         if spans := standing_still(values, u if signal.is_input else np.inf, ends):
-            yield _stuck(signal, recording.time, values, spans)
+            yield _still(signal, recording.time, values, spans)
         # Inputs may be set in steps.
         if signal.id in shown and (step := coarse_step(values, u)):
             text = (
                 f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far "
                 "coarser than its class; nothing finer can be told from it"
             )
-            yield failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
+            yield _failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
 
 
-def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
+def _still(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
     periods = tuple(Period(float(time[a]), float(time[b - 1]), 1.0, 0.0) for a, b in spans)
     when = ", ".join(f"{p.since:.0f} to {p.until:.0f} s" for p in periods)
     shown = (float(values[spans[0][0]]) - signal.offset) / signal.factor
@@ -108,8 +107,11 @@ def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int
         f"{signal.id} is stuck from {when}, first at {shown:.4g} {signal.unit}: even its noise "
         "is gone; these readings are left out"
     )
-    finding = failed(signal, "stuck-reading", "Sensor that is stuck", text)
-    return replace(finding, periods=periods)
+    return _stuck(signal, text, periods)
+
+
+def _stuck(signal: SignalSpec, text: str, periods: tuple[Period, ...]) -> Finding:
+    return _failed(signal, "stuck-reading", "Sensor that is stuck", text, periods)
 
 
 def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding:
@@ -119,11 +121,12 @@ def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding
         f"{signal.id} drops out: {int(odd.sum())} single readings ({share:.1f} %) jump away by "
         f"about {away:.3g} {signal.unit} and back; they are left out"
     )
-    return failed(signal, "drop-outs", "Sensor that drops out", text)
+    return _failed(signal, "drop-outs", "Sensor that drops out", text)
 
 
-def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
-    """The finding of a sensor that fails."""
+def _failed(
+    signal: SignalSpec, name: str, title: str, text: str, periods: tuple[Period, ...] = ()
+) -> Finding:
     module, _, place = signal.id.partition(".")
     return Finding(
         id=f"{signal.id}.{name}",
@@ -141,7 +144,7 @@ def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
         alternatives=(),
         gain=0.0,
         rivals=(),
-        periods=(),
+        periods=periods,
         closed=0.0,
     )
 

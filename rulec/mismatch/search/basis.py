@@ -41,8 +41,7 @@ def _functions(length: float) -> Array:
     size, ways = np.linalg.eigh(1.0 + np.exp(-0.5 * apart / length**2))
     rank = int((size > limits.FORM_RANK * size.max()).sum())
     best = np.argsort(-size)[: min(rank, limits.TERM_FUNCTIONS)]
-    table: Array = ways[:, best] * np.sqrt(size[best])
-    return table
+    return np.asarray(ways[:, best] * np.sqrt(size[best]))
 
 
 def basis_over(values: Array, length: float) -> Basis:

@@ -63,5 +63,4 @@ class CurveFound:
     @property
     def u(self) -> Array:
         """Standard uncertainty of each value, shape (n,)."""
-        u: Array = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return u
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))

@@ -81,8 +81,7 @@ def _clipped(values: Array) -> Array:
     middle = float(np.median(values))
     spread = spread_about(values, middle) or float(np.std(values))
     far = limits.KNOT_ODD * spread
-    near: Array = np.clip(values, middle - far, middle + far)
-    return near
+    return np.asarray(np.clip(values, middle - far, middle + far))
 
 
 def _candidate(spot: Spot) -> Candidate:

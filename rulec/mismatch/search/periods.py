@@ -78,8 +78,7 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> InitialCandidate | None:
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
     """The longest period only: the others may be noise."""
     first, last = max(runs_of(segments, on), key=lambda run: run[1] - run[0])
-    inside: np.ndarray = (segments.first >= first) & (segments.first < last) & on
-    return inside
+    return np.asarray((segments.first >= first) & (segments.first < last) & on)
 
 
 def _hull(on: np.ndarray) -> np.ndarray:

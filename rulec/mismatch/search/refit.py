@@ -67,8 +67,7 @@ class Model:
         size = np.sqrt(np.diag(normal))
         moment = table.T @ (weights * self.left) / size
         found = np.linalg.solve(normal / np.outer(size, size), moment) / size
-        rest: Array = self.off - self.raw @ found
-        return rest
+        return np.asarray(self.off - self.raw @ found)
 
     @property
     def setting(self) -> Configuration:
@@ -100,8 +99,7 @@ class Model:
     def covariance(self) -> Array:
         """Covariance of the values, SI, shape (values, values)."""
         step, n = self.prior.coordinates.slopes(self.at), len(self.at)
-        covariance: Array = self.inverse[:n, :n] * np.outer(step, step)
-        return covariance
+        return np.asarray(self.inverse[:n, :n] * np.outer(step, step))
 
 
 @dataclass(frozen=True)
@@ -128,13 +126,11 @@ class _Weighted:
 
     @cached_property
     def normal(self) -> Array:
-        normal: Array = self.table.T @ (self.table * self.weights[:, None])
-        return normal
+        return np.asarray(self.table.T @ (self.table * self.weights[:, None]))
 
     @cached_property
     def moment(self) -> Array:
-        moment: Array = self.table.T @ (self.weights * self.left)
-        return moment
+        return np.asarray(self.table.T @ (self.weights * self.left))
 
 
 def refitted(

@@ -156,8 +156,7 @@ class Rows:
 
     def per_group(self, rows: Array) -> Array:
         """Sum over the rows of each group, shape (groups,)."""
-        sums: Array = np.bincount(self.group, rows, minlength=self.groups).astype(float)
-        return sums
+        return np.bincount(self.group, rows, minlength=self.groups).astype(float)
 
 
 def rows_of(system: System, setting: Configuration) -> Rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,15 +87,16 @@ class SimulationProblem:
 
     def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
         """Free parameters of a fit: uncertain ones that affect a measured reading, and unknowns."""
-        plan = self.balances(tuple(c.id for c in joined)).plan
-        reached = plan.select(self._watched(plan.outputs)).used_inputs
+        reached = self._reached(tuple(c.id for c in joined))
         known = [n for n in self.base.ids if n in reached]
         return (*known, *(u.id for c in joined for u in c.unknowns if not u.fixed))
 
-    def _watched(self, outputs: Mapping[str, int]) -> list[str]:
-        shown = [f"{SHOWN}{n}" for n in self.signals]
+    def _reached(self, joined: tuple[str, ...]) -> Collection[str]:
+        """Plan inputs that affect a state or a measured reading."""
+        plan, shown = self.balances(joined).plan, [f"{SHOWN}{n}" for n in self.signals]
         moving = ("der:", "start:", "low:", "high:", "after:")
-        return [n for n in outputs if n.startswith(moving) or n in shown]
+        watched = [n for n in plan.outputs if n.startswith(moving) or n in shown]
+        return plan.select(watched).used_inputs
 
     @cached_property
     def plain_values(self) -> dict[str, float]:
@@ -115,7 +116,7 @@ class SimulationProblem:
 
         Errors at `spots` are inputs by their unknowns. `inputs` have shape (n,), SI.
         """
-        whole = self.builder.balances(joined, spots) if spots else self.balances(joined)
+        whole = self.builder.balances(joined, spots)
         given = self.record.inputs if inputs is None else inputs
         table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
         held = np.array([n not in self._lines for n in whole.inputs], dtype=np.bool_)
@@ -161,14 +162,13 @@ class SimulationProblem:
     def candidates(self) -> tuple[Candidate, ...]:
         """Candidates with all parameters affecting measured readings; without a common clock, only
         those that do not follow time."""
-        known = self.builder.candidates
-        timed = [c for c in known if self.record.timed or not c.follows_time]
-        return tuple(c for c in timed if self._reaches(c))
-
-    def _reaches(self, candidate: Candidate) -> bool:
-        plan = self.balances((candidate.id,)).plan
-        reached = plan.select(self._watched(plan.outputs)).used_inputs
-        return all(u.id in reached for u in candidate.unknowns if not u.fixed)
+        found = []
+        for candidate in self.builder.candidates:
+            if self.record.timed or not candidate.follows_time:
+                reached = self._reached((candidate.id,))
+                if all(u.id in reached for u in candidate.unknowns if not u.fixed):
+                    found.append(candidate)
+        return tuple(found)
 
     def candidate(self, name: str) -> Candidate:
         """A candidate by id."""

@@ -29,8 +29,7 @@ from rulec.mismatch.search.sizes import Size, share_of, size_of
 
 def driver_of(system: System, name: str) -> Array:
     """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
-    values: Array = system.data.time if name == TIME else system.data.values[name]
-    return values
+    return system.data.time if name == TIME else system.data.values[name]
 
 
 def _smooth_over(correlation: Array, least: float) -> Array:

@@ -76,25 +76,18 @@ def lost_to(geometry: Geometry, posterior: Posterior, term: Term) -> tuple[Rejec
     best = posterior.told
     rest = best - {term.name}
     model = posterior.models[best]
+    groups = np.unique(geometry.group, return_index=True)[1]
+    driver = driver_of(geometry.rows.system, term.driver)[geometry.point[groups]]
     found: dict[str, RejectedCandidate] = {}
     for names, other in posterior.models.items():
         new = [c for c in other.setting.joined if rest == without(names, c) != names]
         nats = posterior.odds[best] - posterior.odds[names]
         for candidate in new if len(names) == len(best) else ():
             if candidate.id not in found or nats < found[candidate.id].nats:
-                between, share = _where(geometry, model, other, term)
-                found[candidate.id] = RejectedCandidate(candidate, float(nats), between, share)
+                worse = np.maximum(_lost(geometry, other) - _lost(geometry, model), 0.0)
+                region = where_most(driver, worse)
+                found[candidate.id] = RejectedCandidate(candidate, float(nats), *region)
     return tuple(sorted(found.values(), key=lambda lost: lost.nats))
-
-
-def _where(
-    geometry: Geometry, best: Model, other: Model, term: Term
-) -> tuple[tuple[float | None, float | None] | None, float]:
-    """Range of the driver in which a model loses against the best one, and the share there."""
-    first = np.unique(geometry.group, return_index=True)[1]
-    driver = driver_of(geometry.rows.system, term.driver)[geometry.point[first]]
-    worse = np.maximum(_lost(geometry, other) - _lost(geometry, best), 0.0)
-    return where_most(driver, worse)
 
 
 def _lost(geometry: Geometry, model: Model) -> Array:

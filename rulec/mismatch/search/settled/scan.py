@@ -374,8 +374,7 @@ def _odds(every: Sequence[Column]) -> Array:
     """Prior log odds of each column, by its sort and the number of alternatives."""
     ways = Counter(c.candidate.id for c in every)
     each = [limits.SORT_ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
-    odds: Array = np.array(each) - np.log(len(ways))
-    return odds
+    return np.asarray(np.array(each) - np.log(len(ways)))
 
 
 def joined(

@@ -42,8 +42,7 @@ class Switching:
 
     def at(self, time: Array) -> Array:
         """The function at times, shape (n, 1)."""
-        column: Array = self.level[np.searchsorted(self.ends, time, side="right")][:, None]
-        return column
+        return np.asarray(self.level[np.searchsorted(self.ends, time, side="right")][:, None])
 
 
 def by_the_way(

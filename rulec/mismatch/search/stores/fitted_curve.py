@@ -161,8 +161,7 @@ def inverse_of(table: Array, known: Array) -> Array:
     normal = table.T @ table + np.diag(known)
     unit = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
-    inverse: Array = np.linalg.inv(scaled) / np.outer(unit, unit)
-    return inverse
+    return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))
 
 
 def _likeliest(system: System, place: Place, news: float) -> tuple[Form, float]:

@@ -106,7 +106,14 @@ def explain(bench: SimulationProblem, progress: Progress) -> Posterior:
     search = begun(bench)
     grown(search, progress, (grow, prune), apart=True)
     progress("refitting the likeliest sets, with errors as they are about the best one")
-    return about_the_best(bench, search).posterior()
+    # A model that is far off has other errors of form and of sensors.
+    again = Search(StoresGeometry(bench, search.models[search.likeliest].setting))
+    likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
+    for names in dict.fromkeys((*likely, frozenset())):
+        model = search.models[names]
+        with contextlib.suppress(np.linalg.LinAlgError):
+            again.keep(names, again.refit(model.setting, model, model.terms))
+    return again.posterior()
 
 
 def begun(bench: SimulationProblem) -> Search:
@@ -116,18 +123,6 @@ def begun(bench: SimulationProblem) -> Search:
     search = Search(StoresGeometry(bench, near.setting))
     search.keep(frozenset(), search.refit(near.setting, near))
     return search
-
-
-def about_the_best(bench: SimulationProblem, search: Search) -> Search:
-    """Refit the likeliest sets with errors of form and of sensors linearised at the best one: at a
-    model that is far off they differ."""
-    again = Search(StoresGeometry(bench, search.models[search.likeliest].setting))
-    likely = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_AGAIN]
-    for names in dict.fromkeys((*likely, frozenset())):
-        model = search.models[names]
-        with contextlib.suppress(np.linalg.LinAlgError):
-            again.keep(names, again.refit(model.setting, model, model.terms))
-    return again
 
 
 def grow(search: Search, names: Names, of: Set[str] | None = None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,7 +73,10 @@ def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
     ends = found.ends
     driver = axis_of(ends.bench, first).over(course_of(ends.bench, first))
     own, lost = _squares(ends, first.fitted), list[RejectedCandidate]()
-    for single in _singles(found):
+    models, alone = found.posterior.models, found.alone
+    every = (models[frozenset({n})].setting for n in sorted(alone, key=lambda n: -alone[n]))
+    for setting in [s for s in every if s.joined][: limits.WEIGHED]:
+        single = ends.fitted(setting.joined, {**setting.values, **setting.fixed}, found.plain)
         nats = float(first.gain - ends.gain(single, found.plain))
         if nats > 0.0:
             worse = np.maximum(_squares(ends, single) - own, 0.0)
@@ -81,12 +84,3 @@ def _lost(found: Found, first: FittedCurve) -> tuple[RejectedCandidate, ...]:
     lost.sort(key=lambda one: one.nats)
     nearest = {one.candidate.name: one for one in reversed(lost)}
     return tuple(sorted(nearest.values(), key=lambda one: one.nats))
-
-
-def _singles(found: Found) -> Iterator[Fitted]:
-    """Models with one explanation, the likeliest first."""
-    models, alone = found.posterior.models, found.alone
-    every = sorted(alone, key=lambda name: -alone[name])
-    settings = [models[frozenset({name})].setting for name in every]
-    for setting in [s for s in settings if s.joined][: limits.WEIGHED]:
-        yield found.ends.fitted(setting.joined, {**setting.values, **setting.fixed}, found.plain)
