@@ -214,9 +214,9 @@ class Evidence(ABC):
     def likelihood(self, residual: Array, noise: Noise) -> float:
         """Log likelihood of a whitened residual, shape (rows,)."""
 
-    @abstractmethod
     def weights(self, residual: Array, noise: Noise) -> Array:
         """Weights of whitened rows in the normal matrix, shape (rows,)."""
+        return self.scored(residual[:, None], noise)[0][:, 0]
 
     @abstractmethod
     def expected_weights(self, noise: Noise) -> Array:
@@ -235,9 +235,9 @@ class Evidence(ABC):
     def noise_odds(self, noise: Noise) -> float:
         """Log prior density of the noise."""
 
-    @abstractmethod
     def likely_noises(self, residual: Array) -> list[Noise]:
-        """Noise from which to start, by a residual, shape (rows,)."""
+        """Noise from which to start, besides the given one, by a residual, shape (rows,)."""
+        return []
 
     @abstractmethod
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:

@@ -93,9 +93,8 @@ def prior_of(system: System, setting: Configuration) -> Prior:
     if k:
         mean[:k] = belief.mean
         scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
-        lowest[:k], highest[:k] = mean[:k] - limits.FARTHEST, mean[:k] + limits.FARTHEST
-        lowest[:k] = np.where(belief.coordinates.positive, lowest[:k], -np.inf)
-        highest[:k] = np.where(belief.coordinates.positive, highest[:k], np.inf)
+        far = np.where(belief.coordinates.positive, limits.FARTHEST, np.inf)
+        lowest[:k], highest[:k] = mean[:k] - far, mean[:k] + far
     adrift = _adrift(setting)
     several = bool(system.data.sources)
     for i, name in enumerate(errors, start=k):

@@ -64,7 +64,7 @@ def errors_of_form(
                 there = _with_error(bench, ids, values, spot, share * value * shape)
             except RanAway:
                 continue
-            moved.append(np.concatenate([there.shown[n] - plain.shown[n] for n in bench.signals]))
+            moved.append(there.stacked - plain.stacked)
         yield spot, np.stack(moved, axis=1)
 
 

@@ -60,14 +60,15 @@ def drift_of(
     record = bench.record
     columns: list[Array] = []
     shapes: list[tuple[str, Array] | None] = []
-    plain = _stacked(bench, joined, values, record.inputs)
+    plain = bench.simulate(joined, values).stacked
     spread = np.repeat([np.nanstd(v) for v in record.measured.values()], len(bench.time))
     for name, course in record.inputs.items():
         if name not in bench.balances(joined).inputs:
             continue
         u = systematic_u(bench.ruleset.signal_by_id[name], course)
         u = np.broadcast_to(u, course.shape)
-        moved = _stacked(bench, joined, values, {**record.inputs, name: course + u})
+        changed = {**record.inputs, name: course + u}
+        moved = bench.simulate(joined, values, inputs=changed).stacked
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
         if size < limits.NOTABLE_DRIFT:
             continue
@@ -75,7 +76,7 @@ def drift_of(
         ways = hats(bench.time, limits.DRIFT_KNOTS) if large else [np.ones(len(bench.time))]
         for shape in ways:
             changed = {**record.inputs, name: course + u * shape}
-            columns.append(_stacked(bench, joined, values, changed) - plain)
+            columns.append(bench.simulate(joined, values, inputs=changed).stacked - plain)
             shapes.append((name, u * shape))
     zeros = _zero_errors(bench)
     return Drift(np.column_stack([*columns, *zeros]), (*shapes, *([None] * len(zeros))))
@@ -100,23 +101,13 @@ def moved_again(
 ) -> Drift:
     """The same errors, linearised at another model, where other volumes may run over a rim.
     `inputs` have shape (n,), SI."""
-    plain = _stacked(bench, joined, values, inputs)
+    plain = bench.simulate(joined, values, inputs=inputs).stacked
     columns = list(drift.moved.T)
     for i, shape in enumerate(drift.shapes):
         if shape is not None:
             changed = {**inputs, shape[0]: inputs[shape[0]] + shape[1]}
-            columns[i] = _stacked(bench, joined, values, changed) - plain
+            columns[i] = bench.simulate(joined, values, inputs=changed).stacked - plain
     return replace(drift, moved=np.column_stack(columns)) if columns else drift
-
-
-def _stacked(
-    bench: SimulationProblem,
-    joined: tuple[str, ...],
-    values: Mapping[str, float],
-    inputs: Mapping[str, Array],
-) -> Array:
-    said = bench.simulate(joined, values, inputs=inputs)
-    return np.concatenate([said.shown[n] for n in bench.signals])
 
 
 def hats(over: Array, knots: int) -> list[Array]:
@@ -131,9 +122,10 @@ def errors_of_sensors(
     """Effects of constant sensor errors within their class on readings, stacked, shape (signals *
     samples, errors), SI. Errors that move belong to the wandering error of a model."""
     inputs = bench.record.inputs
-    plain = _stacked(bench, ids, values, inputs)
+    plain = bench.simulate(ids, values).stacked
     found = []
     for name in (n for n in inputs if n in bench.balances(ids).inputs):
         u = systematic_u(bench.ruleset.signal_by_id[name], inputs[name])
-        found.append(_stacked(bench, ids, values, {**inputs, name: inputs[name] + u}) - plain)
+        changed = {**inputs, name: inputs[name] + u}
+        found.append(bench.simulate(ids, values, inputs=changed).stacked - plain)
     return np.stack([*found, *_zero_errors(bench)], axis=1)

@@ -71,8 +71,7 @@ def forms_of_effects(
         try:
             for shape in (zero, *shapes):
                 more = {unknown: change * shape for (_, unknown), change in errors.items()}
-                said = bench.simulate(ids, values, inputs={**inputs, **more}, spots=spots)
-                shown = np.concatenate([said.shown[n] for n in bench.signals])
+                shown = bench.simulate(ids, values, inputs={**inputs, **more}, spots=spots).stacked
                 if shape is zero:
                     plain = shown
                 else:

@@ -118,10 +118,9 @@ class Fitter:
         steps = [_size(one, duration) for one in self._unknowns]
         self.scale = np.concatenate([1.0 / np.sqrt(u), steps])
         ends = [bench.ends(one) for one in self._unknowns]
-        low = np.where(positive, mean - limits.FARTHEST, -np.inf)
-        high = np.where(positive, mean + limits.FARTHEST, np.inf)
-        self._low = np.concatenate([low, [end[0] for end in ends]])
-        self._high = np.concatenate([high, [end[1] for end in ends]])
+        far = np.where(positive, limits.FARTHEST, np.inf)
+        self._low = np.concatenate([mean - far, [end[0] for end in ends]])
+        self._high = np.concatenate([mean + far, [end[1] for end in ends]])
 
     def slopes(self, at: Array) -> Array:
         """Slopes of the values, SI, by the coordinates at a point, shape (free,)."""

@@ -68,8 +68,7 @@ def response(
 
     def shown(course: Array) -> Array:
         inputs = {**fitted.inputs, spot.unknown: course}
-        model = bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,))
-        return np.concatenate([model.shown[n] for n in bench.signals])
+        return bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot.id,)).stacked
 
     scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
     zero = np.zeros(len(bench.time))

@@ -34,6 +34,11 @@ class Simulated:
     slopes: Mapping[str, Array]
     course: Course
 
+    @property
+    def stacked(self) -> Array:
+        """Readings of all signals one below the other, shape (signals * samples,), SI."""
+        return np.concatenate(list(self.shown.values()))
+
 
 class SimulationProblem:
     """A plant, its candidates, and a recording."""
@@ -135,10 +140,10 @@ class SimulationProblem:
     def _ends(self) -> dict[str, tuple[float, float]]:
         """Range of each sensor, extended to its readings."""
         found = {}
-        for name, seen in self.record.measured.items():
+        for name, own in self.record.measured.items():
             signal = self.ruleset.signal_by_id[name]
-            low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(seen)))
-            high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(seen)))
+            low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(own)))
+            high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(own)))
             found[name] = low, high
         return found
 

@@ -178,10 +178,6 @@ class Geometry(Evidence):
         """The columns themselves: their noise is independent."""
         return lambda noise: columns
 
-    def likely_noises(self, residual: Array) -> list[Noise]:
-        """None: the search starts from the given noise."""
-        return []
-
     def levels(self, noise: Noise, rest: Callable[[], Array], *, alone: bool) -> list[Noise]:
         """The same noise: with all rows weighted alike, large and rare errors show."""
         return [noise]
@@ -280,10 +276,6 @@ class Geometry(Evidence):
         square = np.bincount(self.group, residual**2) / scale**2
         far = np.log1p(square / limits.STUDENT)
         return np.asarray(self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far)
-
-    def weights(self, residual: Array, noise: Noise) -> Array:
-        """Weights of the rows in the normal matrix."""
-        return self.scored(residual[:, None], noise)[0][:, 0]
 
     def expected_weights(self, noise: Noise) -> Array:
         """Mean information of each row, shape (rows,): Fisher information of Student noise."""

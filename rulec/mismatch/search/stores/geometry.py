@@ -101,8 +101,8 @@ class StoresGeometry(Evidence):
     def _measured(self) -> dict[str, Array]:
         time, found = self.bench.time, {}
         for name, values in self.bench.record.measured.items():
-            seen = np.isfinite(values)
-            found[name] = np.interp(time, time[seen], values[seen])
+            known = np.isfinite(values)
+            found[name] = np.interp(time, time[known], values[known])
         return found
 
     @cached_property
@@ -110,8 +110,8 @@ class StoresGeometry(Evidence):
         """Standard deviation of the noise of each reading, SI."""
         record, found = self.bench.record, {}
         for name, values in record.measured.items():
-            seen = values[np.isfinite(values)]
-            found[name] = max(white_noise(np.diff(seen, 3), 3), record.resolution[name], 1e-12)
+            known = values[np.isfinite(values)]
+            found[name] = max(white_noise(np.diff(known, 3), 3), record.resolution[name], 1e-12)
         return found
 
     @cached_property
@@ -236,10 +236,6 @@ class StoresGeometry(Evidence):
         logs = sum(innovations(*own).logs(runs) for own, runs in each)
         return -0.5 * float(residual @ residual) - logs
 
-    def weights(self, residual: Array, noise: Noise) -> Array:
-        """Weights of innovations: single outliers have been removed before."""
-        return np.ones(self.count)
-
     def expected_weights(self, noise: Noise) -> Array:
         """Mean information of each innovation."""
         return np.ones(self.count)
@@ -249,7 +245,7 @@ class StoresGeometry(Evidence):
         return rng.standard_normal((self.count, count))
 
     def scored(self, residuals: Array, noise: Noise) -> tuple[Array, Array]:
-        """Weights of innovations, and their squares."""
+        """Weights of innovations, all 1 as outliers were removed before, and their squares."""
         return np.ones_like(residuals), np.sum(residuals**2, axis=0)
 
     def prior(self, setting: Configuration) -> Prior:
@@ -268,8 +264,8 @@ class StoresGeometry(Evidence):
         scale[:k] = 1.0 / np.sqrt(np.diag(belief.near(belief.mean).precision))
         positive = belief.coordinates.positive
         low, high = np.full(n, -np.inf), np.full(n, np.inf)
-        low[:k] = np.where(positive, mean[:k] - of_evidence.FARTHEST, -np.inf)
-        high[:k] = np.where(positive, mean[:k] + of_evidence.FARTHEST, np.inf)
+        far = np.where(positive, of_evidence.FARTHEST, np.inf)
+        low[:k], high[:k] = mean[:k] - far, mean[:k] + far
         for i, name in enumerate(names[k:], start=k):
             low[i], high[i] = bench.ends(unknowns[name])
             width = high[i] - low[i]
@@ -305,13 +301,13 @@ class StoresGeometry(Evidence):
             values = {**self.bench.plain_values, **fixed, **null, **shape}
             values[unknown.id] = plain + 1e-3 * (usual(unknown) - plain)
             try:
-                said = self.bench.simulate((candidate.id,), values, [unknown.id])
+                course = self.bench.simulate((candidate.id,), values, [unknown.id]).course
             except RanAway:
                 continue
             names = self.bench.balances((candidate.id,)).outputs
-            slopes, course = said.course.slopes[:, :, 0], said.course.shown
-            sizes = np.sqrt(np.mean(course**2, axis=0))
-            moved = np.sqrt(np.mean(slopes**2, axis=0)) / np.maximum(sizes, 1e-300)
+            sizes = np.sqrt(np.mean(course.shown**2, axis=0))
+            slopes = np.sqrt(np.mean(course.slopes[:, :, 0] ** 2, axis=0))
+            moved = slopes / np.maximum(sizes, 1e-300)
             flows = [i for i, n in enumerate(names) if n.startswith(("inflow:", "outflow:"))]
             own = [i for i in flows if names[i].partition(":")[2] in candidate.modules]
             reading = f"shown:{candidate.module}.{candidate.place}"
@@ -334,14 +330,14 @@ class StoresGeometry(Evidence):
         values = {**setting.fixed, **setting.values}
         try:
             with np.errstate(all="ignore"):
-                said = self.bench.simulate(setting.ids, values, names)
+                model = self.bench.simulate(setting.ids, values, names)
         except RanAway:
             return np.full(self.count, np.inf), np.zeros((self.count, len(names)))
         residual, slopes = [], []
         for name, known in self._known.items():
-            off = said.shown[name] - self._measured[name]
+            off = model.shown[name] - self._measured[name]
             residual.append(off[known] / self.white[name])
-            slopes.append(said.slopes[name][known] / self.white[name])
+            slopes.append(model.slopes[name][known] / self.white[name])
         whole = np.concatenate(slopes)
         # Where a tank runs empty slopes overflow: such a sample is useless to first order.
         whole[~np.all(np.abs(whole) < limits.RUNAWAY, axis=1)] = 0.0

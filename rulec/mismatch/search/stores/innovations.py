@@ -79,6 +79,6 @@ def innovations(size: float, lasts: float, smoothness: float) -> Innovations:
     news = known - step @ known @ step.T
     ahead = solve_discrete_are(step.T, shown.T, 0.5 * (news + news.T), np.ones((1, 1)))
     whole = float(ahead[0, 0]) + 1.0
-    seen = step @ ahead[:, :1] / whole @ shown
-    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - seen))
+    gain = step @ ahead[:, :1] / whole @ shown
+    above, below = (np.asarray(np.poly(each), dtype=np.float64) for each in (step, step - gain))
     return Innovations(first, above, below, float(np.sqrt(whole)))

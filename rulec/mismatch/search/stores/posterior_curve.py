@@ -16,7 +16,6 @@ from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import response
 from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
@@ -162,13 +161,16 @@ def _branches(
     fitted, spot = drawn.fitted, drawn.place.spot
     height = float(np.ptp(drawn.form.table @ drawn.amounts))
     step = common.GENTLE * height
+    inputs = ({**fitted.inputs, spot.unknown: error * side} for error in (step, 0.0))
     try:
-        moved = _shown(bench, fitted, spot.id, {spot.unknown: step * side})
-        moved -= _shown(bench, fitted, spot.id, {spot.unknown: 0.0 * side})
+        moved, plain = (
+            bench.simulate(fitted.ids, fitted.values, inputs=own, spots=(spot.id,)).stacked
+            for own in inputs
+        )
     except RanAway:
         return None
     judged = drawn.judged
-    column = drawn.fitter.as_rows(moved[:, None] / step, judged, judged.basis())
+    column = drawn.fitter.as_rows((moved - plain)[:, None] / step, judged, judged.basis())
     whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
     left = drawn.fitter.residual(drawn.at, judged, judged.basis())[0]
     gradient = whole.T @ left
@@ -176,9 +178,3 @@ def _branches(
     gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])
     u = 2.0 * float(np.sqrt(_covariance(bench, drawn, whole, prior)[0, 0]))
     return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])
-
-
-def _shown(bench: SimulationProblem, fitted: Fitted, spot: str, more: dict[str, Array]) -> Array:
-    inputs = {**fitted.inputs, **more}
-    said = bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot,))
-    return np.concatenate([said.shown[n] for n in bench.signals])
