@@ -29,7 +29,7 @@ class RejectedCandidate:
     """An effect in the place of a term: by how much it fits worse, nats, and where.
 
     `between` are ends of the driver, SI (None: open), that hold the share `share` of that loss;
-    None where it lies everywhere.
+    None where the loss is spread out.
     """
 
     candidate: Candidate

@@ -5,7 +5,7 @@ from __future__ import annotations
 # Fits to settled points.
 
 HALF_STEPS = 50
-"""Steps of a refit that starts close to its optimum. Origin: numerical."""
+"""Most steps of a refit that starts close to its optimum. Origin: numerical."""
 
 # Prices and gains: log likelihood and log odds.
 

@@ -49,14 +49,10 @@ def size_of(unknown: Unknown, share: Callable[[], float]) -> Size:
     if usual is None:
         width = unknown.highest - unknown.lowest
         return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
-    freedom = 2.0 / float(np.log(usual.factor))
+    spread = float(np.log(usual.factor))
+    freedom = 2.0 / spread
     median = usual.size / share() if usual.of_place else usual.size
-    return Size(
-        median / float(stdtrit(freedom, 0.75)),
-        freedom,
-        median,
-        median * float(np.log(usual.factor)),
-    )
+    return Size(median / float(stdtrit(freedom, 0.75)), freedom, median, median * spread)
 
 
 def share_of(system: System, candidate: Candidate, unknown: Unknown) -> float:

@@ -101,21 +101,15 @@ def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
         null = {u.id: u.null for u in amplitudes if u.null is not None}
         fixed = references(system, candidate)
         for shape in starts(system, candidate) if amplitudes else ():
-            table = columns_of(model.fitted, candidate, {**null, **shape}, fixed)
+            own = {**null, **shape}
+            table = columns_of(model.fitted, candidate, own, fixed)
             if table is None or not np.isfinite(table).all():
                 continue
-            for unknown, rows in zip(amplitudes, table[seen].T, strict=True):
-                if rows.any():
-                    values = {**null, **shape}
-                    found.append(
-                        Column(
-                            candidate=candidate,
-                            amplitude=unknown,
-                            values=values,
-                            fixed=fixed,
-                            rows=rows,
-                        )
-                    )
+            found += [
+                Column(candidate=candidate, amplitude=u, values=own, fixed=fixed, rows=rows)
+                for u, rows in zip(amplitudes, table[seen].T, strict=True)
+                if rows.any()
+            ]
     return [*found, *_begun(geometry, found)] if system.data.timed else found
 
 

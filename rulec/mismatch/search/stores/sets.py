@@ -68,7 +68,7 @@ def columns(geometry: StoresGeometry, model: Model, of: Set[str] | None = None) 
 def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list[Configuration]:
     """Settings from which the refit of a set may start: the best one with predicted strengths, and
     the best ones with usual strengths, with the current and with the stated values of the plant."""
-    foreseen = [joined(model.setting, found.starts) for found in every]
+    predicted = [joined(model.setting, found.starts) for found in every]
     new = {c.candidate.id: c.candidate for c, _ in every[0].starts}.values()
     fixed = {c.id: geometry.references(model.setting, c) for c in new}
     shapes = itertools.product(*(geometry.starts(model.setting, c) for c in new))
@@ -86,7 +86,7 @@ def ways(geometry: StoresGeometry, model: Model, every: Sequence[Found]) -> list
             others.append(replace(there, values={**there.values, **own}))
     # Beside another explanation the values of the plant are reliable.
     stated = [_as_stated(there) for there in others] if not model.setting.joined else []
-    best = (nearest(geometry.coarse, kind) for kind in (foreseen, others, stated))
+    best = (nearest(geometry.coarse, kind) for kind in (predicted, others, stated))
     return [way for way in best if way is not None]
 
 
