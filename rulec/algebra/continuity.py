@@ -1,10 +1,10 @@
-"""Flows by continuity: which flows the junction balances fix, and as which sums.
+"""Flows by continuity: which flows the junction balances determine, and as which sums.
 
-A plant is a graph: junctions are nodes, modules are edges along their flow, and everything open
-ends at one more node, the surroundings. Flows that balance are circulations of this graph. Two
-facts of graph theory do the work: a flow is fixed by known flows exactly if its edge is a bridge
-once the known edges are taken out, and it is then the net known flow into one side of the bridge.
-So all factors are +1 or -1 and the effort is linear in the graph, whatever splits and loops it has.
+A plant is a graph: junctions are nodes, modules are edges along their flow, and all open ends meet
+at one more node, the surroundings. Balanced flows are circulations of this graph. Known flows
+determine a flow exactly if its edge is a bridge of the graph without the known edges; it then
+equals the net known flow into one side of the bridge. So all factors are +1 or -1, and the effort
+is linear in the size of the graph, whatever its splits and loops.
 
 Source: incidence matrices are totally unimodular (Poincare 1900); bridges after Tarjan (1974).
 """
@@ -20,12 +20,12 @@ Terms = dict[str, int]
 """A signed sum of modules' flows."""
 
 SURROUNDINGS = -1
-"""The node at which all open ends meet. Its balance follows from the others."""
+"""The node where all open ends meet. Its balance follows from the others."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Flows of `outlets` modules together become the flows of `inlets` modules."""
+    """The flows of the `outlets` modules together equal those of the `inlets` modules."""
 
     outlets: tuple[str, ...]
     inlets: tuple[str, ...]
@@ -33,7 +33,7 @@ class Balance:
 
 @dataclass(frozen=True)
 class FixedFlow:
-    """The flow of a module as sum of others; `upstream`: of what flows in on its inlet side."""
+    """The flow of a module as a sum of others; `upstream`: of those into its inlet side."""
 
     terms: Terms
     upstream: bool
@@ -41,29 +41,20 @@ class FixedFlow:
 
 @dataclass(frozen=True)
 class FlowGraph:
-    """Junctions are numbered as the balances are; `ends` gives inlet and outlet node of modules."""
+    """Junctions have the numbers of their balances; `ends`: inlet and outlet node per module."""
 
     ends: Mapping[str, tuple[int, int]]
 
     @staticmethod
     def of(balances: Sequence[Balance], modules: Iterable[str] = ()) -> FlowGraph:
-        """The graph of all modules that touch a junction, and of `modules`."""
+        """The graph of `modules` and of all modules at a junction."""
         inlet = {m: i for i, b in enumerate(balances) for m in b.inlets}
         outlet = {m: i for i, b in enumerate(balances) for m in b.outlets}
         names = dict.fromkeys([*modules, *outlet, *inlet])
         ends = {m: (inlet.get(m, SURROUNDINGS), outlet.get(m, SURROUNDINGS)) for m in names}
         return FlowGraph(ends)
 
-    def places(self, measured: Iterable[str]) -> dict[int, int]:
-        """Junctions that modules of unknown flow join, under one number each.
-
-        At every place but the surroundings the measured flows balance.
-        """
-        parts = nx.connected_components(self._without(set(measured)))
-        number = {node: min(part) for part in parts for node in part}
-        return dict(sorted(number.items()))
-
-    def _without(self, known: Set[str]) -> nx.MultiGraph:
+    def without(self, known: Set[str]) -> nx.MultiGraph:
         """Junctions as nodes, modules of unknown flow as edges between them."""
         unknown = nx.MultiGraph()
         unknown.add_nodes_from([SURROUNDINGS, *(n for pair in self.ends.values() for n in pair)])
@@ -73,9 +64,14 @@ class FlowGraph:
         return unknown
 
     def measured_balances(self, measured: Iterable[str]) -> dict[int, dict[str, int]]:
-        """The balances of known flows: per place the modules that enter (+1) and leave (-1)."""
+        """Balances of known flows: per place the modules that enter (+1) and leave (-1).
+
+        A place is all junctions that modules of unknown flow connect; its number is their lowest.
+        """
         measured = list(measured)
-        place, result = self.places(measured), dict[int, dict[str, int]]()
+        parts = nx.connected_components(self.without(set(measured)))
+        place = {node: min(part) for part in parts for node in part}
+        result: dict[int, dict[str, int]] = {}
         for name in measured:
             tail, head = (place[node] for node in self.ends[name])
             if tail != head:
@@ -86,10 +82,10 @@ class FlowGraph:
 
 
 def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, FixedFlow]:
-    """Flows of further modules that those of `known` fix.
+    """Flows of further modules that the flows of `known` determine.
 
-    A sum of what flows in upstream is preferred; modules are left out whose flow is unknown, or
-    zero whatever the known ones are.
+    A sum of flows that enter upstream is preferred. Modules whose flow stays unknown, or is always
+    zero, are left out.
 
     >>> graph = FlowGraph.of([Balance(("A", "B"), ("C",))])
     >>> flows_by_continuity(graph, ["A", "B"])
@@ -101,20 +97,20 @@ def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, Fix
 
 
 def without_flow(graph: FlowGraph) -> list[str]:
-    """Modules in which nothing can flow, as they are the only link between two closed parts."""
+    """Modules without flow, because they are the only link between two closed parts."""
     cuts = _Cuts(graph, set())
     return [name for name in graph.ends if name in cuts.below]
 
 
 class _Cuts:
-    """Modules that alone join two parts by an unknown flow, and what is known to enter the parts.
+    """Bridges among the modules of unknown flow, and the known flows into the parts they join.
 
-    `below` gives by such a module (a bridge) the node at its far end from the root of its part.
+    `below` maps a bridge to its end that is farther from the root of its part.
     """
 
     def __init__(self, graph: FlowGraph, known: Set[str]) -> None:
         self._ends = graph.ends
-        unknown = graph._without(known)
+        unknown = graph.without(known)
         enters: dict[int, Terms] = {node: {} for node in unknown}
         for name in (n for n in graph.ends if n in known):
             tail, head = graph.ends[name]
@@ -143,29 +139,26 @@ class _Cuts:
         node = self.below.get(name)
         if node is None:
             return None
-        tail, _ = self._ends[name]
-        # A subtree is the side that the root is not in; the tail is in it if it is `node`,
-        # as no other edge joins the two sides.
-        inner, root = self._sum[node], self._root[node]
+        # The subtree of `node` is the side without the root. No other edge joins the two sides, so
+        # the tail is in the subtree exactly if it is `node`.
+        tail, root = self._ends[name][0], self._root[node]
+        leaves = {other: -sign for other, sign in self._sum[node].items()}
+        upstream = True
         if tail == node:
-            terms, upstream = dict(inner), True
+            terms = self._sum[node].copy()
         elif root == SURROUNDINGS:
-            terms, upstream = _negative(inner), False
+            terms, upstream = leaves, False
         else:
-            terms, upstream = dict(self._sum[root]), True
-            _add(terms, _negative(inner))
+            terms = self._sum[root].copy()
+            _add(terms, leaves)
         return FixedFlow(terms, upstream) if terms else None
 
 
 def _add(total: Terms, more: Terms) -> None:
-    """Add in place; what cancels is dropped."""
+    """Add in place; terms that cancel are dropped."""
     for name, sign in more.items():
         value = total.get(name, 0) + sign
         if value:
             total[name] = value
         else:
             total.pop(name, None)
-
-
-def _negative(terms: Terms) -> Terms:
-    return {name: -sign for name, sign in terms.items()}

@@ -9,13 +9,13 @@ from rulec.limits import ZERO_PIVOT
 
 
 def independent_without(matrix: Array, first: int) -> Array:
-    """Independent rows without entries in the first columns.
+    """Independent sums of rows that have no entries in the first columns.
 
     >>> independent_without(np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [2.0, 1.0, 1.0]]), 1)
     array([[ 0. , -0.5,  0.5]])
     """
-    rest, done = matrix.copy(), 0
-    kept = 0
+    rest = matrix.copy()
+    done = kept = 0
     for j in range(matrix.shape[1]):
         if done == len(rest):
             break
@@ -23,7 +23,7 @@ def independent_without(matrix: Array, first: int) -> Array:
         if abs(rest[pivot, j]) < ZERO_PIVOT:
             continue
         rest[[done, pivot]] = rest[[pivot, done]]
-        # Balances have few flows: most rows stay as they are.
+        # Balances have few flows, so most rows stay unchanged.
         rows = done + 1 + np.flatnonzero(rest[done + 1 :, j])
         rest[rows] -= np.outer(rest[rows, j] / rest[done, j], rest[done])
         done += 1
@@ -32,11 +32,11 @@ def independent_without(matrix: Array, first: int) -> Array:
 
 
 def solved_for(matrix: Array, first: int) -> tuple[Array, Array]:
-    """Solve equations (rows, each a sum that vanishes) for the unknowns of the first columns.
+    """Solve equations (rows, each a sum equal to zero) for the unknowns of the first columns.
 
     Returns
     -------
-    Each of these unknowns as sum of the other columns, and what the other equations then say.
+    Each of these unknowns as a sum of the other columns, and the equations that remain of them.
 
     >>> solved_for(np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]), 1)
     (array([[1., 0.]]), array([[-1.,  1.]]))

@@ -1,7 +1,4 @@
-"""Builds a plan node by node. Equal nodes are one node, constants are folded.
-
-This is the common-subexpression elimination: a value that stands already is never built again.
-"""
+"""Builds a plan node by node; equal nodes are shared, and constants are folded."""
 
 from __future__ import annotations
 
@@ -66,7 +63,7 @@ class Graph:
         return node
 
     def _folded(self, name: str, a: Node, b: Node) -> Node | None:
-        """The constant or operand that an operation comes down to, if it does."""
+        """The simpler node that an operation reduces to, if there is one."""
         x, y = self._values.get(a), self._values.get(b)
         if x is None and y is None:
             return self._without_signs(name, a, b)
@@ -94,7 +91,7 @@ class Graph:
         return self._without_signs(name, a, b)
 
     def _without_signs(self, name: str, a: Node, b: Node) -> Node | None:
-        """Pull minus signs outwards, so that values that differ in sign alone are shared."""
+        """Pull minus signs outwards, so that values that differ only in sign share a node."""
         kinds = self._kinds
         if kinds[a][0] != "neg" and (kinds[b][0] != "neg" or name in UNARY):
             return None
@@ -161,9 +158,9 @@ class Graph:
         return node == self.zero
 
     def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
-        """Freeze: keep what the outputs need, numbered inputs, constants, operations.
+        """Keep what the outputs (by default those of the graph) need.
 
-        `outputs` are those of the graph unless given.
+        Numbers are given to inputs first, then to constants, then to operations.
         """
         outputs = self.outputs if outputs is None else outputs
         kinds = self._kinds
@@ -189,7 +186,7 @@ class Graph:
         )
 
     def _needed(self, roots: Iterable[Node]) -> list[Node]:
-        """What the roots need, in order; an operation stands behind what it is made of."""
+        """The nodes that the roots need, each after its operands."""
         marks = bytearray(len(self._kinds))
         for node in roots:
             marks[node] = 1

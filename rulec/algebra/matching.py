@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 
 def match(readers: Sequence[Sequence[int]]) -> list[int | None]:
-    """Give each unknown an equation of its own, as many unknowns as possible.
+    """Assign to as many unknowns as possible an equation of their own.
 
-    Unknowns are taken in order, and one that has an equation keeps having one. So where not all
-    can be served, the set of those that are is the first possible one in this order.
+    Unknowns are taken in order, and an unknown once matched stays matched. So if not all can be
+    matched, the matched set is the first possible one in this order.
 
     Parameters
     ----------
-    readers : per unknown the numbers of the equations that hold it.
+    readers : per unknown the numbers of the equations that contain it.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def match(readers: Sequence[Sequence[int]]) -> list[int | None]:
 def _search(
     readers: Sequence[Sequence[int]], owner: dict[int, int], start: int
 ) -> tuple[dict[int, int], int | None]:
-    """Breadth-first along alternating paths, to the first equation without owner."""
+    """Search breadth-first along alternating paths for the first equation without an owner."""
     reached_from: dict[int, int] = {}
     queue = deque([start])
     while queue:
@@ -60,12 +60,12 @@ def _search(
 def surplus(
     readers: Sequence[Sequence[int]], partner: Sequence[int | None], equations: int
 ) -> tuple[list[int], list[int]]:
-    """Equations that are one too many, with all that they compete with.
+    """The over-determined part: surplus equations and all that they compete with.
 
     Returns
     -------
-    The over-determined equations and the unknowns they hold; empty where every equation is some
-    unknown's own (Dulmage and Mendelsohn 1958).
+    Its equations and the unknowns they contain; both empty if every equation is matched (Dulmage
+    and Mendelsohn 1958).
     """
     holds: list[list[int]] = [[] for _ in range(equations)]
     for unknown, numbers in enumerate(readers):

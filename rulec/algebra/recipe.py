@@ -41,7 +41,7 @@ def lower_all(
 
 @functools.lru_cache(maxsize=100_000)
 def recipe_of(expressions: tuple[sympy.Expr, ...]) -> tuple[tuple[Step, ...], tuple[int, ...]]:
-    """Steps that build the expressions, and which step each of them is.
+    """Steps that build the expressions, and the number of each expression's step.
 
     >>> x = sympy.Symbol("x")
     >>> recipe_of((x - 1,))[0]
@@ -58,11 +58,10 @@ class _Writer:
         self._known: dict[sympy.Expr, int] = {}
 
     def write(self, expression: sympy.Expr) -> int:
-        """Number of the step that holds an expression."""
-        step = self._known.get(expression)
-        if step is None:
-            step = self._known[expression] = self._new(expression)
-        return step
+        """Number of the step that gives an expression."""
+        if expression not in self._known:
+            self._known[expression] = self._new(expression)
+        return self._known[expression]
 
     def _append(self, kind: str, a: Any, b: int = 0) -> int:
         self.steps.append((kind, a, b))
@@ -93,7 +92,7 @@ class _Writer:
         return result
 
     def _sum(self, expression: sympy.Add) -> int:
-        """Positive terms first, then what is taken away."""
+        """Positive terms first, then those subtracted."""
         plus = [a for a in expression.args if not a.could_extract_minus_sign()]
         minus = [-a for a in expression.args if a.could_extract_minus_sign()]
         if plus:

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 
 class Span:
-    """Everything that sums of the vectors added so far can make; vectors are column -> factor.
+    """The linear span of the vectors added so far; a vector maps columns to factors.
 
     >>> span = Span()
     >>> span.add({0: 1, 1: -1}), span.add({1: 1, 2: -1}), span.add({0: 1, 2: -1})
@@ -19,7 +19,7 @@ class Span:
         self._rows: dict[int, Mapping[int, int | Fraction]] = {}
 
     def holds(self, vector: Mapping[int, int]) -> bool:
-        """Does a vector follow from those added?"""
+        """Whether the vector is in the span."""
         return not self._rest(vector)
 
     def add(self, vector: Mapping[int, int]) -> bool:
@@ -27,11 +27,14 @@ class Span:
         rest = self._rest(vector)
         if rest:
             pivot = max(rest)
-            self._rows[pivot] = {c: _ratio(f, rest[pivot]) for c, f in rest.items()}
+            # Balances of flows have no pivots other than +1 and -1: their factors stay integers.
+            own = rest[pivot]
+            inverse = own if own in (1, -1) else 1 / Fraction(own)
+            self._rows[pivot] = {column: factor * inverse for column, factor in rest.items()}
         return bool(rest)
 
     def _rest(self, vector: Mapping[int, int]) -> dict[int, int | Fraction]:
-        """What is left without the rows, largest column first; its own largest has no row."""
+        """The vector reduced by the rows, until its largest column has no row."""
         rest: dict[int, int | Fraction] = dict(vector)
         waiting = [-column for column in rest]
         heapq.heapify(waiting)
@@ -48,8 +51,3 @@ class Span:
                     heapq.heappush(waiting, -column)
                 rest[column] = rest.get(column, 0) - factor * value
         return {column: factor for column, factor in rest.items() if factor}
-
-
-def _ratio(a: int | Fraction, b: int | Fraction) -> int | Fraction:
-    """Exact, and whole where the divisor is a sign: balances of flows give no other."""
-    return a * b if b in (1, -1) else Fraction(a) / b

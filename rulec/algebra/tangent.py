@@ -1,7 +1,7 @@
-"""Exact derivatives of a plan: values and tangents, carried through operation by operation.
+"""Exact derivatives of a plan: values and tangents, propagated operation by operation.
 
-Source: forward-mode differentiation (Wengert 1964). Corners follow the conventions of the
-compiler: abs has slope 0 in its corner, min and max half of each side, sign none.
+Source: forward-mode differentiation (Wengert 1964). At corners the compiler's conventions hold:
+abs has slope 0, min and max half the slope of each side, sign has slope 0 everywhere.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numpy as np
 from rulec_runtime.contract.plan import ABSENT, OPERATIONS, UNARY, Array, Plan
 
 Slopes = dict[int, Array]
-"""Derivatives of a value by the seeds (their numbers) on which it depends."""
+"""Derivatives of a value, by the numbers of the seeds on which it depends."""
 
 
 def run_with_slopes(
     plan: Plan, values: Mapping[str, Array | float], seeds: Sequence[str]
 ) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    """Evaluate a plan with the derivatives of all outputs by some inputs.
+    """Evaluate a plan and the derivatives of all outputs with respect to some inputs.
 
     Parameters
     ----------
     values : per input an array, shape (n,), or a number; absent ones count as NaN.
-    seeds : inputs to differentiate by; those that the plan does not have are left out.
+    seeds : inputs to differentiate by; names that are no inputs of the plan are ignored.
 
     Returns
     -------
@@ -41,10 +41,7 @@ def run_with_slopes(
         for name, a, b in plan.operations:
             if name in UNARY:
                 x, value = numbers[a], OPERATIONS[name](numbers[a])
-                inner = slopes[a]
-                own = {}
-                if inner:
-                    own = _times(_UNARY[name](x, value), inner)
+                own = _times(_UNARY[name](x, value), slopes[a]) if slopes[a] else {}
             else:
                 x, y = numbers[a], numbers[b]
                 value = OPERATIONS[name](x, y)
@@ -85,7 +82,7 @@ def _binary(name: str, x: Array, y: Array, value: Array, left: Slopes, right: Sl
         by = 1.0 / y
         return _sum(_times(by, left), _times(-value * by, right) if right else right)
     if name == "pow":
-        # An exponent that is searched for stands over a positive base; log of others is not used.
+        # The base of an unknown exponent is positive; the log of any other base is not used.
         by_base = _times(y * np.power(x, y - 1.0), left) if left else left
         return _sum(by_base, _times(value * np.log(x), right) if right else right)
     lower = (1.0 + np.sign(y - x)) / 2.0
@@ -99,7 +96,7 @@ def _times(factor: Array, slopes: Slopes) -> Slopes:
 
 
 def _sum(left: Slopes, right: Slopes) -> Slopes:
-    """Slopes of a sum; none is changed, so that those of one side alone are handed on."""
+    """Slopes of a sum. Slopes are never changed in place, so one side alone can be returned."""
     if not right:
         return left
     if not left:

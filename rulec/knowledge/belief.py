@@ -1,12 +1,12 @@
-"""What is known of parameters before a recording: one belief, wherever values are fitted.
+"""The prior of parameters before a recording, shared by all fits.
 
-A parameter is believed to lie where its data sheet states it or, once calibrated, where the
-calibration found it; then the sheet counts for the case that the calibration does not hold, as one
-made with a law that left something out. Positive parameters are believed in their logarithms: none
-changes its sign. Both are Student distributions: a recording moves a value as far as it sees it,
-and leaves the rest where it was. No belief is ever dropped.
+The prior of a parameter lies where its data sheet states it or, once calibrated, where the
+calibration found it. The sheet then covers the case that the calibration does not hold, for example
+because its law left something out. Priors of positive parameters are priors of their logarithms, so
+that no sign changes. All are Student distributions: a recording moves values as far as it informs
+about them, and leaves the others. No prior is ever dropped.
 
-Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (what is known before).
+Source: Lange, Little, Taylor 1989 (the t distribution); JCGM 100 (GUM), 4.3 (prior knowledge).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVAB
 
 
 def peak_of(freedom: Array) -> Array:
-    """Log density at the centre of Student distributions, less that of normal ones of their scale.
+    """Log density of Student distributions at their centre, minus that of normals of equal scale.
 
     >>> peak_of(np.array([3.0])).round(3)
     array([-0.082])
     """
-    # Of the standard library: who only tells a strain needs no scipy.
+    # From the standard library, so that reporting a strain does not need scipy.
     of = np.vectorize(math.lgamma, otypes=[float])
     known = of((freedom + 1) / 2) - of(freedom / 2)
     return np.asarray(known - 0.5 * np.log(0.5 * freedom))
@@ -39,7 +39,7 @@ _PEAK = peak_of(np.asarray(BELIEF_FREEDOM))
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Numbers in which values are fitted: logarithms of positive ones; `positive` has shape (n,).
+    """Coordinates of a fit: logarithms of positive values; `positive` has shape (n,).
 
     >>> z = Coordinates(np.array([True, False]))
     >>> z.of(np.array([1.0, -2.0])), z.values(np.array([0.0, -2.0]))
@@ -57,13 +57,13 @@ class Coordinates:
         return np.where(self.positive, np.exp(np.where(self.positive, at, 0.0)), at)
 
     def slopes(self, at: Array) -> Array:
-        """Slopes of the values by the coordinates, shape (n,)."""
+        """Derivatives of the values with respect to the coordinates, shape (n,)."""
         return np.where(self.positive, self.values(at), 1.0)
 
     def scales(self, values: Array, u: Array) -> Array:
         """Standard uncertainties of the coordinates, shape (n,).
 
-        That of a logarithm is the one with which a log-normal value has the relative uncertainty.
+        That of a logarithm gives the log-normal value its relative uncertainty.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.sqrt(np.log1p((u / values) ** 2))
@@ -72,8 +72,8 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class _Stated:
-    """One statement on some parameters: `mean`, shape (k,), and `precision`, shape (k, k), in
-    coordinates, with the log odds that it is the one that holds."""
+    """A statement on k parameters: `mean`, shape (k,), and `precision`, shape (k, k), in
+    coordinates, with the log odds that it holds."""
 
     mean: Array
     precision: Array
@@ -81,13 +81,13 @@ class _Stated:
 
     @cached_property
     def _ways(self) -> tuple[Array, Array, Array]:
-        """Sizes of the parameters, and independent directions with their weights."""
+        """Square roots of the precisions, then weights and directions of independent axes."""
         size = np.sqrt(np.diag(self.precision))
         parts, ways = np.linalg.eigh(self.precision / np.outer(size, size))
         return size, np.maximum(parts, 1e-12), ways
 
     def density(self, at: Array) -> tuple[float, Array]:
-        """Log density (that of a normal one without its constant), and the precision there."""
+        """Log density, without the constant of a normal distribution, and the precision there."""
         size, parts, ways = self._ways
         far = parts * (ways.T @ (size * (at - self.mean))) ** 2
         tails = 0.5 * (BELIEF_FREEDOM + 1.0) * float(np.sum(np.log1p(far / BELIEF_FREEDOM)))
@@ -96,14 +96,16 @@ class _Stated:
 
     @cached_property
     def peak(self) -> float:
-        """Log density where it is largest, with the odds."""
+        """Largest log density, with the odds."""
         size, parts, _ = self._ways
         whole = float(np.sum(np.log(size)) + 0.5 * np.sum(np.log(parts)))
         return whole + float(_PEAK) * len(parts) + self.odds
 
     def strains(self, at: Array) -> tuple[Array, Array]:
-        """Rows, shape (k,), half of whose squares is what the density falls by from its peak, and
-        their slopes, shape (k, k)."""
+        """Rows, shape (k,), and their slopes, shape (k, k).
+
+        Half of the sum of their squares is the fall of the log density from its peak.
+        """
         size, parts, ways = self._ways
         turned = np.sqrt(parts)[:, None] * ways.T * size
         far = turned @ (at - self.mean)
@@ -117,26 +119,28 @@ class _Stated:
 
 @dataclass(frozen=True)
 class _Part:
-    """Parameters believed together: their places, and what is stated of them."""
+    """Parameters with a joint prior: their indices, and the statements on them."""
 
     places: np.ndarray
     stated: tuple[_Stated, ...]
 
     @property
     def is_alone(self) -> bool:
-        """Is it one parameter, stated once?"""
+        """Whether it is one parameter with one statement."""
         return len(self.places) == 1 and len(self.stated) == 1
 
     def holding(self, at: Array) -> tuple[_Stated, float, Array]:
-        """The statement that is the most probable there, its log density and precision."""
+        """The most probable statement there, with its log density and precision."""
         every = [(s, *s.density(at[self.places])) for s in self.stated]
         return max(every, key=lambda one: one[1])
 
 
 @dataclass(frozen=True)
 class LocalBelief:
-    """A belief near a place: its log density, and the normal distribution that has its slope and
-    weight there, `mean` of shape (n,), `precision` of shape (n, n), in coordinates."""
+    """A prior near a point: its log density, and the normal distribution of the same slope there.
+
+    `mean` has shape (n,), `precision` (n, n), both in coordinates.
+    """
 
     density: float
     mean: Array
@@ -145,14 +149,14 @@ class LocalBelief:
 
 @dataclass(frozen=True)
 class Belief:
-    """What is known of the parameters `names`; arrays are in this order, values in SI."""
+    """The prior of the parameters `names`; arrays are in this order, values in SI."""
 
     names: tuple[str, ...]
     coordinates: Coordinates
     parts: tuple[_Part, ...]
 
     def near(self, at: Array) -> LocalBelief:
-        """The belief near some coordinates, shape (n,)."""
+        """The prior near some coordinates, shape (n,)."""
         n = len(self.names)
         mean, precision = np.zeros(n), np.zeros((n, n))
         places, means, scales, peak = self._alone
@@ -163,7 +167,9 @@ class Belief:
         mean[places] = means
         weight = (BELIEF_FREEDOM + 1.0) / (BELIEF_FREEDOM + far)
         precision[places, places] = scales**2 * weight
-        for part in self._joint:
+        for part in self.parts:
+            if part.is_alone:
+                continue
             stated, own, there = part.holding(at)
             density += own
             mean[part.places] = stated.mean
@@ -172,8 +178,7 @@ class Belief:
 
     @cached_property
     def _alone(self) -> tuple[np.ndarray, Array, Array, float]:
-        """Places of parameters that are stated alone, and once; their means, one over their
-        scales, and the log density where that is largest."""
+        """Parameters stated alone and once: indices, means, inverse scales, largest log density."""
         own = [part for part in self.parts if part.is_alone]
         stated = [part.stated[0] for part in own]
         return (
@@ -183,15 +188,10 @@ class Belief:
             float(sum(one.peak for one in stated)),
         )
 
-    @cached_property
-    def _joint(self) -> tuple[_Part, ...]:
-        """All others."""
-        return tuple(part for part in self.parts if not part.is_alone)
-
     def strains(self, at: Array) -> tuple[Array, Array]:
-        """The belief as rows of a least-squares fit, and their slopes, shapes (r,), (r, n).
+        """The prior as rows of a least-squares fit, and their slopes, shapes (r,), (r, n).
 
-        Half of their squares is what the log density falls by from its peak.
+        Half of the sum of their squares is the fall of the log density from its peak.
         """
         rows, slopes = np.zeros(self.rows), np.zeros((self.rows, len(self.names)))
         first = 0
@@ -204,17 +204,17 @@ class Belief:
 
     @property
     def rows(self) -> int:
-        """Number of such rows."""
+        """Number of rows of `strains`."""
         return len(self.names) + len(self.parts)
 
     @property
     def mean(self) -> Array:
-        """Where the parameters are believed to lie, in coordinates, shape (n,)."""
+        """Mean of the prior, in coordinates, shape (n,)."""
         return self.near(self._means(0)).mean
 
     @property
     def by_sheet(self) -> LocalBelief:
-        """What is believed where no calibration holds."""
+        """The prior if no calibration holds."""
         return self.near(self._means(-1))
 
     def _means(self, which: int) -> Array:
@@ -231,14 +231,15 @@ def belief_in(
     covariance: Array,
     sheet: Mapping[str, tuple[float, float]],
 ) -> Belief:
-    """The belief in parameters with an uncertainty.
+    """The prior of uncertain parameters.
 
     Parameters
     ----------
     names : shape (n,).
-    positive : shape (n,); which of them have no other sign.
-    values, covariance : by calibration, or else by the sheet; shapes (n,), (n, n), SI.
-    sheet : value and standard uncertainty by the data sheet; what differs from it was calibrated.
+    positive : shape (n,); which of them are always positive.
+    values, covariance : from the calibration, or else the sheet; shapes (n,), (n, n), SI.
+    sheet : value and standard uncertainty from the data sheet; parameters that differ from it were
+        calibrated.
     """
     own = Coordinates(positive)
     u = np.sqrt(np.diag(covariance))
@@ -266,7 +267,7 @@ def belief_in(
 
 
 def _together(correlation: Array) -> list[np.ndarray]:
-    """Places of parameters that are stated together."""
+    """Indices of parameters that are correlated, directly or through others."""
     left, found = list(range(len(correlation))), []
     while left:
         places = [left[0]]
@@ -279,7 +280,7 @@ def _together(correlation: Array) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class Strain:
-    """A parameter that lies far from its data sheet, in `unit`; of what else states it, `by`.
+    """A parameter far from its data sheet, or from another source (`by`); numbers in `unit`.
 
     >>> print(Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h"))
     V.Kv 6.8 m3/h, sheet 33 ± 6: 4.4 u
@@ -299,12 +300,12 @@ class Strain:
 
     @property
     def distance(self) -> float:
-        """How far it is off, in standard uncertainties of the sheet."""
+        """Distance from the sheet, in standard uncertainties of the sheet."""
         return abs(self.value - self.stated) / self.u
 
     @property
     def is_believable(self) -> bool:
-        """Would anybody believe it?"""
+        """Whether the distance is still credible."""
         return self.distance <= UNBELIEVABLE
 
 
@@ -313,9 +314,9 @@ def strain_of(
     sheet: Mapping[str, tuple[float, float]],
     units: Mapping[str, tuple[str, float]],
 ) -> tuple[Strain, ...]:
-    """Parameters far from their sheet, value and standard uncertainty, the farthest first.
+    """Parameters far from their sheet (value and standard uncertainty), the farthest first.
 
-    `values` and `sheet` are in SI; `units` have the unit in which each is told, and its factor.
+    `values` and `sheet` are in SI; `units` gives the unit for display and its factor.
 
     >>> sheet, unit = {"V.Kv": (33.0, 6.0), "V.k": (1.1, 0.1)}, ("m3/h", 1.0)
     >>> far = strain_of({"V.Kv": 6.8, "V.k": 1.0}, sheet, {"V.Kv": unit, "V.k": unit})

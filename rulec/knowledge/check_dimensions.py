@@ -1,4 +1,4 @@
-"""Check the dimensions and comparisons of all equations of a module type, as written."""
+"""Check the dimensions and comparisons in all equations of a module type."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import sympy
 
-from rulec.knowledge.module_type import ENDS, Comparison, ModuleType
+from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
-from rulec.language.document import Document, Path_
+from rulec.language.document import Document
 from rulec.language.expression import Rejected, constant
 from rulec.language.functions import FUNCTIONS
 from rulec.language.reader import Reader
@@ -21,7 +21,7 @@ from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimen
 def provided_names(
     documents: Iterable[Document], units: UnitTable, found: list[Diagnostic]
 ) -> dict[str, Dimension]:
-    """Dimension of each name that some module type provides; they must agree on it."""
+    """Dimension of each name that module types provide; they must agree on it."""
     result: dict[str, Dimension] = {}
     first: dict[str, Place] = {}
     for document in documents:
@@ -41,13 +41,13 @@ def provided_names(
 
 @dataclass
 class EquationReader(Reader):
-    """Checks the equations of a module type; `provided` gives dimensions of sums downstream."""
+    """Checks the equations of a module type; `provided` gives the dimensions of downstream sums."""
 
     module: ModuleType
     provided: Mapping[str, Dimension]
 
     def check(self) -> None:
-        """Check dimensions, then comparisons, of a module type without mistakes so far."""
+        """Check dimensions, then comparisons, if there are no mistakes so far."""
         if not self.is_refused:
             self._check_dimensions()
         if not self.is_refused:
@@ -72,34 +72,29 @@ class EquationReader(Reader):
             if group == "definitions":
                 known[name] = own
                 wanted = VOLUME_FLOW if name in ENDS else UNKNOWN
-                told = f"'{name}' is a volume flow, but this is {{own}}"
+                template = f"'{name}' is a volume flow, but this is {{own}}"
             elif group == "observers":
-                told = "an observer gives a volume flow ({wanted}), but this is {own}"
+                template = "an observer gives a volume flow ({wanted}), but this is {own}"
             else:
                 per = {"der": known[name] / SECOND, "after": SECOND}
-                # A bare number fits everything.
+                # A bare number fits every dimension.
                 is_bare = constant(expression, {}) is not None
                 wanted = UNKNOWN if is_bare else per.get(key, known[name])
-                code, told = "KB112", "this is {own}, but should be {wanted}"
+                code, template = "KB112", "this is {own}, but should be {wanted}"
             if not own.fits(wanted):
-                message = told.format(own=own, wanted=wanted)
+                message = template.format(own=own, wanted=wanted)
                 self.report(path, code, message, "check each factor")
         for regime in module.regimes.values():
             for i, condition in enumerate(regime.when):
-                self._check_comparison(("regimes", regime.name, "when", i), condition, known)
-
-    def _check_comparison(
-        self, path: Path_, condition: Comparison, known: Mapping[str, Dimension]
-    ) -> None:
-        """Both sides are of one kind."""
-        try:
-            dimension(condition.margin, known, {})
-        except Rejected:
-            message = f"'{condition.text}' compares what is of different kinds"
-            self.report(path, "KB127", message, "check each factor")
+                try:
+                    dimension(condition.margin, known, {})
+                except Rejected:
+                    path = ("regimes", regime.name, "when", i)
+                    message = f"'{condition.text}' compares what is of different kinds"
+                    self.report(path, "KB127", message, "check each factor")
 
     def _check_comparisons(self) -> None:
-        """Refuse min and max of something that is no real number: sympy would not compare it."""
+        """Refuse min and max of values that may not be real: sympy cannot compare them."""
         module = self.module
         comparing = [name for name, f in FUNCTIONS.items() if f.arity == 2]
         if not any(name in e.text for e in module.equations() for name in comparing):

@@ -18,7 +18,7 @@ from rulec.language.reader import Reader
 from rulec.language.units import NONE, SECOND, UNKNOWN, Dimension, Unit
 
 SLOTS = ("module", "place")
-"""Slots of a text that every effect has."""
+"""Slots that the text of every effect may use."""
 
 _SLOT = re.compile(r"\{([^{}]*)\}")
 _OF_FREE = ("unit", "null", "starts", "driver", "range")
@@ -27,7 +27,7 @@ _OF_PLACE = re.compile(rf"{PLAIN}(?=$|[*/])")
 
 @dataclass
 class EffectReader(Reader):
-    """Reads one effect document; `known` are the dimensions of drivers and parameters."""
+    """Reads one effect document; `known` holds the dimensions of drivers and parameters."""
 
     known: dict[str, Dimension] = field(default_factory=dict)
 
@@ -35,7 +35,7 @@ class EffectReader(Reader):
         """The effect, in SI."""
         data, before = self.document.data, len(self.found)
         self._check_own_names()
-        # A law that uses a name which is no name would say the same again.
+        # A law that uses a refused name would report the same mistake again.
         of_laws = self.found if len(self.found) == before else []
         drivers = {name: self._driver(name, part) for name, part in self._group("drivers").items()}
         parameters = {
@@ -67,16 +67,20 @@ class EffectReader(Reader):
             self._check_usual(effect)
         if len(self.found) > before:
             return effect
-        neutral = {n: _is_reading(p) and is_neutral(effect, n) for n, p in parameters.items()}
-        told = {n: replace(p, neutral=neutral[n]) for n, p in parameters.items()}
-        return replace(effect, parameters=told)
+        # A parameter with two quantiles is a distance between readings, not one of them.
+        neutral = {
+            name: parameter.fixed and len(parameter.quantiles) < 2 and is_neutral(effect, name)
+            for name, parameter in parameters.items()
+        }
+        judged = {name: replace(p, neutral=neutral[name]) for name, p in parameters.items()}
+        return replace(effect, parameters=judged)
 
     def _group(self, name: str) -> Mapping[str, Any]:
         part: Mapping[str, Any] = self.document.data.get(name, {})
         return part
 
     def _check_own_names(self) -> None:
-        """Each name means one thing, and the readers of equations and texts can read it."""
+        """Check that each name means one thing and may be used in equations and texts."""
         drivers = self._group("drivers")
         for group in ("drivers", "parameters", "states"):
             for name in self._group(group):
@@ -96,7 +100,7 @@ class EffectReader(Reader):
         return Driver(name, quantity, part.get("where", "own"), part.get("title", quantity))
 
     def _state(self, name: str) -> EffectState:
-        """Something that the effect stores; names in its equations are known."""
+        """A state of the effect; unknown names in its equations are reported."""
         known = {PLAIN, *self.known, *self._group("states")}
         equations = {}
         for key in self._group("states")[name]:
@@ -107,7 +111,7 @@ class EffectReader(Reader):
         return EffectState(rate=equations.pop("der"), **equations)
 
     def _asked(self, path: Path_, name: str, drivers: Mapping[str, Driver]) -> str | None:
-        """The driver that a parameter names; None where there is no such one."""
+        """The driver that a parameter names; an unknown one is reported and gives None."""
         if name in drivers:
             return name
         hint = did_you_mean(name, drivers)
@@ -147,7 +151,7 @@ class EffectReader(Reader):
         )
 
     def _unit(self, path: Path_) -> Unit:
-        """The unit of a parameter; ``law`` in its place stands for that of the signal joined."""
+        """The unit of a parameter; ``law`` stands for the unit of the signal that is joined."""
         text = self.part((*path, "unit"))
         of_place = _OF_PLACE.match(text)
         if of_place is None:
@@ -164,13 +168,13 @@ class EffectReader(Reader):
         return replace(rest, text=text)
 
     def _joins_signals(self) -> bool:
-        """Does it join signals alone, or what sensors show?"""
+        """Whether it joins only signals or what sensors show."""
         return all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
 
     def _fixed(
         self, name: str, part: Mapping[str, Any], drivers: Mapping[str, Driver]
     ) -> EffectParameter:
-        """A parameter that stays at the median reading of a driver, or at how far it spreads."""
+        """A parameter fixed at the median of a driver's readings, or at their spread."""
         odd = [key for key in _OF_FREE if key in part]
         if odd:
             message = f"'{name}' is the median reading of a driver; it has no '{odd[0]}'"
@@ -194,7 +198,7 @@ class EffectReader(Reader):
         )
 
     def _check_inside(self, path: Path_, part: Mapping[str, Any], low: float, high: float) -> None:
-        """The range is one, and null and starts lie in it."""
+        """Check the range, and that null and starts lie in it."""
         before = len(self.found)
         self.check_range(low, high, *path, "range")
         values: list[tuple[Path_, float]] = []
@@ -208,9 +212,9 @@ class EffectReader(Reader):
     def _quantiles(
         self, path: Path_, part: Mapping[str, Any], drivers: Mapping[str, Driver], unit: Unit
     ) -> str | None:
-        """The driver whose quantiles are tried, which must be of the parameter's kind.
+        """The driver whose quantiles are tried; it must have the parameter's dimension.
 
-        Where the effect joins signals it may be ``law``, which is what such a signal reads.
+        If the effect joins signals, the driver may be ``law``, the reading of that signal.
         """
         tried = "quantiles" in part
         if tried != ("driver" in part) or (tried and "starts" in part):
@@ -229,15 +233,14 @@ class EffectReader(Reader):
         return driver
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
-        """Free parameters stand in every law, drivers and fixed ones in one at least."""
+        """Check that each law uses all free parameters, and some law each driver and fixed one."""
         used = [effect.needed_by(join) for _, join in joins]
         everywhere, somewhere = set.intersection(*used), set().union(*used)
         for name, parameter in effect.parameters.items():
             path = ("parameters", name)
             if name not in somewhere:
-                self.report_key(
-                    path, "KB038", f"no law uses the parameter '{name}'", "remove it or use it"
-                )
+                message = f"no law uses the parameter '{name}'"
+                self.report_key(path, "KB038", message, "remove it or use it")
             elif not (parameter.fixed or name in everywhere):
                 message = f"a law does not use the parameter '{name}'"
                 self.report_key(path, "KB038", message, "each law needs it; or make two effects")
@@ -247,7 +250,7 @@ class EffectReader(Reader):
                 self.report_key(("drivers", name), "KB038", message, "remove it or use it")
 
     def _check_text(self, effect: Effect) -> None:
-        """Slots of the text are known wherever the effect joins."""
+        """Check that the slots of the text are known wherever the effect joins."""
         needed = (effect.needed_by(join) for join in effect.joins)
         known, text = set.intersection(*needed), effect.text
         if re.search("[{}]", _SLOT.sub("", text)):
@@ -262,7 +265,7 @@ class EffectReader(Reader):
                 self.report_word(("text",), slot.start(1), name, "KB107", message, hint)
 
     def _check_null(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
-        """The plain law comes back at the null of all parameters that have one."""
+        """Check that the law reduces to the plain law if all parameters are at their null."""
         if all(parameter.null is None for parameter in effect.parameters.values()):
             message = "this effect has no parameter with a 'null'; nothing switches it off"
             hint = "add 'null: 0' to the one that says how strong it is"
@@ -274,7 +277,7 @@ class EffectReader(Reader):
                 self.report(("joins", i, "law"), "KB106", reason, "check signs and 'null'")
 
     def _check_usual(self, effect: Effect) -> None:
-        """What can be switched off says how large it usually is, and nothing else does."""
+        """Check that exactly the parameters with a null state a usual size."""
         for name, parameter in effect.parameters.items():
             part, path = self._group("parameters")[name], ("parameters", name)
             if parameter.null is not None and "usual" not in part:
@@ -286,8 +289,3 @@ class EffectReader(Reader):
             elif parameter.usual is not None and not parameter.usual.size:
                 message = "the usual size is nothing"
                 self.report((*path, "usual", "median"), "KB108", message, "away from the null")
-
-
-def _is_reading(parameter: EffectParameter) -> bool:
-    """Is it one reading of a driver, and no distance between two?"""
-    return parameter.fixed and len(parameter.quantiles) < 2

@@ -1,4 +1,4 @@
-"""Check a fault: its law must speak of g and x, vanish at degree 0, and be solvable."""
+"""Check a fault: its law must use only g and x, change nothing at degree 0, and be solvable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.liquid import read_liquid
 from rulec.knowledge.module_type import Frequency
-from rulec.knowledge.shape import USUAL_HINT, usual_of
+from rulec.knowledge.shape import USUAL_HINT, Usual, usual_of
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
@@ -21,7 +21,7 @@ from rulec.language.symbolic import to_sympy
 
 
 def check_fault(reader: Reader) -> FaultType:
-    """Read a fault type; mistakes go to the reader."""
+    """Read a fault type; the reader collects the mistakes."""
     data = reader.document.data
     before = len(reader.found)
     parts = data.get("variants") or {"": data}
@@ -39,12 +39,12 @@ def check_fault(reader: Reader) -> FaultType:
                 highest=highest,
                 meaning=part["degree"]["meaning"],
                 usual=usual_of(part["degree"]),
-                frequency=_frequency(reader, path, part) if name else None,
+                frequency=frequency_at(reader, path, part) if name else None,
             )
         )
     if len(reader.found) == before:
-        for name, part in parts.items():
-            _check_usual(reader, ("variants", name) if name else (), part["degree"])
+        for variant in variants:
+            _check_usual(reader, ("variants", variant.name) if variant.name else (), variant.usual)
     return FaultType(
         name=data["fault"],
         title=data["title"],
@@ -55,22 +55,22 @@ def check_fault(reader: Reader) -> FaultType:
         text=data["text"],
         action=data["action"],
         origin=reader.origin("fault", source=data["source"]),
-        frequency=_frequency(reader, (), data),
+        frequency=frequency_at(reader, (), data),
         liquid=read_liquid(reader),
     )
 
 
-def _frequency(reader: Reader, path: Path_, part: Mapping[str, Any]) -> Frequency | None:
-    """How often it comes, where the file says so, of the fault or of one direction of it."""
+def frequency_at(
+    reader: Reader, path: Path_, part: Mapping[str, Any], source: str = "frequency_source"
+) -> Frequency | None:
+    """Frequency of the fault described at a path, if stated; `source` is the key of its source."""
     if "frequency" not in part:
         return None
-    origin = reader.origin(*path, "frequency", source=part.get("frequency_source", ""))
+    origin = reader.origin(*path, "frequency", source=part.get(source, ""))
     return Frequency(part["frequency"], origin)
 
 
-def _check_usual(reader: Reader, path: Path_, degree: Mapping[str, Any]) -> None:
-    """A fault says how large it usually is."""
-    usual = usual_of(degree)
+def _check_usual(reader: Reader, path: Path_, usual: Usual | None) -> None:
     if usual is None:
         message = "how large this fault usually is is missing"
         reader.report_key((*path, "degree"), "KB108", message, USUAL_HINT)
@@ -80,7 +80,7 @@ def _check_usual(reader: Reader, path: Path_, degree: Mapping[str, Any]) -> None
 
 
 def _law(reader: Reader, path: Path_) -> Expression:
-    """Read the law of a fault: only g and x, g when x is 0, solvable for both."""
+    """Read the law of a fault: over g and x only, equal to g at x = 0, solvable for both."""
     before = len(reader.found)
     expression = reader.expression(*path)
     known = {"g", "x", UNIT} if reader.document.data["acts_on"] == "signal" else {"g", "x"}
@@ -99,7 +99,7 @@ def _law(reader: Reader, path: Path_) -> Expression:
     g, x, value = sympy.symbols("g x value", real=True)
     try:
         law = to_sympy(expression, {"g": g, "x": x, UNIT: sympy.S.One})
-    except ValueError:  # sympy: min and max of something that may not be real
+    except ValueError:  # sympy cannot take min and max of values that may not be real
         law = sympy.nan
     if invert(law, g, value) is None or invert(law, x, value) is None:
         message = "this law cannot be solved for g and x"

@@ -1,4 +1,4 @@
-"""Check a fluid: its equations speak of T, fit their dimensions, and give something positive."""
+"""Check a fluid: its equations use T, have the right dimensions, and give positive values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rulec.limits import FLUID_POINTS
 
 @dataclass
 class FluidReader(Reader):
-    """Reads one fluid document; `known` are the dimensions of the names so far."""
+    """Reads one fluid document; `known` holds the dimensions of the names so far."""
 
     known: dict[str, Dimension] = field(default_factory=lambda: {"T": TEMPERATURE})
 
@@ -82,7 +82,7 @@ class FluidReader(Reader):
         return Property(name, expression, u, self.origin(name, source=part["source"]))
 
     def _equation(self, *path: str) -> tuple[Expression, Dimension]:
-        """An equation over the names so far, and its dimension; UNKNOWN after a mistake."""
+        """An equation over the names so far, and its dimension, `UNKNOWN` after a mistake."""
         before = len(self.found)
         expression = self.expression(*path)
         hint = "what stands above is known by its name alone"
@@ -100,7 +100,7 @@ class FluidReader(Reader):
                 self.report_key(("coefficients", name), "KB038", message, "remove it or use it")
 
     def _check_positive(self, fluid: Fluid) -> None:
-        """Try the equations out over the valid range: a slip of sign or unit shows there."""
+        """Evaluate the equations over the valid range, to find slips of sign or unit."""
         for T in np.linspace(fluid.lowest, fluid.highest, FLUID_POINTS):
             known: dict[str, float] = {"T": float(T), **fluid.coefficients}
             for path, expression in _equations(fluid):
@@ -118,7 +118,7 @@ class FluidReader(Reader):
 
 
 def _equations(fluid: Fluid) -> Iterator[tuple[Path_, Expression]]:
-    """All equations in order, with their places in the file."""
+    """All equations in order, with their paths in the file."""
     for name, expression in fluid.definitions.items():
         yield ("definitions", name, "is"), expression
     for name, part in fluid.properties.items():

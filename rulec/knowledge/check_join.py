@@ -1,4 +1,4 @@
-"""Check the joins of an effect: which places, and the law they then have."""
+"""Check the joins of an effect: the places it joins, and the law they then have."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec.language.reader import Reader
 from rulec.language.units import SECOND, UNKNOWN, VOLUME_FLOW, Dimension
 
 TIME = "time"
-"""Quantity of a driver that no sensor measures: seconds since the recording began."""
+"""Quantity of a driver that no sensor measures: seconds since the start of the recording."""
 
 ANY = "any"
 """Quantity of a join to every signal."""
@@ -28,8 +28,8 @@ _KINDS = ("gives", "reads", "stores", "shows", "flows")
 class JoinReader(Reader):
     """Reads the joins of one effect.
 
-    `drivers` are those declared, `known` the dimensions of drivers and parameters; those
-    `of_place` are the signal's own times this.
+    `drivers` are those declared, `known` the dimensions of drivers and parameters. Parameters
+    `of_place` have the dimension of the signal times the given one.
     """
 
     drivers: Mapping[str, Driver]
@@ -38,7 +38,7 @@ class JoinReader(Reader):
     of_place: Mapping[str, Dimension] = field(default_factory=dict)
 
     def read(self, i: int) -> Iterator[Join]:
-        """The joins that one entry lists: one for each quantity."""
+        """The joins of one entry, one for each quantity."""
         path: Path_ = ("joins", i)
         part = self.part(path)
         kinds = [kind for kind in _KINDS if kind in part]
@@ -69,7 +69,7 @@ class JoinReader(Reader):
             )
 
     def _slopes(self, part: Mapping[str, Any], path: Path_) -> dict[str, str]:
-        """Own drivers by which the slope of a place is asked for."""
+        """Own drivers whose sign of slope selects places, by key."""
         slopes: dict[str, str] = {}
         for key in _OF_EQUATIONS:
             if "gives" not in part and key in part:
@@ -84,7 +84,7 @@ class JoinReader(Reader):
         return slopes
 
     def _check_own_driver(self, name: str, path: Path_, column: int | None = None) -> None:
-        """Only signals of the module itself can the plain law depend on."""
+        """Report a driver that is no signal of the module, so that the plain law cannot use it."""
         driver = self.drivers.get(name)
         if driver is None:
             message, hint = f"there is no driver '{name}'", did_you_mean(name, self.drivers)
@@ -99,7 +99,7 @@ class JoinReader(Reader):
             self.report_word(path, column, name, "KB102", message, hint)
 
     def _dimension_of(self, kind: str, path: Path_) -> Dimension:
-        """Dimension of what a join's law gives at a place of the quantity at a path."""
+        """Dimension of a join's law at places of the quantity at a path."""
         if kind == "flows":
             return VOLUME_FLOW
         equations = kind in ("gives", "stores")
@@ -111,7 +111,6 @@ class JoinReader(Reader):
         return own / SECOND if kind == "stores" else own
 
     def _also(self, path: Path_) -> EffectLaw:
-        """A law for a further flow, checked."""
         before = len(self.found)
         law, columns = self._law(path)
         self._check_law_names(path, law, columns)
@@ -120,7 +119,7 @@ class JoinReader(Reader):
         return law
 
     def _check_states(self, own: Dimension) -> None:
-        """What an effect stores is of the kind of its place."""
+        """Check that the states have the dimension of their place."""
         known = {**self.known, **dict.fromkeys((PLAIN, *self.states), own), **self._placed(own)}
         for name, state in self.states.items():
             for key, expression in state.equations():
@@ -132,11 +131,11 @@ class JoinReader(Reader):
                     self.report(path, "KB101", message, "check each factor")
 
     def _placed(self, own: Dimension) -> dict[str, Dimension]:
-        """Dimensions of parameters that are readings of a signal of a dimension."""
+        """Dimensions of parameters `of_place`, at a signal of dimension `own`."""
         return {name: own * factor for name, factor in self.of_place.items()}
 
     def _law(self, path: Path_) -> tuple[EffectLaw, Columns]:
-        """Read the law at a path; a refused one is reported and counts as the plain law."""
+        """The law at a path; a refused one is reported and replaced by the plain law."""
         try:
             return parse_law(str(self.part(path)))
         except Rejected as error:
@@ -144,7 +143,7 @@ class JoinReader(Reader):
             return parse_law(PLAIN)
 
     def _check_law_names(self, path: Path_, law: EffectLaw, columns: Columns) -> None:
-        """All names of a law are known, and what ``law(...)`` replaces is an own driver."""
+        """Check that all names of a law are known, and that ``law(...)`` replaces own drivers."""
         known = {PLAIN, *law.substitutes, *self.known, *self.states}
         self._check_known(path, law.expression, known)
         for key, replaced in law.substitutes.items():
@@ -163,7 +162,7 @@ class JoinReader(Reader):
     def _check_law_dimension(
         self, path: Path_, law: EffectLaw, columns: Columns, own: Dimension
     ) -> None:
-        """The law gives what its place gives, and what replaces a driver is of its kind."""
+        """Check the dimension of the law, and of whatever replaces a driver in it."""
         laws = dict.fromkeys((PLAIN, *law.substitutes, *self.states), own)
         known = {**self.known, **laws, **self._placed(own)}
         parts = [(law.expression, 0, own, "the place")]
@@ -177,8 +176,7 @@ class JoinReader(Reader):
             given = self.dimension(path, expression, known, shift=shift)
             if not given.fits(wanted) and constant(expression, {}) != 0:
                 message = f"this is {given}, but {what} is {wanted}"
-                self.report_word(
-                    path, shift, expression.text, "KB101", message, "check each factor"
-                )
+                hint = "check each factor"
+                self.report_word(path, shift, expression.text, "KB101", message, hint)
             if len(self.found) > before:
                 return

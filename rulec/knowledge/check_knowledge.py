@@ -5,16 +5,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
 
 from rulec.knowledge.check_dimensions import EquationReader, provided_names
 from rulec.knowledge.check_effect import EffectReader
-from rulec.knowledge.check_fault import check_fault
+from rulec.knowledge.check_fault import check_fault, frequency_at
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
 from rulec.knowledge.effect import Effect
 from rulec.knowledge.knowledge import FaultType, Knowledge, SensorClass, SensorError
-from rulec.knowledge.module_type import Frequency
 from rulec.knowledge.sources import Sources
 from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
@@ -25,7 +23,7 @@ from rulec.limits import KEPT_DOCUMENTS
 
 
 def check_knowledge(sources: Sources) -> Knowledge:
-    """Check the meaning of all knowledge documents; raises `Refused` with every mistake."""
+    """Check the meaning of all knowledge documents; raises `Refused` with all mistakes."""
     found: list[Diagnostic] = []
     units = _units(tuple(sources.units)) or table_of(sources.units, found)
     table = {
@@ -56,7 +54,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
 
 @functools.lru_cache(maxsize=KEPT_DOCUMENTS)
 def _units(documents: tuple[Document, ...]) -> UnitTable | None:
-    """The units of some documents; None where there is a mistake."""
+    """The units of some documents; None if there is a mistake."""
     found: list[Diagnostic] = []
     units = table_of(documents, found)
     return None if found else units
@@ -64,7 +62,7 @@ def _units(documents: tuple[Document, ...]) -> UnitTable | None:
 
 @functools.lru_cache(maxsize=KEPT_DOCUMENTS)
 def _effect(document: Document, units: UnitTable) -> Effect | None:
-    """An effect; None where there is a mistake. Whoever checks many plants reads it once."""
+    """An effect, cached for checks of many plants; None if there is a mistake."""
     found: list[Diagnostic] = []
     effect = EffectReader(document, units, found).read()
     return None if found else effect
@@ -73,7 +71,7 @@ def _effect(document: Document, units: UnitTable) -> Effect | None:
 def _refuse_twins(
     documents: Iterable[Document], kind: str, found: list[Diagnostic]
 ) -> tuple[Document, ...]:
-    """The documents without those whose name is taken, which are reported."""
+    """The documents, without those whose name is taken; these are reported."""
     first: dict[str, Document] = {}
     for document in documents:
         name = document.data[kind]
@@ -109,7 +107,7 @@ def _sensor(reader: Reader, faults: Mapping[str, FaultType]) -> SensorClass:
 
 
 def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorError]:
-    """The errors of a class: faults that act on a signal; none where only sensors were read."""
+    """The errors of a class: faults that act on a signal; none if no faults were read."""
     if not faults:
         return
     signal = [name for name, fault in faults.items() if fault.acts_on == "signal"]
@@ -119,20 +117,12 @@ def _errors(reader: Reader, faults: Mapping[str, FaultType]) -> Iterator[SensorE
         if name not in faults:
             reader.report(path, "KB047", f"there is no fault '{name}'", did_you_mean(name, signal))
         elif name not in signal:
-            message = (
-                f"'{name}' acts on a {faults[name].acts_on}; an error of a sensor acts on a signal"
-            )
+            acts_on = faults[name].acts_on
+            message = f"'{name}' acts on a {acts_on}; an error of a sensor acts on a signal"
             reader.report(path, "KB048", message, did_you_mean(name, signal))
         elif name in named:
             reader.report(path, "KB049", f"'{name}' stands twice", "keep one")
         else:
             named.add(name)
-            yield SensorError(name, reader.document.place(*path), _often(reader, i, part))
-
-
-def _often(reader: Reader, number: int, part: Mapping[str, Any]) -> Frequency | None:
-    """How often an error comes, where the class says so."""
-    if "frequency" not in part:
-        return None
-    origin = reader.origin("errors", number, "frequency", source=part["source"])
-    return Frequency(part["frequency"], origin)
+            frequency = frequency_at(reader, ("errors", i), part, "source")
+            yield SensorError(name, reader.document.place(*path), frequency)

@@ -16,9 +16,9 @@ def check_lengths(
     definitions: Iterable[tuple[Path_, Expression]],
     equations: Iterable[tuple[Path_, Expression]],
 ) -> None:
-    """Report where definitions (in order of use) or what stands on them grow too long.
+    """Report definitions (in order of use) or equations over them that grow too long.
 
-    A definition is known by the last but one key of its path.
+    The last but one key of its path is the name of a definition.
     """
     known: dict[str, Length] = {}
     for path, expression in definitions:
@@ -34,7 +34,7 @@ def check_lengths(
 
 
 def check_law(reader: Reader, path: Path_, law: Expression) -> bool:
-    """Whether the law of a fault is short enough; else a mistake is reported."""
+    """Whether the law of a fault is short enough; otherwise a mistake is reported."""
     return not _is_refused(reader, path, length_of(law, {}), MAX_LAW_WORK)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rulec.knowledge.check_fault import frequency_at
 from rulec.knowledge.check_length import check_lengths
 from rulec.knowledge.check_regimes import RegimeReader
 from rulec.knowledge.check_states import StateReader
@@ -18,7 +19,6 @@ from rulec.knowledge.module_type import (
     Accuracy,
     Definition,
     FaultUse,
-    Frequency,
     ModuleType,
     Observer,
     Parameter,
@@ -149,7 +149,7 @@ class ModuleReader(Reader):
         return parameter
 
     def _check_tables(self) -> None:
-        """Refuse points in a unit with an offset: there a share of a value says nothing."""
+        """Refuse points in a unit with an offset, where a share of a value means nothing."""
         for name, table in self.document.data.get("tables", {}).items():
             for key in ("in", "unit"):
                 unit = self.units.units.get(table[key])
@@ -160,7 +160,7 @@ class ModuleReader(Reader):
                     self.report(("tables", name, key), "KB123", message, hint)
 
     def _check_own_names(self) -> None:
-        """Names that equations use: each means one thing, and the equation reader can read it."""
+        """Check that each name means one thing and may be used in equations."""
         first: dict[str, Place] = {}
         for group in ("signals", "states", "parameters", "definitions", "provides"):
             for name in self.document.data.get(group, {}):
@@ -172,7 +172,7 @@ class ModuleReader(Reader):
                 first.setdefault(name, self.document.key(group, name))
 
     def expression(self, *path: str | int) -> Expression:
-        """The equation at a path; a reserved word in it is reported where it is declared."""
+        """The equation at a path; a reserved word is reported only where it is declared."""
         before = len(self.found)
         expression = super().expression(*path)
         if self.reserved:
@@ -189,7 +189,7 @@ class ModuleReader(Reader):
         return {n: s for n, s in provides.items() if s in signals}
 
     def _ordered(self, definitions: Mapping[str, Definition]) -> dict[str, Definition]:
-        """Definitions so that each stands after those it uses; circles are reported."""
+        """Definitions sorted so that each follows those it uses; circles are reported."""
         result: dict[str, Definition] = {}
 
         def visit(name: str, chain: tuple[str, ...]) -> None:
@@ -221,13 +221,13 @@ class ModuleReader(Reader):
         return Observer(name, part["component"], expression, is_reference, origin, _accuracy(part))
 
     def _check_lengths(self, kind: ModuleType) -> None:
-        """Refuse definitions that multiply, before anything is built of them."""
+        """Refuse definitions that expand to very long ones, before anything is built."""
         every = list(kind.equations_at())
         definitions = [part for part in every if part[0][0] == "definitions"]
         check_lengths(self, definitions, every[len(definitions) :])
 
     def _check_constants(self, kind: ModuleType) -> None:
-        """Refuse numbers that only appear when definitions are put together, as 1/zero."""
+        """Refuse invalid numbers that appear only once definitions are combined, such as 1/zero."""
         known: dict[str, float] = {}
         for path, expression in kind.equations_at():
             if path[0] not in ("definitions", "observers"):
@@ -256,7 +256,7 @@ class ModuleReader(Reader):
                 self.report_key(("observers", observer.name), "KB039", message, hint)
 
     def _residuals(self, observers: Mapping[str, Observer]) -> tuple[tuple[str, str], ...]:
-        """Declared pairs. Partners that only the network knows (sums) are not checked here."""
+        """Declared pairs of observers, by default all; sums of the network are added later."""
         listed = self.document.data.get("residuals")
         if listed is None:
             return tuple(itertools.combinations(observers, 2))
@@ -280,8 +280,8 @@ class ModuleReader(Reader):
 
     def _fault_uses(self, kind: ModuleType, flows: bool) -> tuple[FaultUse, ...]:
         uses: list[FaultUse] = []
-        # A law of the module for a flow is a definition like any other; what flows without one
-        # can be lost on the way.
+        # A flow with a law of the module is a definition like any other; one without a law can
+        # leak on the way.
         ends = [end for end in ENDS if flows and end not in kind.definitions]
         targets: dict[str, Collection[str]] = {
             "signal": kind.signals,
@@ -293,9 +293,8 @@ class ModuleReader(Reader):
             path: Path_ = ("faults", i)
             text, frequency = entry, None
             if isinstance(entry, dict):
-                origin = self.origin(*path, "frequency", source=entry.get("source", ""))
+                frequency = frequency_at(self, path, entry, "source")
                 path, text = (*path, "fault"), entry["fault"]
-                frequency = Frequency(entry["frequency"], origin)
             name, target = text.rstrip(")").split("(")
             fault = self.faults.get(name)
             if fault is None:
@@ -314,20 +313,19 @@ class ModuleReader(Reader):
             use = FaultUse(name, target, self.document.place(*path), frequency)
             if use in uses:
                 self.report(path, "KB049", f"'{text}' stands twice", "keep one")
-                continue
-            uses.append(use)
+            else:
+                uses.append(use)
         return tuple(uses)
 
     def _has_no_sense(self, fault: FaultType, signal: Signal, path: Path_) -> bool:
-        """Report a share of a reading without a zero, or a size within a range nobody stated."""
+        """Report a share of a reading with an arbitrary zero, or a size without a stated range."""
         if signal.quantity not in self.units.quantities:
             return False
         text, column = self.part(path), len(fault.name) + 1
         if scales_from_zero(fault) and has_no_zero(signal, self.units):
             others = [f"{f.name}({signal.name})" for f in self.faults.values() if adds(f)]
-            message = (
-                f"{text}: a share of a {signal.quantity} means nothing, as its zero is arbitrary"
-            )
+            quantity = signal.quantity
+            message = f"{text}: a share of a {quantity} means nothing, as its zero is arbitrary"
             hint = f"write {' or '.join(others)}" if others else ""
             self.report_word(path, column, signal.name, "KB120", message, hint)
             return True
@@ -340,7 +338,7 @@ class ModuleReader(Reader):
 
 
 def _accuracy(part: Mapping[str, Any]) -> Accuracy | None:
-    """How exact a part says it is; one without a source is assumed."""
+    """The stated accuracy of a part; one without a source counts as assumed."""
     if "accuracy" not in part:
         return None
     share, _, source = part["accuracy"].partition("%")
@@ -352,7 +350,7 @@ def _si(unit: Unit, value: float | None) -> float | None:
 
 
 def check_value(reader: Reader, path: Path_, parameter: Parameter) -> None:
-    """Report the value at a path that its parameter cannot have; 0 without `u` is no quantity."""
+    """Report a value at a path that its parameter cannot have; 0 with u = 0 is a plain number."""
     name, value, unit = parameter.name, parameter.value, parameter.unit
     shown = "" if unit.text == "1" else f" {unit.text}"
     if parameter.highest < float("inf"):

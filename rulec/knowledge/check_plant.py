@@ -1,4 +1,4 @@
-"""Pass 2b, check plant: the plant's documents against the knowledge, all values in SI."""
+"""Pass 2b, check plant: check the plant's documents against the knowledge, convert to SI."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from rulec.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 
 
 def check(sources: Sources) -> Plant:
-    """Check knowledge and plant; raises `Refused` with every mistake of meaning."""
+    """Check knowledge and plant; raises `Refused` with all mistakes of meaning."""
     return check_plant(sources, check_knowledge(sources))
 
 
 def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
-    """Check a plant against checked knowledge."""
+    """Check a plant against checked knowledge; raises `Refused` with all mistakes."""
     document = sources.plant
     assert document is not None
     names = sources.names("module"), sources.names("fluid")
@@ -68,9 +68,9 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
 
 @dataclass
 class _PlantReader(Reader):
-    """Reads a plant document and, with readers of their own, the files that belong to it.
+    """Reads a plant document and, with other readers, the files that belong to it.
 
-    `types` and `fluids` are the names that the knowledge base has.
+    `types` and `fluids` are the names in the knowledge base.
     """
 
     knowledge: Knowledge
@@ -79,7 +79,7 @@ class _PlantReader(Reader):
 
     @property
     def _names(self) -> Mapping[str, Any]:
-        """Modules by name, also those of an unknown type, which are reported once."""
+        """Modules by name, including those of an unknown type, which are reported once."""
         names: Mapping[str, Any] = self.document.data["modules"]
         return names
 
@@ -90,11 +90,11 @@ class _PlantReader(Reader):
         return Reader(document, self.units, self.found)
 
     def _report_at(self, place: Place, code: str, message: str, hint: str = "") -> None:
-        """A mistake in a file that is no document."""
+        """Report a mistake in a file that is not YAML."""
         self.found.append(Diagnostic(place, code, message, hint))
 
     def modules(self) -> dict[str, Module]:
-        """Modules of a known type, by name, with the values that the plant states."""
+        """Modules of known types by name, with the values that the plant states."""
         result = {}
         for name, part in self.document.data["modules"].items():
             kind = self.knowledge.modules.get(part["type"])
@@ -126,7 +126,7 @@ class _PlantReader(Reader):
         )
 
     def calibrate(self, modules: dict[str, Module], document: Document) -> dict[str, Module]:
-        """Take over the values of a calibration file."""
+        """The modules with the values of a calibration file."""
         result, reader = dict(modules), self.reader_of(document)
         for name, part in document.data["modules"].items():
             path = ("modules", name)
@@ -145,7 +145,7 @@ class _PlantReader(Reader):
         return result
 
     def fill(self, modules: dict[str, Module]) -> dict[str, Module]:
-        """Modules with their fluid, else the plant's; equations that ask for it are filled."""
+        """Modules with their own fluid or the plant's, which is put into equations that use it."""
         data, known = self.document.data, self.knowledge.fluids
         named: dict[Path_, str | None]
         named = {("modules", n, "fluid"): m.get("fluid") for n, m in data["modules"].items()}
@@ -167,7 +167,7 @@ class _PlantReader(Reader):
         return result
 
     def connections(self, adjacency: tuple[str, str] | None) -> tuple[tuple[str, str], ...]:
-        """Pairs (source, target), from the list or from an adjacency table (file name, text)."""
+        """Pairs (source, target), from the list or an adjacency table (file name, text)."""
         if adjacency is not None:
             if "connections" in self.document.data:
                 second = self.document.key("connections")
@@ -226,7 +226,7 @@ class _PlantReader(Reader):
         return tuple(result)
 
     def _compare(self, place: Place, names: list[str], side: str) -> None:
-        """Each module has one row and one column, and nothing else has."""
+        """Check that each module, and nothing else, has one row and one column."""
         for name in sorted({*names, *self._names}):
             if name not in self._names:
                 message = f"the {side} '{name[:40]}' is not a module of this plant"
@@ -239,7 +239,7 @@ class _PlantReader(Reader):
     def columns(
         self, modules: Mapping[str, Module], document: Document | None
     ) -> tuple[tuple[Column, ...], str]:
-        """Columns of a recording, and the name of the one with time."""
+        """Columns of a recording, and the name of the time column."""
         if document is None:
             return (), ""
         result, time_column, reader = [], "", self.reader_of(document)
@@ -265,7 +265,7 @@ class _PlantReader(Reader):
         return tuple(result), time_column
 
     def time_zone(self, document: Document | None) -> str:
-        """Zone of dates that name none; one that exists, or empty."""
+        """Time zone of dates that state none; an unknown zone is reported."""
         time = {} if document is None else document.data["columns"].get("time", {})
         zone = str(time.get("zone", ""))
         known = available_timezones() if zone else ()
@@ -279,7 +279,7 @@ class _PlantReader(Reader):
 def _values(
     reader: Reader, path: Path_, part: Mapping[str, Any], kind: ModuleType, source: str = ""
 ) -> dict[str, Parameter]:
-    """Changed parameters of a module; unknown names and units that do not fit are reported."""
+    """Changed parameters of a module; unknown names and unfitting units are reported."""
     result = {}
     for key, value in part.get("parameters", {}).items():
         where, known = (*path, "parameters", key), kind.parameters.get(key)
@@ -302,7 +302,7 @@ def _values(
 
 
 def _has_signal(reader: Reader, path: Path_, kind: ModuleType) -> bool:
-    """Whether the key at a path is a signal of a type; else it is reported."""
+    """Whether the key at a path is a signal of a type; otherwise it is reported."""
     if path[-1] not in kind.signals:
         message = f"'{kind.name}' has no signal '{path[-1]}'"
         reader.report_key(path, "KB071", message, did_you_mean(str(path[-1]), kind.signals))
@@ -344,7 +344,7 @@ def _calibrated(reader: Reader, path: Path_, part: Mapping[str, Any], module: Mo
 def _block(
     reader: Reader, path: Path_, block: Mapping[str, Any], parameters: Mapping[str, Parameter]
 ) -> Block | None:
-    """Read a covariance block and factor it; it must be symmetric and positive."""
+    """Read and factor a covariance block, which must be symmetric and positive definite."""
     names, where = tuple(block["of"]), (*path, "matrix")
     for i, name in enumerate(names):
         if name not in parameters:
@@ -379,7 +379,7 @@ def _block(
 
 
 def _conversion(reader: Reader, path: Path_, part: Mapping[str, Any]) -> tuple[float, float]:
-    """Scale and offset by which a number becomes a reading in the unit stated."""
+    """Scale and offset that convert a number to a reading in the stated unit."""
     scale, offset = float(part.get("scale", 1)), float(part.get("offset", 0))
     if path[-1] == "time" and (scale, offset) != (1.0, 0.0):
         key, hint = "scale" if "scale" in part else "offset", "convert the column"
@@ -395,7 +395,7 @@ def _conversion(reader: Reader, path: Path_, part: Mapping[str, Any]) -> tuple[f
 def _check_unit(
     reader: Reader, path: Path_, unit: Unit, wanted: Unit, code: str, hint: str = ""
 ) -> None:
-    """Report a unit under a path that does not fit the one declared."""
+    """Report a unit under a path that does not fit the declared one."""
     if not unit.dimension.fits(wanted.dimension):
         message = f"'{path[-1]}' is in {wanted.text}; '{unit.text}' does not fit"
         reader.report((*path, "unit"), code, message, hint)

@@ -11,12 +11,12 @@ from rulec.language.expression import Rejected, parse
 from rulec.language.reader import Reader
 
 MINIMUM = "minimum"
-"""Stands in a comparison for the smallest reading at which the equations hold."""
+"""In a comparison: the smallest reading at which the equations hold."""
 
 
 @dataclass
 class RegimeReader(Reader):
-    """Reads the regimes of one module document; `known` are the names that may stand in them."""
+    """Reads the regimes of one module document; `known` are the names they may use."""
 
     signals: Mapping[str, Signal]
     known: Collection[str]
@@ -39,7 +39,7 @@ class RegimeReader(Reader):
         return found
 
     def _comparison(self, path: Path_) -> Comparison | None:
-        """A comparison such as ``loss < 0``; None, and a report, where it cannot be read."""
+        """A comparison such as ``loss < 0``; a mistake is reported and gives None."""
         text: str = self.part(path)
         sign = ">" if ">" in text else "<"
         left, _, right = text.partition(sign)

@@ -19,7 +19,7 @@ class StateReader(Reader):
 
     @property
     def flows(self) -> bool:
-        """Do its equations know what flows in and out?"""
+        """Whether its equations can use inflow and outflow."""
         data = self.document.data
         laws = any(end in data.get("definitions", {}) for end in ENDS)
         return laws or "states" in data or "readings" in data
@@ -59,7 +59,7 @@ class StateReader(Reader):
         return self.expression(*path)
 
     def readings(self, signals: Mapping[str, Signal]) -> dict[str, Reading]:
-        """What sensors show; each is a signal, and none that is given."""
+        """Equations of what sensors show; each must be a signal that is no input."""
         result = {}
         for name, part in self.document.data.get("readings", {}).items():
             path = ("readings", name)
@@ -75,7 +75,7 @@ class StateReader(Reader):
         return result
 
     def check_still(self, kind: ModuleType) -> None:
-        """Observers hold at every moment by themselves: they stand on no state, and no flow."""
+        """Check that observers use no states or flows: they must hold at each moment alone."""
         moving = {*kind.states, *ENDS} if kind.flows else set()
         for observer in kind.observers.values():
             for name in kind.names_through(observer.expression) & moving:

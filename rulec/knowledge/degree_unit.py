@@ -1,7 +1,7 @@
-"""Faults that add to a reading: their degree is in the unit of the signal they act on.
+"""Faults that add to a reading: their degree has the unit of the signal they act on.
 
-The law of such a fault speaks of ``unit``, the size of one unit of the signal in SI. The range of
-its degree is in shares of the sensor's range: no reading is off by more than that.
+The law of such a fault uses ``unit``, the size of one unit of the signal in SI. The range of its
+degree is given in shares of the sensor's range, as no reading is off by more than that.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ UNIT = "unit"
 
 
 def adds(fault: FaultType) -> bool:
-    """Is the degree of a fault a size in the unit of the signal?"""
+    """Whether the degree of a fault is in the unit of the signal."""
     return any(name == UNIT for v in fault.variants for name, _ in v.law.names())
 
 
 def scales_from_zero(fault: FaultType) -> bool:
-    """Is the degree a share of a reading, so that the reading's zero must mean 'none of it'?"""
+    """Whether the degree is a share of a reading, so that the reading needs a true zero."""
     x = sympy.Symbol("x", real=True)
     at_zero = [
         to_sympy(v.law, {"g": sympy.S.Zero, "x": x, UNIT: sympy.S.One}) for v in fault.variants
@@ -35,12 +35,12 @@ def scales_from_zero(fault: FaultType) -> bool:
 
 
 def has_no_zero(signal: Signal, units: UnitTable) -> bool:
-    """Is the zero of a signal arbitrary, as that of degrees Celsius?"""
+    """Whether the zero of a signal is arbitrary, as that of degrees Celsius."""
     return bool(signal.unit.offset) or signal.quantity in units.interval
 
 
 def for_signal(variant: Variant, signal: Signal | None, units: UnitTable) -> Variant:
-    """A variant as it acts on one signal; the same one where its degree is a share."""
+    """A variant as it acts on one signal; unchanged if its degree is a share."""
     if signal is None or not any(name == UNIT for name, _ in variant.law.names()):
         return variant
     size, shown = signal.unit.factor, units.difference(signal.unit)

@@ -1,4 +1,4 @@
-"""Dimensions of all that the equations of a module type name."""
+"""Dimensions of all names in the equations of a module type."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
 def dimensions_of(
     kind: ModuleType, gathered: Mapping[str, Dimension] | None = None
 ) -> dict[str, Dimension]:
-    """Dimension of each signal, parameter, state and definition; `gathered` gives those of sums
-    over other modules, where they are known."""
+    """Dimension of each signal, parameter, state and definition; `gathered`: of downstream sums."""
     sums = dict.fromkeys(kind.gathers, UNKNOWN) if gathered is None else gathered
     known = {n: s.unit.dimension for n, s in kind.signals.items()}
     known |= {n: p.unit.dimension for n, p in kind.parameters.items()}

@@ -1,7 +1,6 @@
-"""What a file may say, but hardly means, or leaves open: values of a far wrong size, modules that
-touch nothing or that nothing checks, laws without an accuracy.
+"""Doubts: values of a far wrong size, modules without connections or checks, laws without accuracy.
 
-Doubts are no mistakes: a plant with some compiles. `rulec check` tells them.
+Doubts are not mistakes: a plant that has some still compiles. `rulec check` reports them.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Values = Mapping[str, float]
 
 
 def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iterator[Diagnostic]:
-    """Doubts about the module types that stand in some files."""
+    """Doubts about the module types in some files."""
     for document in documents:
         kind = knowledge.modules[document.data["module"]]
         reference = {s.name: s.reference for s in kind.signals.values() if s.reference is not None}
@@ -52,17 +51,16 @@ def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iter
 
 
 def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
-    """Doubts about what a plant says itself."""
+    """Doubts about what the plant file itself states."""
     for name, module in plant.modules.items():
         stated = document.data["modules"][name]
         for signal in stated.get("reference", {}):
             path = ("modules", name, "reference", signal)
             yield from _outside(document, path, module.type.signals[signal])
         if not {"parameters", "reference"} & stated.keys():
-            continue  # the file of the type says it
-        for parameter, message, hint in _far_estimates(
-            module.type, module.stated, module.reference
-        ):
+            continue  # any doubt is then about the type
+        far = _far_estimates(module.type, module.stated, module.reference)
+        for parameter, message, hint in far:
             path = ("modules", name, "parameters", parameter)
             place = document.key(*path) if path in document.keys else document.key(*path[:2])
             yield Diagnostic(place, "KB140", message, hint, doubt=True)
@@ -77,7 +75,7 @@ def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
 def doubts_of_redundancy(
     document: Document, plant: Plant, unchecked: Iterable[str], types: Iterable[ModuleType]
 ) -> Iterator[Diagnostic]:
-    """Modules whose one estimate nothing in the plant checks; `types` say what could."""
+    """Modules whose only estimate nothing in the plant checks; `types` show what could."""
     known = tuple(types)
     for name in unchecked:
         kind = plant.modules[name].type
@@ -90,7 +88,7 @@ def doubts_of_redundancy(
 
 
 def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagnostic]:
-    """A typical reading, in the unit of the signal, that its sensor cannot show."""
+    """A typical reading, in the unit of the signal, outside the range of its sensor."""
     part = document.data
     for step in path:
         part = part[step]
@@ -108,7 +106,7 @@ def _far_estimates(
 ) -> Iterator[tuple[str, str, str]]:
     """Estimates of one flow that are far apart at the typical readings.
 
-    Gives the parameter that may be to blame (or none), the message, and the remedy.
+    Yields the parameter that may be to blame (or ""), the message, and the remedy.
     """
     values = {name: p.value for name, p in parameters.items()}
     found = _far_pair(_flows(kind, values, reference))
@@ -131,7 +129,7 @@ def _far_estimates(
 
 
 def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, float] | None:
-    """The larger, the smaller, and how many times, of the first pair that is too far apart."""
+    """The first pair whose ratio exceeds `far`: the larger, the smaller, and the ratio."""
     for one, other in combinations(flows, 2):
         a, b = sorted((one, other), key=lambda name: -abs(flows[name]))
         if flows[b] and abs(flows[a] / flows[b]) > far:
@@ -140,7 +138,7 @@ def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, floa
 
 
 def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str, float]:
-    """Estimates at the typical readings, SI; without those that need more than the module."""
+    """Estimates at the typical readings, SI; those that need other modules are left out."""
     known = {**parameters}
     for signal in kind.signals.values():
         value = reference.get(signal.name)
@@ -162,12 +160,11 @@ def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str,
 
 
 def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...]:
-    """What a further estimate would take: own signals that nothing reads, else usual quantities.
+    """What a further estimate would need: own signals that nothing reads, else usual quantities.
 
-    What is proposed is read off the other module types: a type that also estimates the flow from
-    what this one reads, and has another estimate besides, shows which quantity that takes.
-    A flow meter always gives one, so it stands first; then come the quantities that most types add
-    to what this one reads.
+    Proposals come from other module types that can estimate the flow from the quantities read here
+    and have a second estimate: the quantity which that one adds is proposed. Flow meters come
+    first, as they always give an estimate, then the quantities that most types add.
     """
     own = _quantities(kind, kind.observers.values())
     counts: Counter[str] = Counter()
@@ -186,7 +183,7 @@ def instruments(kind: ModuleType, types: Iterable[ModuleType]) -> tuple[str, ...
 
 
 def unread(kind: ModuleType) -> Iterable[str]:
-    """Signals and definitions with a fault that no estimate, state or reading stands on."""
+    """Signals and definitions with a fault that no estimate, state or reading uses."""
     ends = [observer.expression for observer in kind.observers.values()]
     ends += [reading.expression for reading in kind.readings.values()]
     ends += [equation for state in kind.states.values() for _, equation in state.equations()]
@@ -198,6 +195,6 @@ def unread(kind: ModuleType) -> Iterable[str]:
 
 
 def _quantities(kind: ModuleType, observers: Iterable[Observer]) -> set[str]:
-    """Quantities of the signals that some estimates stand on."""
+    """Quantities of the signals that some estimates use."""
     names = {name for part in observers for name in kind.names_through(part.expression)}
     return {signal.quantity for name, signal in kind.signals.items() if name in names}

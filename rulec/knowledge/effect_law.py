@@ -1,7 +1,7 @@
-"""Read the law of an effect: an equation that may ask for the plain law elsewhere.
+"""Read the law of an effect: an equation that may use the plain law at another point.
 
-``law(dp=0)`` is the plain law with a driver replaced. It is the only keyword that any equation
-has; each distinct one becomes a name of its own before the reader of equations sees the text.
+``law(dp=0)`` is the plain law with a driver replaced. Equations have no other keyword arguments;
+each distinct one is replaced by a name of its own before the equation is parsed.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ _NUMBERED = re.compile(rf"\b{PLAIN}_[0-9]+\b")
 _SETTING = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]{0,40})\s*=(.*)", re.DOTALL)
 _EXAMPLE = f"as in {PLAIN}(dp=0)"
 
-
 Columns = dict[tuple[str, str], tuple[int, int]]
-"""Where a replaced driver and what replaces it start, by entry of `substitutes` and driver."""
+"""Columns of a replaced driver and of its replacement, by entry of `substitutes` and driver."""
 
 
 def parse_law(text: str) -> tuple[EffectLaw, Columns]:
     """Read the law of an effect; raises `Rejected` for anything outside the language.
 
-    The names that stand for ``law(...)`` are padded, so that columns are those of the text.
+    The names that replace ``law(...)`` are padded, so that columns match those of the text.
 
     >>> law, _ = parse_law("law(dp=0) - c*(law(dp=0) - law)")
     >>> law.expression.text
@@ -54,7 +53,7 @@ def parse_law(text: str) -> tuple[EffectLaw, Columns]:
 
 
 def _calls(text: str) -> Iterator[tuple[int, int, int]]:
-    """Where each ``law(...)`` starts, its bracket opens and closes; the outermost ones."""
+    """Columns of each outermost ``law(...)``: its start, opening and closing bracket."""
     end = -1
     for found in _ELSEWHERE.finditer(text):
         opening = found.end() - 1
@@ -72,26 +71,25 @@ def _calls(text: str) -> Iterator[tuple[int, int, int]]:
 
 
 def _settings(text: str, start: int, end: int) -> dict[str, tuple[Expression, int, int]]:
-    """What is replaced by what, with the columns of both."""
+    """Per driver its replacement, with the columns of both."""
     result: dict[str, tuple[Expression, int, int]] = {}
     for at, part in _parts(text, start, end):
         found = _SETTING.fullmatch(part)
         if found is None or found[1] in result:
-            odd = f"{PLAIN}(...) takes each driver once, with what replaces it"
-            raise Rejected("KB045", at, odd, _EXAMPLE, max(1, len(part)))
+            message = f"{PLAIN}(...) takes each driver once, with what replaces it"
+            raise Rejected("KB045", at, message, _EXAMPLE, max(1, len(part)))
         column = at + found.start(2)
         try:
             value = parse(found[2])
         except Rejected as error:
-            raise Rejected(
-                error.code, column + error.column, error.message, error.hint, error.length
-            ) from None
+            error.column += column
+            raise
         result[found[1]] = (value, at + found.start(1), column)
     return result
 
 
 def _parts(text: str, start: int, end: int) -> Iterator[tuple[int, str]]:
-    """Pieces between the commas that stand outside of brackets, with their columns."""
+    """Parts between the commas outside of brackets, with their columns."""
     depth, first = 0, start
     for i in range(start, end):
         depth += (text[i] == "(") - (text[i] == ")")

@@ -1,4 +1,4 @@
-"""How recordings are written, from a plant's column map."""
+"""The format of recordings, from a plant's column map."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from rulec_runtime.contract.file_form import START, FileForm
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND
 
-_AS_TOLD = ("layout", "tag", "value", "quality", "hold", "decimal", "thousands")
+_COPIED = ("layout", "tag", "value", "quality", "hold", "decimal", "thousands")
 
 
 def file_form(reader: Reader) -> FileForm:
-    """What a column map says of the files; mistakes of meaning are reported."""
+    """The format that a column map states; mistakes of meaning are reported."""
     data: Mapping[str, Any] = reader.document.data
     part, time = data.get("file", {}), data["columns"].get("time", {})
-    parts = time.get("from", ())
+    parts, good = time.get("from", ()), part.get("good", ())
     form = FileForm(
-        **{key: part[key] for key in _AS_TOLD if key in part},
+        **{key: part[key] for key in _COPIED if key in part},
         time=() if isinstance(parts, str) else tuple(parts),
         dates=time.get("dates", ""),
         since=_since(reader, time.get("since", "")),
         time_factor=_factor(reader, time),
-        good=_good(part.get("good", ())),
+        good=(good,) if isinstance(good, str) else tuple(str(one) for one in good),
         hold_for=_longest(reader, part),
         missing=tuple(float(number) for number in part.get("missing", ())),
     )
@@ -37,17 +37,13 @@ def file_form(reader: Reader) -> FileForm:
 
 
 def time_title(time: Mapping[str, Any]) -> str:
-    """What the column of times is called; of several, all of them."""
+    """The title of the time column, or of several that form the time."""
     parts = time["from"]
     return parts if isinstance(parts, str) else FileForm(time=tuple(parts)).time_title
 
 
-def _good(told: str | list[Any]) -> tuple[str, ...]:
-    return (told,) if isinstance(told, str) else tuple(str(one) for one in told)
-
-
 def _factor(reader: Reader, time: Mapping[str, Any]) -> float:
-    """Seconds per unit of times that are numbers; 0 where it is not stated, or s."""
+    """Seconds per unit of numeric times; 0 if the unit is not stated, or s without ``since``."""
     if "unit" not in time:
         return 0.0
     unit = reader.unit_of(SECOND, "time", "columns", "time", "unit")
@@ -67,7 +63,7 @@ def _since(reader: Reader, text: str) -> str:
 
 
 def _longest(reader: Reader, part: Mapping[str, Any]) -> float | None:
-    """How long a reading holds at most, s."""
+    """The longest time that a reading holds, s."""
     if "for" not in part:
         return None
     path, text = ("file", "for"), str(part["for"])

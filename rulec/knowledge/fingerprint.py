@@ -1,7 +1,7 @@
-"""What a ruleset is made from, as one hash, without parsing any of it.
+"""One hash of everything a ruleset is made from, without parsing any of it.
 
-Two equal hashes mean equal bytes in all files that count, and the same tool. A plant file says
-which folders and files belong to it; what it says is known from its first reading.
+Equal hashes mean equal bytes in all files that matter, and the same tool. Which folders and files
+belong to a plant is known from the first time its file was read.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from typing import Any
 from rulec_runtime import limits as limits_of_runtime
 from rulec_runtime.output.open_file import begin_of, is_near
 
-from rulec.knowledge.layers import KB, PLANT, layers_of, shipped, yaml_files_in
+from rulec.knowledge.layers import KB, layers_of, shipped, yaml_files_in
 from rulec.language.diagnostics import Place
 from rulec.limits import MAX_FILE_BYTES
 
 _LIBRARIES = re.compile(r"(numpy|scipy|sympy|networkx|pyyaml|jsonschema)-.*", re.IGNORECASE)
-"""Installed distributions whose version may change the last digit of a ruleset, or what is
-refused; their folders are called by name and version."""
+"""Folders of installed distributions, with their versions, that may change the last digit of a
+ruleset, or what is refused."""
 
 _NAMING = ("kb", "columns", "calibration", "adjacency")
 """Keys of a plant file that name folders and files, one or a list of them."""
 
 
 def named_in(plant: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Folders and files that the data of a plant file name, by key."""
+    """Folders and files that a plant file names, by key."""
     found = {}
     for key in _NAMING:
         value = plant.get(key, [])
@@ -41,22 +41,16 @@ def named_in(plant: Mapping[str, Any]) -> dict[str, list[str]]:
     return found
 
 
-def file_of(plant: Path) -> Path:
-    """The plant file, where a folder may be given."""
-    return plant / PLANT if plant.is_dir() else plant
-
-
 def print_of_text(plant: Path) -> str:
-    """Hash of the plant file alone and of the tool; raises OSError where it cannot be read."""
-    return _hash((_tool(), os.path.realpath(plant), _bytes_of(plant)))
+    """Hash of the plant file alone and of the tool; raises OSError if it cannot be read."""
+    return _hash((_tool(), os.path.realpath(plant), begin_of(plant, MAX_FILE_BYTES + 1)))
 
 
 def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = False) -> str:
-    """Hash of a plant file, of all that it names and all knowledge around it.
+    """Hash of a plant file, of all files that it names, and of all its knowledge.
 
-    With `whole` also of all other YAML beside it, which `rulec check` reads.
-
-    Raises OSError or `Refused` where something is not there.
+    `whole` adds all other YAML beside it, which `rulec check` reads. Raises OSError or `Refused` if
+    something is missing.
     """
     folder = plant.parent
     parts: list[str | bytes] = [print_of_text(plant)]
@@ -73,23 +67,18 @@ def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = Fals
 
 
 def _contents(folder: Path, files: Iterable[Path]) -> Iterator[str | bytes]:
-    """Real place of a folder, and of each file name and bytes."""
+    """The real path of a folder, then the name and the bytes of each file."""
     yield os.path.realpath(folder)
     for file in files:
         yield os.path.relpath(file, folder)
-        yield _bytes_of(file)
-
-
-def _bytes_of(file: Path) -> bytes:
-    """As much of a file as is ever read of it."""
-    return begin_of(file, MAX_FILE_BYTES + 1)
+        yield begin_of(file, MAX_FILE_BYTES + 1)
 
 
 @cache
 def _tool() -> str:
-    """Hash of what compiles: its files by size and date, libraries, and whether it checks itself.
+    """Hash of the compiler: its files by size and date, its libraries, and whether checks are on.
 
-    Files are not read: somebody who develops changes their dates, and an update the rest.
+    Files are not read: development changes their dates, and an update their sizes or versions.
     """
     folders = (Path(__file__).parents[1], Path(limits_of_runtime.__file__).parent)
     files = [found for folder in folders for found in _code_below(str(folder))]
@@ -112,12 +101,12 @@ def _code_below(folder: str) -> Iterator[tuple[str, int, int]]:
 def _libraries_in(folder: str) -> list[str]:
     try:
         return [name for name in os.listdir(folder or ".") if _LIBRARIES.fullmatch(name)]
-    except OSError:  # not every entry of the search path is there, or is a folder
+    except OSError:  # not every entry of the search path is a folder that exists
         return []
 
 
 def _hash(parts: Iterable[str | bytes]) -> str:
-    """SHA-256 of parts, each with its length, so that none runs into the next."""
+    """SHA-256 of parts, each preceded by its length, so that none runs into the next."""
     total = hashlib.sha256()
     for part in parts:
         data = part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part

@@ -1,4 +1,4 @@
-"""What a fluid brings into a module: closed forms of its properties, and their errors."""
+"""The properties of a fluid in a module: closed forms and their errors."""
 
 from __future__ import annotations
 
@@ -8,23 +8,36 @@ from functools import partial
 
 import sympy
 
-from rulec.knowledge.module_type import Fluid, Parameter, Property
+from rulec.knowledge.module_type import Fluid, Parameter
 from rulec.knowledge.plant import Module
 from rulec.language.symbolic import TEMPERATURE, closed_form, to_sympy
 from rulec.language.units import NONE, PROPERTIES, Unit
 
 
 def fill(module: Module, fluid: Fluid) -> Module:
-    """A module whose equations ask for properties, with its fluid.
+    """A module whose equations use fluid properties, with its fluid.
 
-    Each property is off by a factor: a hidden parameter of value 1. Its error is shared by all
-    modules with this fluid, so that it cancels where they are compared.
+    Each property has an error factor: a hidden parameter of value 1. Its error is shared by all
+    modules with this fluid, so that it cancels where they are compared. Signals that are the
+    temperature of a property get the fluid's range.
     """
-    factors = {
-        factor_name(fluid, name): _factor(fluid, fluid.properties[name])
-        for name in module.type.asks
-    }
-    ranges = dict.fromkeys(_thermometers(module), (fluid.lowest, fluid.highest))
+    factors = {}
+    for name in module.type.asks:
+        part, factor = fluid.properties[name], factor_name(fluid, name)
+        factors[factor] = Parameter(
+            name=factor,
+            value=1.0,
+            u=part.u,
+            unit=Unit("1", 1.0, NONE),
+            fit=False,
+            lowest=0.0,
+            title=f"error of the {part.name} of {fluid.title}",
+            origin=part.origin,
+            shared=True,
+        )
+    names = (name for e in module.type.equations() for name in e.thermometers())
+    thermometers = [name for name in names if name in module.type.signals]
+    ranges = dict.fromkeys(thermometers, (fluid.lowest, fluid.highest))
     return replace(
         module,
         type=replace(module.type, fluid=fluid, parameters={**module.type.parameters, **factors}),
@@ -33,24 +46,8 @@ def fill(module: Module, fluid: Fluid) -> Module:
     )
 
 
-def _factor(fluid: Fluid, part: Property) -> Parameter:
-    title = f"error of the {part.name} of {fluid.title}"
-    name = factor_name(fluid, part.name)
-    return Parameter(
-        name=name,
-        value=1.0,
-        u=part.u,
-        unit=Unit("1", 1.0, NONE),
-        fit=False,
-        lowest=0.0,
-        title=title,
-        origin=part.origin,
-        shared=True,
-    )
-
-
 def property_at(source: str) -> tuple[str, str]:
-    """Property of a fluid and reading of temperature that drive a law; a plain reading has none.
+    """Fluid property ("" if none) and reading that drive a law.
 
     >>> property_at("viscosity(pump.T)"), property_at("pump.T")
     (('viscosity', 'pump.T'), ('', 'pump.T'))
@@ -61,25 +58,19 @@ def property_at(source: str) -> tuple[str, str]:
 
 
 def reading_of(source: str) -> str:
-    """The reading behind what drives a law."""
+    """The reading that drives a law, directly or through a fluid property."""
     return property_at(source)[1]
 
 
 def factor_name(fluid: Fluid, name: str) -> str:
-    """Name of the hidden parameter by which a property may be off, such as ``density(water)``."""
+    """Name of the hidden error factor of a property, such as ``density(water)``."""
     return f"{name}({fluid.name})"
-
-
-def _thermometers(module: Module) -> list[str]:
-    """Signals that stand alone as the temperature of a property: they have the fluid's range."""
-    names = (name for e in module.type.equations() for name in e.thermometers())
-    return [name for name in names if name in module.type.signals]
 
 
 def closed_forms(
     fluid: Fluid | None, symbols: Mapping[str, sympy.Expr]
 ) -> dict[str, Callable[[sympy.Expr], sympy.Expr]]:
-    """Properties as functions of a temperature (K); `symbols` holds the factors of their errors."""
+    """Properties as functions of temperature (K); `symbols` holds their error factors."""
     if fluid is None:
         return {}
     return {
@@ -94,7 +85,7 @@ def _at(fluid: Fluid, name: str, factor: sympy.Expr, temperature: sympy.Expr) ->
 
 
 def property_of(fluid: Fluid, name: str) -> sympy.Expr:
-    """A property over `TEMPERATURE`, SI, numbers for all else."""
+    """A property as a function of `TEMPERATURE`, with numbers for all else, SI."""
     table = {"T": TEMPERATURE, **{n: sympy.Float(v) for n, v in fluid.coefficients.items()}}
     for part, expression in fluid.definitions.items():
         table[part] = to_sympy(expression, table)

@@ -1,4 +1,4 @@
-"""What is true of equipment in general: the checked content of kb/, in SI."""
+"""General knowledge of equipment: the checked content of kb/, in SI."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from rulec.language.units import Unit, UnitTable
 
 @dataclass(frozen=True)
 class SensorError:
-    """How a class of sensors comes to read wrong: a fault that acts on a signal.
+    """An error of a class of sensors: a fault that acts on a signal.
 
-    Without a `frequency` it comes as often as the fault does.
+    Without a `frequency`, that of the fault applies.
     """
 
     fault: str
@@ -31,11 +31,11 @@ class SensorError:
 class SensorClass:
     """Systematic uncertainty of a class of sensors.
 
-    `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
-    `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
-    `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
-    quantity for which advice may propose it where no signal is declared. Any reading of the class
-    may have one of its `errors`, whatever its module lists.
+    `standard` is the standard uncertainty, bound over coverage factor. `kind` is ``full scale`` or
+    ``reading`` (then `standard` is a fraction) or ``value`` (then `standard` is in SI). `cost` is
+    that of one more installed sensor, relative to the other classes. `measures` is the quantity for
+    which advice may propose it if no signal is declared. Any reading of the class may have one of
+    its `errors`, whatever its module lists.
     """
 
     name: str
@@ -56,10 +56,10 @@ class SensorClass:
 
 @dataclass(frozen=True, kw_only=True)
 class Variant:
-    """One direction of a fault: `law` gives what is there from what should be there.
+    """One direction of a fault: `law` gives the faulty value from the healthy one.
 
-    `unit` is that of the degree, and empty where it is a share. Without a `frequency` it comes as
-    often as the fault does.
+    `unit` is that of the degree, and empty if it is a share. Without a `frequency`, that of the
+    fault applies.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Variant:
 
     @property
     def scale(self) -> float:
-        """Degrees over this are shares: of what the fault acts on, or of the sensor's range."""
+        """Degrees divided by this are shares: of the fault's target, or of the sensor's range."""
         return self.highest if self.unit else 1.0
 
 
@@ -82,8 +82,8 @@ class Variant:
 class FaultType:
     """What a fault does; sign, gain, rule and matrix row are derived from it.
 
-    Without a `frequency` nobody said how often it comes. `liquid` says what it changes where it
-    acts on the liquid, and so on all modules at once.
+    `frequency` is None if not stated. `liquid` describes a fault of the liquid, which acts on all
+    modules at once.
     """
 
     name: str
@@ -99,7 +99,7 @@ class FaultType:
     liquid: Liquid | None = None
 
     def title_at(self, target: str, variant: Variant) -> str:
-        """Title of one variant of it, which acts on `target`."""
+        """Title of one of its variants, acting on `target`."""
         return f"{target} {variant.title}" if variant.name else self.title
 
 
@@ -115,7 +115,7 @@ class Knowledge:
     effects: Mapping[str, Effect] = field(default_factory=dict)
 
     def fault_in(self, use: FaultUse) -> FaultType:
-        """A fault as a module type has it: it may come more often there, or less, whichever way."""
+        """A fault in a module type, whose own frequency, if any, replaces those of all variants."""
         fault = self.faults[use.fault]
         if use.frequency is None:
             return fault

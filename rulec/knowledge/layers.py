@@ -1,4 +1,4 @@
-"""Folders of knowledge, one above another: the plant's own, named ones, packages, the shipped one.
+"""Folders of knowledge in layers: the plant's own, named ones, packages, the shipped one.
 
 The layers of a plant, in this order:
 
@@ -8,8 +8,8 @@ The layers of a plant, in this order:
 4. installed packages with an entry point in the group ``rulec.kb``,
 5. the nearest whole knowledge base upwards, else the shipped one.
 
-All of them count together. A folder whose units.yaml lists the unit "1" is a whole knowledge base,
-as `rulec adopt` writes it: it stands alone, and what would come after it is left out.
+All of them apply together. A folder whose units.yaml lists the unit "1" is a whole knowledge base,
+as written by `rulec adopt`: the layers after it are left out.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OWN, NAMED, VARIABLE, PACKAGE, UPWARDS, SHIPPED = (
     "in a folder above",
     "shipped with rulec",
 )
-"""Where a layer can come from."""
+"""Possible origins of a layer."""
 
 KB, UNITS, PLANT = "kb", "units.yaml", "plant.yaml"
 GROUP = "rulec.kb"
@@ -46,16 +46,16 @@ _OF_A_KIND = frozenset(("modules", "faults", "effects", "sensors", "fluids"))
 _PLAIN_UNIT = re.compile(rb"""^\s+(["'])1\1\s*:""", re.MULTILINE)
 _KNOWLEDGE = re.compile(rb"^(module|fault|effect|sensor|fluid|units):", re.MULTILINE)
 _SOURCE_MAP = re.compile(rb"^(endpoint|servers):", re.MULTILINE)
-"""A map of signals to nodes or topics, which only a watch reads."""
+"""Keys of a map of signals to nodes or topics, which only a watch reads."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A folder of knowledge: its name in messages and rulesets, where it comes from, its version.
+    """A folder of knowledge: its name in messages and rulesets, its origin, and its version.
 
-    A folder has no version of its own; a package has that of its distribution.
+    Only packages, which have that of their distribution, and the shipped one have a version.
     """
 
     name: str
@@ -65,12 +65,12 @@ class Layer:
 
     @property
     def is_own(self) -> bool:
-        """Is it none of those that count for every plant, whether the plant names it or not?"""
+        """Whether it is the plant's own folder, or one that the plant or the user names."""
         return self.kind not in (PACKAGE, UPWARDS, SHIPPED)
 
     @cached_property
     def is_whole(self) -> bool:
-        """Does it list the unit "1", without which no knowledge base works?"""
+        """Whether it lists the unit "1", which every knowledge base needs."""
         return has_line(self.folder / UNITS, _PLAIN_UNIT)
 
     @property
@@ -79,22 +79,22 @@ class Layer:
         return yaml_files_in(self.folder)
 
     def inside(self, path: str) -> str:
-        """Path of one of its files, as seen from its folder."""
-        seen = os.path.relpath(os.path.realpath(path), os.path.realpath(self.folder))
-        return Path(seen).as_posix()
+        """Path of one of its files, relative to its folder."""
+        relative = os.path.relpath(os.path.realpath(path), os.path.realpath(self.folder))
+        return Path(relative).as_posix()
 
 
 def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
     """Layers of the plant in a folder; `named` are the folders that its file names, with places.
 
-    Raises `Refused` where a folder or a package is not there, or holds no YAML (KB001), or leads
-    out of the plant's folder (KB016).
+    Raises `Refused` if a folder or a package is missing or holds no knowledge (KB001), or leads out
+    of the plant's folder (KB016).
     """
     return _stack(_layers(plant, named))
 
 
 def layers_around(near: Path, root: Path | None = None) -> tuple[Layer, ...]:
-    """Layers that count near a folder that is no plant's: `root`, and those of every plant.
+    """Layers that apply near a folder without a plant: `root`, and those of every plant.
 
     Raises `Refused` as `layers_of` does.
     """
@@ -103,8 +103,8 @@ def layers_around(near: Path, root: Path | None = None) -> tuple[Layer, ...]:
 
 
 def root_of(file: Path) -> Path | None:
-    """The folder of knowledge that a file belongs to; None where it lies apart."""
-    folder = Path(os.path.abspath(file)).parent  # where a link stands, not where it leads
+    """The folder of knowledge that a file belongs to; None if it belongs to none."""
+    folder = Path(os.path.abspath(file)).parent  # of a link itself, not of its target
     for part in (folder, *folder.parents):
         if part.name == KB or (part / UNITS).is_file():
             return part
@@ -123,13 +123,18 @@ def yaml_files_in(folder: Path) -> list[Path]:
 
 
 def shipped(name: str) -> Path:
-    """A folder that comes with the tool, in a checkout or in an installed package."""
+    """A folder shipped with the tool, in a checkout or in an installed package."""
     inside = _PACKAGE / name
     return inside if inside.is_dir() else _PACKAGE.parent / name
 
 
+def plant_file(plant: Path) -> Path:
+    """The file of a plant that is given as a folder or as the file itself."""
+    return plant / PLANT if plant.is_dir() else plant
+
+
 def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
-    """Each folder once, down to the first that stands alone."""
+    """Each folder once, down to the first whole knowledge base."""
     result: list[Layer] = []
     seen: set[str] = set()
     for layer in layers:
@@ -156,21 +161,16 @@ def _layers(plant: Path, named: Sequence[tuple[str, Place]]) -> Iterator[Layer]:
 
 
 def _ambient(near: Path) -> Iterator[Layer]:
-    """What counts for every plant: the variable, packages, and what lies below all."""
+    """Layers of every plant: from the variable, from packages, and the lowest one."""
     for text in filter(None, os.environ.get("RULEC_KB", "").split(os.pathsep)):
         yield _existing(Path(text), text, Place("RULEC_KB"), VARIABLE)
     yield from _packages()
-    yield _base(near)
-
-
-def _base(near: Path) -> Layer:
-    """The nearest whole knowledge base upwards, or the shipped one."""
     above = (near.resolve(), *near.resolve().parents)
     layers = (Layer(KB, UPWARDS, place) for folder in above for place in (folder / KB, folder))
     found = next((layer for layer in layers if layer.is_whole), None)
     if found is None or found.folder == shipped(KB):
-        return Layer(KB, SHIPPED, shipped(KB), version_of_rulec())
-    return found
+        found = Layer(KB, SHIPPED, shipped(KB), version_of_rulec())
+    yield found
 
 
 def _folder(folder: Path, kind: str) -> Layer:
@@ -179,10 +179,10 @@ def _folder(folder: Path, kind: str) -> Layer:
 
 
 def leads_out(place: Place, name: str = "") -> Diagnostic:
-    """That what a file names, or else a link, leads to where nothing may be read."""
-    what = f"'{name}' leads out of the folder of this file" if name else "this link leads out"
+    """A name in a file, or else a link, leads to a folder that may not be read."""
+    message = f"'{name}' leads out of the folder of this file" if name else "this link leads out"
     hint = f"it may lead to a folder beside its own at most; {FOLDERS} names further ones"
-    return Diagnostic(place, "KB016", what, hint)
+    return Diagnostic(place, "KB016", message, hint)
 
 
 def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
@@ -195,12 +195,12 @@ def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
 
 
 def _has_knowledge(folder: Path) -> bool:
-    """Is there a file that describes something, as far as its text tells?"""
+    """Whether a file seems to describe something, judged without parsing it."""
     return any(has_line(file, _KNOWLEDGE) for file in yaml_files_in(folder))
 
 
 def has_line(file: Path, key: re.Pattern[bytes]) -> bool:
-    """Whether a file has a key, without parsing it; one that cannot be read has none."""
+    """Whether a file has a key, without parsing it; False if it cannot be read."""
     try:
         return key.search(begin_of(file, MAX_FILE_BYTES)) is not None
     except OSError:
@@ -208,7 +208,7 @@ def has_line(file: Path, key: re.Pattern[bytes]) -> bool:
 
 
 def _packages() -> Iterator[Layer]:
-    """Installed packages in order of their names; none of their code is run."""
+    """Installed packages in order of their names; their code is not run."""
     points = importlib.metadata.entry_points(group=GROUP)
     for point in sorted(points, key=lambda p: (p.dist.name if p.dist else "", p.name, p.value)):
         name = point.dist.name if point.dist else point.name
@@ -221,7 +221,7 @@ def _packages() -> Iterator[Layer]:
 
 
 def _folder_of(module: str) -> Path | None:
-    """Folder of an importable package such as ``acme.pumps``, found without importing it."""
+    """Folder of a package such as ``acme.pumps``, without importing it; None if there is none."""
     top, *rest = module.split(".")
     try:
         found = importlib.util.find_spec(top)
@@ -233,7 +233,7 @@ def _folder_of(module: str) -> Path | None:
 
 
 def version_of_rulec() -> str:
-    """Version of the installed distribution; empty where it is none."""
+    """Version of the installed distribution; empty if it is not installed."""
     try:
         return importlib.metadata.version("rulec")
     except importlib.metadata.PackageNotFoundError:

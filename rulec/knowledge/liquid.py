@@ -1,4 +1,4 @@
-"""What a change of the liquid moves: a property that equations ask for, and laws that do not."""
+"""Effects of a changed liquid: on a property that equations use, and on laws that do not use it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rulec.language.reader import Reader
 from rulec.language.units import PROPERTIES, Dimension
 
 BY = "by"
-"""Name, in the law of a move, of the reading by which the place is known."""
+"""In the law of a move: the reading that identifies the place."""
 
 RATIO = "r"
-"""Name, in the law of a move, of the property over that at which the plain law holds."""
+"""In the law of a move: the property divided by its value at which the plain law holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """How a law moves that gives something (a dimension) and falls or rises with a reading.
+    """How a law changes that gives a value of dimension `gives`, and falls or rises with a reading.
 
-    `sign` is that of the slope by readings of `quantity`; `steep` as of a `Join`. `law` stands over
-    ``law`` and ``law(by=...)``, the plain law as it is and with that reading replaced, and ``r``.
+    `sign` is that of the slope by readings of `quantity`; `steep` is as in `Join`. `law` may use
+    ``law`` (the plain law), ``law(by=...)`` (with that reading replaced) and ``r``.
     """
 
     gives: Dimension
@@ -37,8 +37,11 @@ class Move:
 
 @dataclass(frozen=True, kw_only=True)
 class Liquid:
-    """A property of the liquid that a fault changes; `per_kelvin` is its relative change by
-    temperature, 1/K, known to a `factor`; 0 where it does not follow the temperature."""
+    """A property of the liquid that a fault changes.
+
+    `per_kelvin` is its relative change with temperature, 1/K, known to a `factor`; 0 if it has
+    none.
+    """
 
     property: str
     moves: tuple[Move, ...]
@@ -48,7 +51,7 @@ class Liquid:
 
 
 def read_liquid(reader: Reader) -> Liquid | None:
-    """The liquid of a fault that acts on one; mistakes go to the reader."""
+    """The liquid of a fault that acts on one; the reader collects mistakes."""
     data = reader.document.data
     if data["acts_on"] != "liquid":
         return None

@@ -1,4 +1,4 @@
-"""What a maker says of a module, checked, in SI."""
+"""A maker's description of a module, checked, in SI."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from rulec.language.units import Unit
 
 INFLOW, OUTFLOW = "inflow", "outflow"
 ENDS = (INFLOW, OUTFLOW)
-"""Names, in a module type with states, of what flows in and out. A definition of such a name is a
-law of the module; without one the flow follows from what is connected."""
+"""Names of the flows in and out of a module type with states. A definition of that name is a law of
+the module; without one the flow follows from the connected modules."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
     """A measured value of a module type; limits and reference in SI.
 
-    `between` says how an input runs between samples: ``hold`` or ``line``.
+    `between` gives the course of an input between samples: ``hold`` or ``line``.
     """
 
     name: str
@@ -43,8 +43,7 @@ class Signal:
 class Parameter:
     """A constant of a module type, value and standard uncertainty in SI.
 
-    It lies between `lowest` and `highest`. `shared`: its error is the same in all modules that have
-    it.
+    It lies between `lowest` and `highest`. If `shared`, its error is the same in all modules.
     """
 
     name: str
@@ -60,20 +59,20 @@ class Parameter:
 
     @property
     def positive(self) -> bool:
-        """Is it above zero by its meaning?"""
+        """Whether it can only be above zero."""
         return self.lowest >= 0.0 and self.value > 0.0
 
     @property
     def is_constant(self) -> bool:
-        """Is it known exactly, and nothing to be found by a fit?"""
+        """Whether it is known exactly and never fitted."""
         return self.u == 0.0 and not self.fit
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How exact a law is: it keeps within this `share` of what it predicts in 19 of 20 places.
+    """Accuracy of a law: it is within this `share` of its prediction in 19 of 20 places.
 
-    Errors of sensors come on top. Half of the share is the standard uncertainty of its form.
+    Sensor errors come on top. Half of the share is the standard uncertainty of the law's form.
     """
 
     share: float
@@ -81,13 +80,13 @@ class Accuracy:
 
     @property
     def text(self) -> str:
-        """As it stands in a file."""
+        """The accuracy as written in a file."""
         return f"{100 * self.share:g} %, {self.source}"
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A named part of an equation; `accuracy` is None where none is stated."""
+    """A named part of an equation; `accuracy` is None if not stated."""
 
     name: str
     expression: Expression
@@ -97,7 +96,7 @@ class Definition:
 
 @dataclass(frozen=True)
 class Observer:
-    """A relation read as an estimate of the volume flow; `accuracy` as of a definition."""
+    """A relation solved for the volume flow; `accuracy` is None if not stated."""
 
     name: str
     component: str
@@ -108,16 +107,16 @@ class Observer:
 
 
 _EQUATIONS = {"der": "rate", "start": "start", "low": "low", "high": "high", "after": "after"}
-"""Equations of what is stored: key in a file, field here."""
+"""Equations of a stored quantity: key in a file, field here."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stored:
-    """How something that is stored moves; all equations, in SI.
+    """Equations of a stored quantity, in SI.
 
-    `rate` is its derivative by time, `start` its value at the beginning. It stays between `low` and
-    `high`, where they are given. With `after` (s), a dead time, what it would follow as with a lag
-    arrives all at once, so much later.
+    `rate` is its derivative by time, `start` its initial value. It stays between `low` and `high`,
+    if given. `after` (s) is a dead time: the value then follows undistorted after this delay,
+    instead of with a lag.
     """
 
     rate: Expression
@@ -127,7 +126,7 @@ class Stored:
     after: Expression | None = None
 
     def equations(self) -> Iterator[tuple[str, Expression]]:
-        """All of them by key, such as ``der``."""
+        """All equations with their keys, such as ``der``."""
         given = ((key, getattr(self, name)) for key, name in _EQUATIONS.items())
         yield from ((key, expression) for key, expression in given if expression is not None)
 
@@ -138,7 +137,7 @@ class Stored:
 
 @dataclass(frozen=True, kw_only=True)
 class State(Stored):
-    """What a module stores. `quantity` is empty where no sensor measures such a thing."""
+    """A stored quantity of a module; `quantity` is empty if no sensor can measure it."""
 
     name: str
     quantity: str
@@ -149,7 +148,7 @@ class State(Stored):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a sensor shows, by the states: the equation of a signal that is no input."""
+    """The equation by which the states determine a signal that is no input."""
 
     name: str
     expression: Expression
@@ -158,7 +157,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Frequency:
-    """How often a fault comes beside others, in one of the words of the contract."""
+    """Frequency of a fault relative to others, as one of the words of the contract."""
 
     word: str
     origin: Origin
@@ -166,10 +165,7 @@ class Frequency:
 
 @dataclass(frozen=True)
 class FaultUse:
-    """A fault that a module type can have, and what it acts on there.
-
-    `frequency` is None where the module type does not say how often the fault comes in it.
-    """
+    """A fault that a module type can have, and its target; `frequency` is None if not stated."""
 
     fault: str
     target: str
@@ -179,7 +175,7 @@ class FaultUse:
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a fluid over ``T``; `u` is the relative standard uncertainty of it."""
+    """A property of a fluid as a function of ``T``; `u` is its relative standard uncertainty."""
 
     name: str
     expression: Expression
@@ -191,8 +187,8 @@ class Property:
 class Fluid:
     """A liquid, all in SI.
 
-    The equations of its properties stand over the temperature ``T``, `coefficients`, and
-    `definitions`, each over what comes before it. They hold from `lowest` to `highest`, in K.
+    The equations of its properties use the temperature ``T``, `coefficients` and `definitions`;
+    each definition may use those before it. They hold from `lowest` to `highest`, in K.
     """
 
     name: str
@@ -206,10 +202,10 @@ class Fluid:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A condition of a regime, `text` as its author wrote it.
+    """A condition of a regime, with its original `text`.
 
-    With a `signal` its reading lies above its minimum, or below it. Else `margin`, in SI, must be
-    positive beyond its uncertainty.
+    With a `signal`, its reading must be above (or below) its minimum. Otherwise `margin`, in SI,
+    must be positive beyond its uncertainty.
     """
 
     text: str
@@ -220,10 +216,7 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class Regime:
-    """A way in which a module runs that its laws for delivering do not cover.
-
-    All of its conditions must hold.
-    """
+    """An operating regime that a module's laws do not cover; all of its conditions must hold."""
 
     name: str
     title: str
@@ -234,16 +227,16 @@ class Regime:
     origin: Origin
 
     def stands_on(self, names: Collection[str]) -> bool:
-        """Are all names in its conditions among these?"""
+        """Whether its conditions use only these names."""
         found = {name for c in self.when for name, _ in c.margin.names()}
         return found | {c.signal for c in self.when if c.signal} <= set(names)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModuleType:
-    """Everything a maker says of a module. Definitions are in order of use.
+    """A maker's complete description of a module; definitions are in order of use.
 
-    `fluid` is what its equations are filled with, where they ask for properties of one.
+    `fluid` is the fluid whose properties its equations use, if any.
     """
 
     name: str
@@ -265,12 +258,12 @@ class ModuleType:
 
     @property
     def key(self) -> str:
-        """What symbolic work is shared by: the type, and its fluid where it matters."""
+        """Key by which symbolic work is shared: the type, and its fluid if equations use it."""
         return f"{self.name} with {self.fluid.name}" if self.fluid else self.name
 
     @property
     def asks(self) -> tuple[str, ...]:
-        """Properties of a fluid that the equations ask for."""
+        """Fluid properties that the equations use."""
         return tuple(sorted({name for e in self.equations() for name, _ in e.properties()}))
 
     def equations_at(self) -> Iterator[tuple[Path_, Expression]]:
@@ -290,7 +283,7 @@ class ModuleType:
         return [expression for _, expression in self.equations_at()]
 
     def with_definitions(self, expression: Expression) -> Iterator[Expression]:
-        """An equation and those of all definitions that it stands on."""
+        """An equation and those of all definitions it uses, directly or not."""
         seen: set[str] = set()
         stack = [expression]
         while stack:
@@ -302,11 +295,12 @@ class ModuleType:
                     stack.append(self.definitions[name].expression)
 
     def laws(self) -> dict[tuple[str, str], Accuracy | None]:
-        """Places where the author chose a form, such as ``("definitions", "Q_law")``.
+        """Accuracy of each place where the author chose a form, as ``("definitions", "Q_law")``.
 
-        A place is a law if it states an accuracy, or if an uncertain parameter stands in it. What a
-        law stands on is a part of it, unless it states an accuracy; an observer that stands on such
-        a part is none. A bare name, a meter, a sum of readings and a balance are no laws.
+        A place is a law if it states an accuracy or contains an uncertain parameter. A definition
+        that a law uses is part of that law, unless it states an accuracy itself; an observer that
+        uses such a definition is no law. Bare names, meters, sums of readings and balances are no
+        laws.
         """
         found: dict[tuple[str, str], Accuracy | None] = {}
         uncertain = {p.name for p in self.parameters.values() if not p.is_constant}
@@ -336,7 +330,7 @@ class ModuleType:
         return found
 
     def names_through(self, expression: Expression) -> set[str]:
-        """Names in an equation and in all definitions that it stands on."""
+        """Names in an equation and in all definitions it uses, directly or not."""
         return {name for part in self.with_definitions(expression) for name, _ in part.names()}
 
     @property
@@ -346,16 +340,16 @@ class ModuleType:
 
     @property
     def cuts(self) -> bool:
-        """Need what flows in not flow out: does it store, or has a flow a law of its own?"""
+        """Whether inflow and outflow may differ: it stores, or a flow has a law of its own."""
         return bool(self.states) or any(end in self.definitions for end in ENDS)
 
     @property
     def flows(self) -> bool:
-        """Do its equations know what flows in and out?"""
+        """Whether its equations can use inflow and outflow."""
         return self.cuts or bool(self.readings)
 
     def settled(self) -> ModuleType:
-        """What holds without time: no states, and nothing that stands on one."""
+        """The part that holds at each moment: without states and all that uses them."""
         if not self.flows:
             return self
         moving = {*self.states, *ENDS}

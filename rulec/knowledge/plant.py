@@ -1,4 +1,4 @@
-"""A plant as its engineer describes it, checked, in SI."""
+"""An engineer's description of a plant, checked, in SI."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Module:
-    """An instance of a module type with its values.
+    """An instance of a module type with its values, in SI.
 
-    `stated` are the parameters as the type and the plant state them, `parameters` those that count
-    after calibration. `misfit` per observer (m3/s) and `valid` per signal come from calibration;
-    `reference` holds readings at a typical operating point; all in SI. `fluid` is what runs through
-    it, where that is named.
+    `stated` are the parameters of the type and the plant, `parameters` those after calibration.
+    `misfit` per observer (m3/s) and `valid` per signal come from calibration; `reference` holds
+    readings at a typical operating point. `fluid` is None if none is named.
     """
 
     name: str
@@ -55,10 +54,10 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Plant:
-    """Instances and directed connections, with the knowledge they rest on.
+    """Modules and directed connections, with the knowledge they use.
 
-    `digest` is the hash of all that it is made from, `layers` what it takes from which folder of
-    knowledge, by hash.
+    `digest` is the hash of everything it is made from; `layers` are the folders of knowledge that
+    it uses, each with the hash of what it takes from there.
     """
 
     name: str

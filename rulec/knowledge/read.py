@@ -1,4 +1,4 @@
-"""Pass 1, read: files to documents. No meaning yet, but every position."""
+"""Pass 1, read: files to documents with the positions of all parts, not yet their meaning."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import functools
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from rulec_runtime.output.open_file import begin_of, is_near
 from rulec_runtime.output.refusal import Misused
@@ -18,6 +19,7 @@ from rulec.knowledge.layers import (
     layers_around,
     layers_of,
     leads_out,
+    plant_file,
     root_of,
     yaml_files_in,
 )
@@ -38,13 +40,12 @@ from rulec.limits import MAX_FILE_BYTES
 
 
 def read_plant(path: Path, effects: bool = False) -> Sources:
-    """Read a plant (folder or its plant.yaml) with all it refers to.
+    """Read a plant (folder or its plant.yaml) with all files it refers to.
 
-    Only a comparison with recordings needs `effects`; no ruleset depends on them.
-
-    Raises `Refused` with every mistake of form found in any file.
+    Only a comparison with recordings needs `effects`; no ruleset depends on them. Raises `Refused`
+    with all mistakes of form in any file.
     """
-    file = path / PLANT if path.is_dir() else path
+    file = plant_file(path)
     found: list[Diagnostic] = []
     plant = _read(file, "plant", found)
     if plant is None:
@@ -57,52 +58,38 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
     }
     columns = None
     if "columns" in plant.data:
-        columns = _read_attached(plant, file, "columns", ("columns",), found)
-    calibrations = _read_calibrations(plant, file, found)
+        columns = _read_attached(plant, file, ("columns",), found)
+    calibrations = tuple(_read_calibrations(plant, file, found))
     adjacency = _read_adjacency(plant, file, found)
-    kept = tuple(d for d in calibrations if d is not None)
     held = read_layers(layers, read_document, wanted, effects=effects)
-    naming = [d for d in (plant, columns, *kept) if d is not None]
-    by_kind = _merged(held, counted(held, naming), found)
-    if found:
-        raise Refused(found)
-    return Sources(
-        layers=layers,
-        by_kind=by_kind,
-        layer_of=_layer_of(held),
-        plant=plant,
-        columns=columns,
-        calibrations=kept,
-        adjacency=adjacency,
-    )
+    naming = [d for d in (plant, columns, *calibrations) if d is not None]
+    own = {"plant": plant, "columns": columns, "calibrations": calibrations, "adjacency": adjacency}
+    return _sources(layers, held, counted(held, naming), found, **own)
 
 
 def read_all(plant: Path | None) -> Sources:
-    """All knowledge that counts for a plant, used or not; without one, in the working folder.
+    """All knowledge that applies to a plant, used or not, or by default to the working folder.
 
-    Raises `Refused` with every mistake of form.
+    Raises `Refused` with all mistakes of form.
     """
     found: list[Diagnostic] = []
     if plant is None:
         layers = layers_around(Path())
     else:
-        file = plant / PLANT if plant.is_dir() else plant
+        file = plant_file(plant)
         document = _read(file, "plant", found)
         if document is None:
             raise Refused(found)
         layers = layers_of(file.parent, _named(document))
     held = read_layers(layers, read_document)
-    by_kind = _merged(held, held, found)
-    if found:
-        raise Refused(found)
-    return Sources(layers=layers, by_kind=by_kind, layer_of=_layer_of(held))
+    return _sources(layers, held, held, found)
 
 
 def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], list[Diagnostic]]:
     """Read single files or folders for `rulec check`, with the knowledge around them.
 
-    Returns sources for each folder of knowledge that the files lie in, the plant documents found,
-    and mistakes of form.
+    Returns sources for each folder of knowledge that contains some of the files, the plant
+    documents found, and mistakes of form.
     """
     found: list[Diagnostic] = []
     plants: list[Document] = []
@@ -136,19 +123,14 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
 
 
 def read_type(name: str, near: Path) -> tuple[Document, Sources]:
-    """A module type as its author wrote it, tables and all, and what it stands on.
+    """A module type as written, with its tables, and the sources around the folder `near`.
 
-    `near` is the folder that knowledge is looked for around. Raises `Refused`, or `Misused` where
-    there is no such type.
+    Raises `Refused`, or `Misused` if there is no such type.
     """
-    found: list[Diagnostic] = []
     layers = layers_around(near)
     held = read_layers(layers, read_document, {"module": {name}, "fluid": set()}, effects=False)
-    by_kind = _merged(held, held, found)
-    if found:
-        raise Refused(found)
-    sources = Sources(layers=layers, by_kind=by_kind, layer_of=_layer_of(held))
-    named = [d for d in by_kind.get("module", ()) if d.data["module"] == name]
+    sources = _sources(layers, held, held, [])
+    named = [d for d in sources.by_kind.get("module", ()) if d.data["module"] == name]
     if not named:
         hint = did_you_mean(name, sources.names("module"))
         raise Misused(f"there is no module type '{name[:70]}'; {hint}")
@@ -161,7 +143,7 @@ def read_type(name: str, near: Path) -> tuple[Document, Sources]:
 def read_alone(path: Path, kind: str) -> tuple[Document, tuple[Document, ...]]:
     """Read a file that no plant names, and the lists of units around it.
 
-    Raises `Refused` with every mistake of form.
+    Raises `Refused` with all mistakes of form.
     """
     found: list[Diagnostic] = []
     document = _read(path, kind, found)
@@ -176,7 +158,7 @@ def read_alone(path: Path, kind: str) -> tuple[Document, tuple[Document, ...]]:
 
 
 def _layers_around(file: Path) -> tuple[Layer, ...]:
-    """Layers that count for a file of knowledge, its own among them; raises `Refused` (KB001)."""
+    """Layers that apply to a file of knowledge, including its own; raises `Refused` (KB001)."""
     root = root_of(file)
     if root is None:
         return layers_around(file.parent)
@@ -195,7 +177,7 @@ def _named(plant: Document) -> list[tuple[str, Place]]:
 
 
 def _named_beside(file: Path) -> list[tuple[str, Place]]:
-    """Folders of knowledge that the plant names whose folder a file lies in, if it does."""
+    """Folders of knowledge that the plant in the folder of a file names, if there is one."""
     plant, _ = read_document(file.parent / PLANT)
     return _named(plant) if plant is not None and kind_of(plant) == "plant" else []
 
@@ -203,9 +185,9 @@ def _named_beside(file: Path) -> list[tuple[str, Place]]:
 def _merged(
     held: Sequence[LayerDocuments], counting: Iterable[LayerDocuments], found: list[Diagnostic]
 ) -> dict[str, tuple[Document, ...]]:
-    """Documents of the layers that count, by kind; of the others the names.
+    """Documents of the layers that apply, by kind; of the other layers only those for names.
 
-    The shipped ones come first: of two that clash, the one nearer to the plant is to be renamed.
+    The shipped layer comes first: if two names clash, the one nearer to the plant is reported.
     """
     result: dict[str, list[Document]] = {}
     taken = list(counting)
@@ -220,14 +202,24 @@ def _merged(
     return {kind: tuple(documents) for kind, documents in result.items()}
 
 
-def _layer_of(held: Sequence[LayerDocuments]) -> dict[str, Layer]:
-    """Layer of each document, by its path."""
-    return {
+def _sources(
+    layers: tuple[Layer, ...],
+    held: Sequence[LayerDocuments],
+    counting: Iterable[LayerDocuments],
+    found: list[Diagnostic],
+    **own: Any,
+) -> Sources:
+    """Sources from the documents of layers and a plant's own; raises `Refused` with mistakes."""
+    by_kind = _merged(held, counting, found)
+    if found:
+        raise Refused(found)
+    layer_of = {
         document.path: part.layer
         for part in held
         for documents in part.by_kind.values()
         for document in documents
     }
+    return Sources(layers=layers, by_kind=by_kind, layer_of=layer_of, **own)
 
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
@@ -252,19 +244,19 @@ def _read(
 
 
 def _read_attached(
-    plant: Document, file: Path, kind: str, path: Path_, found: list[Diagnostic]
+    plant: Document, file: Path, path: Path_, found: list[Diagnostic]
 ) -> Document | None:
-    """Read the file that the plant names at a path."""
+    """Read the file that the plant names at a path, which begins with its kind."""
     place, name = plant.place(*path), plant.data
     for step in path:
         name = name[step]
     if not _may_be_read(file, name, place, found):
         return None
-    return _read(file.parent / name, kind, found, place)
+    return _read(file.parent / name, str(path[0]), found, place)
 
 
 def _may_be_read(file: Path, name: str, place: Place, found: list[Diagnostic]) -> bool:
-    """Is there a file that a plant file may name? Else it is told at the place of its name."""
+    """Whether a plant file may name this file and it exists; otherwise this is reported."""
     if not is_near(file.parent / name, file.parent):
         found.append(leads_out(place, name))
         return False
@@ -276,10 +268,8 @@ def _may_be_read(file: Path, name: str, place: Place, found: list[Diagnostic]) -
     return True
 
 
-def _read_calibrations(
-    plant: Document, file: Path, found: list[Diagnostic]
-) -> list[Document | None]:
-    """Read each calibration that the plant names; one that is named twice is not read at all."""
+def _read_calibrations(plant: Document, file: Path, found: list[Diagnostic]) -> list[Document]:
+    """Read the calibrations that the plant names; none if one is named twice."""
     named: dict[str, int] = {}
     for i, name in enumerate(plant.data.get("calibration", ())):
         first = named.setdefault(os.path.realpath(file.parent / name), i)
@@ -288,10 +278,8 @@ def _read_calibrations(
             second = plant.place("calibration", first)
             found.append(Diagnostic(place, "KB015", message, "name each file once", second))
             return []
-    return [
-        _read_attached(plant, file, "calibration", ("calibration", i), found)
-        for i in named.values()
-    ]
+    read = (_read_attached(plant, file, ("calibration", i), found) for i in named.values())
+    return [document for document in read if document is not None]
 
 
 def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tuple[str, str] | None:

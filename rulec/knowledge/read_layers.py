@@ -21,12 +21,12 @@ from rulec.limits import MAX_FILE_BYTES
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 
 _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
-"""A file that need not be read where no effects are wanted: parsing all takes longer than a small
-plant takes to compile."""
+"""A file that is skipped if no effects are wanted: parsing all of them takes longer than compiling
+a small plant."""
 
 _NAMED = re.compile(rb"^([a-z]+):[ \t]*([A-Za-z0-9_-]+)[ \t]*$", re.MULTILINE)
 _PROVIDES = re.compile(rb"^provides:", re.MULTILINE)
-"""What a plant does not have, and what provides nothing, is known by its name alone."""
+"""Files that a plant does not use, and that provide nothing, are known only by name."""
 
 _WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
 _PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
@@ -36,14 +36,14 @@ Open = Callable[[Path], tuple[Document | None, list[Diagnostic]]]
 
 @dataclass(frozen=True)
 class LayerDocuments:
-    """What a layer holds: documents by kind, and mistakes of form."""
+    """The content of a layer: documents by kind, and mistakes of form."""
 
     layer: Layer
     by_kind: dict[str, list[Document]] = field(default_factory=dict)
     mistakes: list[Diagnostic] = field(default_factory=list)
 
     def ids(self) -> Iterator[str]:
-        """Names that other files can use: of types, faults, sensors, fluids, units, quantities."""
+        """Names for use in other files: of types, faults, sensors, fluids, units, quantities."""
         for kind, documents in self.by_kind.items():
             for document in documents:
                 if kind == "units":
@@ -60,35 +60,36 @@ def read_layers(
     given: Iterable[Path] = (),
     effects: bool = True,
 ) -> list[LayerDocuments]:
-    """What each layer holds.
+    """The content of each layer.
 
     Parameters
     ----------
     read : reads a file.
-    wanted : names of module types and fluids that a plant has; None: all. Of other module types the
-        kind ``provider`` holds those whose provided names a plant may ask for, and ``other`` the
-        rest, unchecked, for their names.
-    given : files that are left out, as somebody has read them.
+    wanted : names of the module types and fluids that a plant has; None: all. The kind ``provider``
+        holds other module types whose provided names a plant may use; ``other`` holds the rest,
+        unchecked, for their names.
+    given : files that have been read already and are left out.
     effects : whether effects are read.
     """
-    seen = {os.path.realpath(file) for file in given}
+    done = {os.path.realpath(file) for file in given}
     result = []
     for layer in layers:
         held = LayerDocuments(layer)
         for file in layer.files:
             real = os.path.realpath(file)
-            if real not in seen and (effects or not has_line(file, _EFFECT)):
+            if real not in done and (effects or not has_line(file, _EFFECT)):
                 _add(held, file, read, wanted)
-            seen.add(real)
+            done.add(real)
         result.append(held)
     return result
 
 
 def counted(held: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[LayerDocuments]:
-    """Layers that count for a plant: all, but of installed packages only those of which the plant,
-    or what counts for it, names something; so installing one leaves other plants as they are.
+    """Layers that apply to a plant: all but the installed packages it does not use.
 
-    `naming` are the documents of the plant. A package with effects counts wherever they are read.
+    A package applies if the plant (its documents are `naming`), or a layer that applies, uses one
+    of its names, so that installing a package does not change other plants. A package with effects
+    applies wherever effects are read.
     """
     parts = list(held)
     taken = [p for p in parts if p.layer.kind != PACKAGE or p.by_kind.get("effect")]
@@ -106,7 +107,7 @@ def counted(held: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[
 
 
 def _words_of(held: LayerDocuments) -> set[str]:
-    """Names that its files use; of what lies below all, only those that the plant has."""
+    """Names used in its files; in shared layers, only in the modules and fluids of the plant."""
     kinds = held.by_kind.keys() if held.layer.is_own else ("module", "fluid")
     documents = (d for kind in kinds for d in held.by_kind.get(kind, ()) if kind != "other")
     return {word for document in documents for word in _words(document.data)}
@@ -152,8 +153,7 @@ def _add(
 
 
 def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
-    """Kind and name of what a plant does not have, without parsing its file; empty where that is
-    not sure."""
+    """Kind and name in an unparsed file, if the plant surely does not use it; otherwise empty."""
     try:
         text = begin_of(file, MAX_FILE_BYTES)
     except OSError:
@@ -165,13 +165,9 @@ def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
 
 
 def open_document(
-    file: Path,
-    kind: str | None,
-    found: list[Diagnostic],
-    read: Open,
-    asked: Place | None = None,
+    file: Path, kind: str | None, found: list[Diagnostic], read: Open, asked: Place | None = None
 ) -> Document | None:
-    """Read one file, which must be of the given kind, or of any; `asked` is who wants it."""
+    """Read one file of the given kind, or of any; `asked` is the place that names it."""
     document, mistakes = read(file)
     found.extend(mistakes)
     if document is None:
@@ -191,7 +187,7 @@ def open_document(
 
 
 def conforms(document: Document, found: list[Diagnostic]) -> bool:
-    """Does a document keep to the schema of its kind? Mistakes are added to `found`."""
+    """Whether a document conforms to the schema of its kind; mistakes are added to `found`."""
     mistakes = check_schema(document, kind_of(document) or "", shipped("kb") / "schema")
     found.extend(mistakes)
     return not mistakes

@@ -1,4 +1,4 @@
-"""What is known of an unknown parameter before any reading."""
+"""Prior knowledge of an unknown parameter."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 from rulec.language.units import Unit
 
 USUAL_HINT = "add 'usual: {median: ..., factor: 3, source: ...}', or 'change: 0.05' for a share"
-"""How to say how large something usually is."""
+"""Remedy for a missing usual size."""
 
 
 @dataclass(frozen=True)
 class Usual:
-    """How large an amplitude usually is: `size` away from its null, SI, known to a `factor`.
+    """The usual size of an amplitude: its distance from the null, SI.
 
-    Where it is `of_place`, `size` is the share by which the place is usually changed instead.
-    `factor` is the geometric standard deviation.
+    If `of_place`, `size` is instead the share by which the place usually changes. `factor` is the
+    geometric standard deviation.
     """
 
     size: float
@@ -28,13 +28,13 @@ class Usual:
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """What is known of an unknown parameter before any reading; numbers in SI.
+    """Prior knowledge of an unknown parameter; numbers in SI.
 
-    At `null` the plain relation comes back, whatever the other parameters are; None where the
-    parameter only shapes the term (a threshold, an exponent). `starts` are values to try,
-    `quantiles` quantiles of the readings of `driver` to try. A parameter that is `fixed` is no
-    unknown, but a typical reading of `driver`; where it is `neutral`, the plain law holds at that
-    reading, whatever the other parameters are. `usual` is how large one that has a null usually is.
+    At `null` the plain law holds, whatever the other parameters; None for a parameter that only
+    shapes the term (a threshold, an exponent). `starts` are values to try, `quantiles` quantiles of
+    the readings of `driver` to try. A `fixed` parameter is not unknown, but a typical reading of
+    `driver`; if it is `neutral`, the plain law holds at that reading, whatever the other
+    parameters. `usual` is the usual size of a parameter with a null.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Shape:
 
 
 def usual_of(part: Mapping[str, Any], unit: Unit | None = None) -> Usual | None:
-    """The usual size that a parameter or a degree states; shares of the place have no unit."""
+    """The usual size that a parameter or a degree states; shares of a place have no unit."""
     stated = part.get("usual")
     if stated is None:
         return None
     if "change" in stated:
         return Usual(float(stated["change"]), float(stated["factor"]), of_place=True)
-    # A size is a difference from the null: no zero of a unit belongs to it.
+    # A size is a difference from the null, so the offset of a unit does not apply.
     factor = 1.0 if unit is None else unit.factor
     return Usual(abs(stated["median"]) * factor, float(stated["factor"]), of_place=False)

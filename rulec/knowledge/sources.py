@@ -1,4 +1,4 @@
-"""All documents that a plant or a check stands on, and what they are hashed to."""
+"""All documents that a plant or a check needs, and their hashes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from rulec.language.document import Document
 
 @dataclass(frozen=True, kw_only=True)
 class Sources:
-    """All documents that a plant or a check needs, by kind, with the schema already checked.
+    """All documents that a plant or a check needs, by kind; they conform to their schemas.
 
-    `layers` are the folders of knowledge that were read, `layer_of` gives that of each document by
-    its path. Of module types that the plant does not
-    have, the kind ``provider`` holds those whose provided names its modules may ask for, and
-    ``other`` the rest, and fluids that do not flow in it, unchecked, for their names. `given` are
-    the documents that a check was asked for.
+    `layers` are the folders of knowledge that were read; `layer_of` gives that of each document by
+    its path. Module types that the plant does not have are of the kind ``provider`` if its modules
+    may use their provided names. The others, and fluids that it does not have, are of the kind
+    ``other``, unchecked, for their names. `given` are the documents to be checked.
     """
 
     layers: tuple[Layer, ...]
@@ -37,17 +36,17 @@ class Sources:
         return self.by_kind.get("units", ())
 
     def counting(self) -> list[Document]:
-        """Documents of knowledge that a ruleset is made from."""
+        """Documents of knowledge that a ruleset depends on."""
         kinds = ("module", "fault", "sensor", "fluid", "units")
         return [document for kind in kinds for document in self.by_kind.get(kind, ())]
 
     def digest(self) -> str:
-        """Hash of what a ruleset is made from, independent of layout and order."""
+        """Hash of everything a ruleset depends on, independent of layout and order."""
         parts = [self.plant, self.columns, *self.calibrations, *self.units, *self.counting()]
         return digest_of(parts, self.adjacency[1] if self.adjacency else "")
 
     def by_layer(self) -> dict[Layer, list[tuple[str, Document]]]:
-        """Kinds and documents of each layer, also of one that holds none."""
+        """Kinds and documents of each layer, including empty layers."""
         result: dict[Layer, list[tuple[str, Document]]] = {layer: [] for layer in self.layers}
         for kind, documents in self.by_kind.items():
             for document in documents:
@@ -56,7 +55,7 @@ class Sources:
         return result
 
     def made_from(self) -> tuple[tuple[Layer, str], ...]:
-        """Layers that a ruleset is made from, each with the hash of what it takes from there."""
+        """Layers that a ruleset depends on, each with the hash of what it takes from there."""
         counting = {document.path for document in self.counting()}
         taken = {
             layer: [document for _, document in documents if document.path in counting]
@@ -65,7 +64,7 @@ class Sources:
         return tuple((layer, digest_of(own)) for layer, own in taken.items() if own)
 
     def connected(self, connections: Iterable[tuple[str, str]]) -> Sources:
-        """The same with other connections, given as a list; places stay those of the files."""
+        """The same sources with other connections, as a list; places stay those of the files."""
         assert self.plant is not None
         data = {key: part for key, part in self.plant.data.items() if key != "adjacency"}
         data["connections"] = [f"{source} -> {target}" for source, target in connections]
@@ -78,6 +77,6 @@ class Sources:
 
 
 def digest_of(documents: Iterable[Document | None], *more: str) -> str:
-    """Hash of what documents say, independent of layout and order."""
+    """Hash of the content of documents, independent of layout and order."""
     texts = sorted(json.dumps(d.data, sort_keys=True) for d in documents if d is not None)
     return hashlib.sha256("\n".join([*texts, *more]).encode()).hexdigest()[:16]

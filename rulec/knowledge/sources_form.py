@@ -1,21 +1,19 @@
-"""Documents that were read and conform to their schemas, as plain data and back.
+"""Checked documents to plain data and back.
 
-Files are named as seen from the folder that they belong to: the paths that messages show depend on
-where the tool runs, and are found anew.
+Files are named relative to their folder: the paths that messages show depend on where the tool
+runs, and are made anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge.layers import PLANT, layers_of
+from rulec.knowledge.layers import layers_of, plant_file
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Place
 from rulec.language.document import Document, Path_, display
-
-Places = Mapping[Path_, Place]
 
 
 def sources_form(sources: Sources) -> dict[str, Any]:
@@ -43,11 +41,11 @@ def sources_form(sources: Sources) -> dict[str, Any]:
 
 
 def sources_from(form: Mapping[str, Any], plant: Path) -> Sources:
-    """The documents of a plant, folder or file, from their JSON data.
+    """The documents of a plant (folder or file) from their JSON data.
 
-    Raises `Refused` where a folder of knowledge is not there.
+    Raises `Refused` if a folder of knowledge is missing.
     """
-    file = plant / PLANT if plant.is_dir() else plant
+    file = plant_file(plant)
     own = _of(form["plant"], file)
     names = own.data.get("kb", [])
     folders = [names] if isinstance(names, str) else names
@@ -78,21 +76,15 @@ def _document(document: Document, **where: Any) -> dict[str, Any]:
         **where,
         "label": document.label,
         "data": document.data,
-        "values": [*_places(document.values)],
-        "keys": [*_places(document.keys)],
+        "values": [(path, p.line, p.column, p.length) for path, p in document.values.items()],
+        "keys": [(path, p.line, p.column, p.length) for path, p in document.keys.items()],
     }
-
-
-def _places(places: Places) -> Iterator[tuple[Path_, int, int, int]]:
-    for path, place in places.items():
-        yield path, place.line, place.column, place.length
 
 
 def _of(form: Mapping[str, Any], file: Path) -> Document:
     name = display(file)
 
-    def places(entries: Any) -> Places:
-        return {tuple(path): Place(name, *spot) for path, *spot in entries}
+    def places(key: str) -> dict[Path_, Place]:
+        return {tuple(path): Place(name, *position) for path, *position in form[key]}
 
-    values, keys = places(form["values"]), places(form["keys"])
-    return Document(name, form["label"], form["data"], values, keys)
+    return Document(name, form["label"], form["data"], places("values"), places("keys"))

@@ -1,8 +1,8 @@
 """Characteristics given as points: each becomes a definition and two parameters of its module type.
 
-A table is another way to write an equation: straight lines between its points, or a monotone cubic,
-and on straight beyond the first and the last. So everything that reads definitions reads tables:
-plan, derivatives, simulation, faults, effects, code for controllers. At a point the derivative is
+A table is another way to write an equation: straight lines or a monotone cubic between its points,
+and straight lines beyond the first and the last. So whatever reads definitions also reads tables:
+plan, derivatives, simulation, faults, effects, code for controllers. The derivative at a point is
 the mean of those on both sides.
 """
 
@@ -18,19 +18,19 @@ from rulec.language.document import Document, Path_
 
 GROUP = "tables"
 SIZE, PER = "size", "per"
-"""Endings of the parameters of a table: one unit of what it gives, and of what it stands over."""
+"""Endings of the parameters of a table: one unit of its value, and one of its argument."""
 
 CUBIC = "monotone-cubic"
-"""Of `between`: no corner at the points, and nowhere above or below its two neighbouring points."""
+"""Value of `between`: no corner at the points, and always between the two neighbouring points."""
 
 DIGITS = 8
-"""Significant digits of coefficients: a data sheet has three."""
+"""Significant digits of coefficients; a data sheet has three."""
 
 
 def with_tables(document: Document, found: list[Diagnostic]) -> Document:
-    """A module type with its tables written out; other documents stay as they are.
+    """A module type with its tables written out; other documents are returned unchanged.
 
-    Reports a table whose name is taken (KB034) or whose points do not go up (KB123).
+    Reports a table whose name is taken (KB034) or whose points do not rise (KB123).
     """
     data = document.data
     tables: Mapping[str, Any] = data.get(GROUP, {}) if "module" in data else {}
@@ -83,8 +83,9 @@ def equations(name: str, table: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _cubics(at: str, points: Sequence[Sequence[float]]) -> Iterator[str]:
-    """By how much a monotone cubic rises from each point to the next, as far as `at` is; before the
-    first and behind the last it goes on with the slope that it has there.
+    """Rise of a monotone cubic from each point to the next, up to `at`.
+
+    Before the first point and after the last, it continues with the slope there.
 
     Source: Fritsch and Carlson 1980; slopes by Fritsch and Butland 1984.
     """
@@ -126,6 +127,6 @@ def _check(
 
 
 def _number(value: float) -> str:
-    """A number as it stands in an equation, a negative one in brackets."""
+    """A number as written in an equation, in brackets if negative."""
     text = f"{value:.{DIGITS}g}"
     return f"({text})" if value < 0 else text

@@ -1,4 +1,4 @@
-"""Try the laws of an effect out on plain laws and readings drawn at random."""
+"""Try the laws of an effect on random plain laws and readings."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rulec.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
 
 
 def fails_at_null(effect: Effect, join: Join) -> str:
-    """Why the plain law does not come back at the null of all parameters; '' if it does."""
+    """Why the law differs from the plain law at the null of all parameters; "" if it does not."""
     undefined = 0
     for known, plain in _trials(effect, join, at_null=True):
-        # What is stored has settled where it follows the plain law; so it starts.
+        # States have settled at the plain law, which is also where they start.
         stored = dict.fromkeys(effect.states, plain[PLAIN])
         try:
             values = [constant(law.expression, {**known, **plain, **stored}) for law in join.laws]
@@ -30,7 +30,7 @@ def fails_at_null(effect: Effect, join: Join) -> str:
 
 
 def is_neutral(effect: Effect, name: str) -> bool:
-    """Does every join give the plain law back where a driver, or that law, is a fixed parameter?"""
+    """Whether each join gives the plain law if a driver, or that law, equals a fixed parameter."""
     driver = effect.parameters[name].driver or ""
     used = [join for join in effect.joins if name in effect.used_by(join)]
     return bool(used) and all(
@@ -53,7 +53,7 @@ def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
 
 
 def _is_plain(value: float | None, plain: Mapping[str, float]) -> bool:
-    """Is a value of a law that of the plain law, but for rounding?"""
+    """Whether a value equals that of the plain law, except for rounding."""
     largest = max(map(abs, plain.values()))
     return value is not None and abs(value - plain[PLAIN]) <= EFFECT_TOLERANCE * largest
 
@@ -61,7 +61,7 @@ def _is_plain(value: float | None, plain: Mapping[str, float]) -> bool:
 def _trials(
     effect: Effect, join: Join, at_null: bool = False
 ) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
-    """Readings with parameters, and values of the plain laws there; the same at every call."""
+    """Readings with parameters, and values of the plain laws there; the same in every call."""
     draw = random.Random(0)
     nulls = {n: p.null for n, p in effect.parameters.items() if p.null is not None}
     for _ in range(EFFECT_TRIES):
@@ -73,14 +73,14 @@ def _trials(
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
-    """A reading of each driver, positive and of any size."""
+    """A reading of each driver, positive and of any order of magnitude."""
     return {name: math.exp(draw.uniform(*TRIED_READINGS)) for name in effect.drivers}
 
 
 def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
     """Parameters anywhere in their range; fixed ones near the reading of their driver.
 
-    Those at a reading of the very signal that the effect joins are missing.
+    Those fixed at a reading of the joined signal itself are left out.
     """
     return {
         name: known[p.driver] * draw.uniform(0.5, 2.0)
@@ -94,7 +94,7 @@ def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) 
 def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
     """Values of ``law`` and of each ``law(...)``: one smooth positive function of the drivers.
 
-    Raises nothing: what replaces a driver and is no number counts as 0.
+    A replacement of a driver that is no number counts as 0.
     """
     size = math.exp(draw.uniform(-7.0, 7.0))
     drivers = {name for replaced in join.law.substitutes.values() for name in replaced}

@@ -11,8 +11,7 @@ from rulec.language.units import UnitTable, unit_table
 
 
 def table_of(lists: Iterable[Document], found: list[Diagnostic]) -> UnitTable:
-    """One table of several lists. A spelling may stand in two of them, but must mean the same
-    (KB030)."""
+    """One table of several lists; a spelling in two of them must mean the same (KB030)."""
     merged: dict[str, dict[str, Any]] = {"units": {}, "quantities": {}}
     first: dict[tuple[str, str], Document] = {}
     for document in lists:
@@ -23,8 +22,7 @@ def table_of(lists: Iterable[Document], found: list[Diagnostic]) -> UnitTable:
                 if _meaning(known) != _meaning(part):
                     what = "unit" if group == "units" else "quantity"
                     message = f"the {what} '{name}' is described in two files, and not alike"
-                    second = other.key(group, name)
-                    place = document.key(group, name)
+                    place, second = document.key(group, name), other.key(group, name)
                     found.append(Diagnostic(place, "KB030", message, "rename one", second))
     return unit_table(merged)
 

@@ -1,4 +1,4 @@
-"""What the equations of a module type give at one point, by numbers alone."""
+"""Values of the equations of a module type at one point."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from rulec.knowledge.module_type import ModuleType
 from rulec.language.expression import Expression, Rejected, constant, parse
 
 _ASKED = re.compile(r"\b(density|viscosity)\([^()]*\)")
-"""What an equation asks of a fluid; at one point it is a number like any other."""
+"""A fluid property in an equation; at one point it is a number like any other."""
 
 
 def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
-    """Definitions, observers, readings and rates of states that follow from some numbers, SI.
+    """Values of definitions, observers, readings and rates of states, SI.
 
-    `given` are readings, states and, as `density` and `viscosity`, properties of the fluid;
-    parameters are those of the type where they are not given. What lacks a number is left out.
+    `given` holds readings, states and, as `density` and `viscosity`, properties of the fluid;
+    parameters that it does not hold are those of the type. Equations with an unknown name are left
+    out.
     """
     known = {p.name: p.value for p in kind.parameters.values()} | dict(given)
     for definition in kind.definitions.values():
@@ -36,7 +37,7 @@ def values_at(kind: ModuleType, given: Mapping[str, float]) -> dict[str, float]:
 def _value(text: str, known: Mapping[str, float]) -> float | None:
     try:
         return constant(_asking_nothing(text), known)
-    except Rejected:  # an equation has no value everywhere
+    except Rejected:  # not every equation has a value everywhere
         return None
 
 

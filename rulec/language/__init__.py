@@ -1,1 +1,1 @@
-"""The language of module and plant files: text to checked parts, every mistake with its place."""
+"""The language of module and plant files: text to checked parts, each mistake with its place."""

@@ -1,4 +1,4 @@
-"""A mistake in a knowledge or plant file, as a value with its place."""
+"""Mistakes in knowledge and plant files, as values with their places."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KINDS = (
     "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "limits",
     "fleet", "units",
 )  # fmt: skip
-"""Kinds of files, by the key that each has at its top."""
+"""Kinds of files, named by the top-level key that identifies each."""
 
 _OURS = re.compile(rf"""^(?:\{{\s*)?(["']?)(?:{"|".join(KINDS)})\1[ \t]*:(?:\s|\Z)""", re.MULTILINE)
 
@@ -27,7 +27,7 @@ _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 @dataclass(frozen=True, order=True)
 class Place:
-    """A spot in a text file; `line` and `column` count from 1."""
+    """A position in a text file; `line` and `column` count from 1."""
 
     file: str
     line: int = 1
@@ -37,11 +37,10 @@ class Place:
 
 @dataclass(frozen=True, order=True)
 class Diagnostic:
-    """One mistake: where, which kind, what, and what to do.
+    """One mistake or doubt, with its place.
 
     `code` identifies the reason (docs/errors.md); `hint` is the remedy; `second` is the other
-    place where two places contradict each other. A `doubt` is no mistake:
-    nothing is refused for it.
+    place where two contradict each other. A `doubt` is only a warning: nothing is refused for it.
     """
 
     place: Place
@@ -68,12 +67,12 @@ class Refused(Refusal):
 
     @property
     def briefly(self) -> str:
-        """The first few mistakes, in one line and without their places."""
+        """The first three mistakes, in one line and without their places."""
         return "; ".join(d.message for d in self.diagnostics[:3])
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that was probably meant, if any."""
+    """The known name that the author probably meant, if any."""
     names = sorted(known)
     same = [n for n in names if n.lower() == name.lower()]
     near = same or difflib.get_close_matches(name, names, n=1, cutoff=NEAREST_NAME)
@@ -81,9 +80,9 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def is_ours(text: str) -> bool:
-    """Whether a text is that of a file of this tool, as far as can be told without parsing it.
+    """Whether a text looks like a file of this tool, without parsing it.
 
-    Of any other nothing is quoted: a plant may name whatever its author wants to see.
+    Other files are never quoted: a plant may name any file whose content its author wants to see.
 
     >>> is_ours("plant: p"), is_ours("root:x:0:0"), is_ours("{'units': {}}")
     (True, False, True)
@@ -94,13 +93,13 @@ def is_ours(text: str) -> bool:
 def no_file_of_ours(
     place: Place, near: str | None = None, asked: Place | None = None
 ) -> Diagnostic:
-    """That a file is none of this tool; `near` is the key that was meant, `asked` who wants it."""
+    """A file is not of this tool; `near` is the key that was meant, `asked` what refers to it."""
     hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
     return Diagnostic(place, "KB012", "this is not a file of this tool", hint, asked)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Suggest the nearest known name, or list the few that exist.
+    """Suggest the nearest known name, or list the first known ones.
 
     >>> did_you_mean("k_leek", ["k_leak", "V"])
     "did you mean 'k_leak'?"
@@ -117,16 +116,18 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def render(diagnostic: Diagnostic) -> str:
     """Write a diagnostic as text: place, message, excerpt with caret, remedy."""
-    place, message = diagnostic.place, diagnostic.message
-    if len(message) > MAX_MESSAGE_LENGTH:
-        message = message[:MAX_MESSAGE_LENGTH] + "..."
+    place, second = diagnostic.place, diagnostic.second
+    message = _shortened(diagnostic.message)
     head = f"{diagnostic.code} {place.file}:{place.line}:{place.column}: {message}"
-    lines = [head, *_excerpt(place, diagnostic.hint)]
-    if diagnostic.second is not None:
-        second = diagnostic.second
+    lines = [head, *_excerpt(place, _shortened(diagnostic.hint))]
+    if second is not None:
         lines.append(f"  see also {second.file}:{second.line}:{second.column}")
         lines.extend(_excerpt(second, ""))
     return "\n".join(_printable(line) for line in lines)
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= MAX_MESSAGE_LENGTH else text[:MAX_MESSAGE_LENGTH] + "..."
 
 
 def render_all(diagnostics: Iterable[Diagnostic]) -> str:
@@ -144,13 +145,12 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def split_lines(text: str) -> list[str]:
-    """Lines as YAML counts them, which is not quite as Python does."""
+    """Lines as YAML counts them, which differs slightly from Python."""
     return _LINE_END.split(text)
 
 
 def _excerpt(place: Place, hint: str) -> list[str]:
-    """Quote the line of a place with a caret under the offending part, in a file of ours."""
-    hint = hint if len(hint) <= MAX_MESSAGE_LENGTH else hint[:MAX_MESSAGE_LENGTH] + "..."
+    """Quote the line of a place, if in a file of ours, with a caret under the offending part."""
     bare = [f"  {hint}"] if hint else []
     try:
         whole = begin_of(place.file, MAX_EXCERPT_BYTES).decode("utf-8-sig", "replace")
@@ -172,5 +172,5 @@ def _excerpt(place: Place, hint: str) -> list[str]:
 
 
 def _printable(text: str) -> str:
-    """Replace control characters: a hostile file must not steer the terminal."""
+    """Replace control characters: a hostile file must not control the terminal."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

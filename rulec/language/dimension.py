@@ -1,4 +1,4 @@
-"""The dimension of an equation as its author wrote it."""
+"""The dimension of an equation as written."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from rulec.language.exponent import exponent_of
-from rulec.language.expression import (
-    GATHER,
-    Expression,
-    function_of,
-    rejected_at,
-)
+from rulec.language.expression import GATHER, Expression, function_of, rejected_at
 from rulec.language.functions import FUNCTIONS, Gives
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, Dimension
 
@@ -23,7 +18,7 @@ def dimension(
     known: Mapping[str, Dimension],
     gathered: Mapping[str, Dimension],
 ) -> Dimension:
-    """Dimension of an expression as written; raises `Rejected` where sides do not fit."""
+    """Dimension of an expression; raises `Rejected` where two dimensions do not fit."""
     zero = _Zero()
 
     def walk(node: ast.expr) -> Dimension | _Zero:

@@ -1,7 +1,7 @@
 """Read YAML with the position of every key and value.
 
-YAML 1.2 core scalars (`1e-3` is a number, `no` is text). Duplicate keys, anchors, aliases, tags,
-numbers beyond reason and more than one document are refused.
+Scalars follow the YAML 1.2 core schema (`1e-3` is a number, `no` is text). Duplicate keys, anchors,
+aliases, tags, numbers too large or too small, and more than one document are refused.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ _CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\
 _STEERING = re.compile(
     "[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
-"""Controls (C0, C1), turns of reading direction and halves of characters: an escape in double
-quotes can write them, and a terminal would obey them."""
+"""Control characters (C0, C1), direction marks and surrogates: an escape in double quotes can write
+them, and a terminal would obey them."""
 
 _QUOTING = ("KB005", "KB008", "KB013")
-"""What is told with words of the file: of a file that is none of ours nobody should read them."""
+"""Mistakes that quote the file; a file that is not ours must not be quoted."""
 
 _WORDS: dict[str, bool | None] = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _WORDS |= {"true": True, "True": True, "TRUE": True}
@@ -50,12 +50,12 @@ Path_ = tuple[str | int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A YAML file as plain data plus where each part stands; nobody changes its data.
+    """A YAML file as plain data, which is never changed, with the place of each part.
 
-    `path` is how the user names the file, `label` how a ruleset does: with its last folders, so
-    that a ruleset does not depend on where it was compiled. `data` holds dict, list, str, int,
-    float, bool, None. `values` and `keys` map a path such as ``("signals", "dp", "unit")`` to the
-    place of the value and of its key.
+    `path` is the file's name for the user. `label` is its name in a ruleset, with its last folders
+    only, so that a ruleset does not depend on where it was compiled. `data` consists of dict, list,
+    str, int, float, bool and None. `values` and `keys` map a path such as ``("signals", "dp",
+    "unit")`` to the place of the value and of its key.
     """
 
     path: str
@@ -65,7 +65,7 @@ class Document:
     keys: Mapping[Path_, Place] = field(repr=False)
 
     def place(self, *path: str | int) -> Place:
-        """Place of a value; of the nearest enclosing part where it is absent."""
+        """Place of a value; if it is absent, of the nearest enclosing part."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.values:
                 return self.values[path[:end]]
@@ -77,13 +77,13 @@ class Document:
 
 
 def unread_document(path: Path, data: Mapping[str, str]) -> Document:
-    """A file of which nothing but some data is known, and no places."""
+    """A document without places, of a file whose data are known otherwise."""
     name = display(path)
     return Document(name, _label(name), dict(data), {}, {})
 
 
 def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
-    """Read one YAML file; on a mistake the document is None."""
+    """Read one YAML file; the document is None if there is a mistake."""
     name = display(path)
     try:
         raw = begin_of(path, MAX_FILE_BYTES + 1)
@@ -147,7 +147,7 @@ def _parsed(name: str, text: str) -> tuple[Document | None, Sequence[Diagnostic]
 
 
 class _Unwanted(Exception):
-    """A legal construct of YAML that has no place in a knowledge file."""
+    """A construct that is legal in YAML but refused in a knowledge file."""
 
     def __init__(self, mark: Any, length: int, code: str, message: str, hint: str) -> None:
         self.mark, self.length, self.code = mark, length, code
@@ -213,7 +213,7 @@ _TOO_DEEP = f"this is nested more than {MAX_NESTING} deep", "no file of this too
 
 
 def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
-    """What the YAML reader says, at its place, with a remedy for the usual slips."""
+    """The mistake that the YAML reader found, with a remedy for the usual slips."""
     problem = getattr(error, "problem", None) or str(error).split("\n")[0]
     mark, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     lines = split_lines(text.rstrip())
@@ -225,7 +225,7 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
             place = min(_at(name, context), end)
         elif "," in problem:
             second = _at(name, context)
-    # Some releases of the YAML reader refuse what is far too deep before any event tells of it.
+    # Some releases of the YAML reader refuse extreme nesting before they give any event.
     if "maximum nesting depth" in problem:
         return Diagnostic(place, "KB010", *_TOO_DEEP)
     plain = (text for part, text in _SYNTAX.items() if part in problem)
@@ -249,7 +249,7 @@ class _Builder:
     found: list[Diagnostic] = field(default_factory=list)
 
     def build(self, node: Any, path: Path_) -> Any:
-        """Plain data of a node, whose place is kept under its path."""
+        """Plain data of a node; its place is stored under its path."""
         self.values[path] = _at(self.name, node.start_mark, _length(node))
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)

@@ -1,8 +1,8 @@
-"""Equation text to a checked expression: an own whitelist over Python's `ast`.
+"""Equation text to a checked expression, by a whitelist over Python's `ast`.
 
 Nothing is ever evaluated. Only numbers, declared names, + - * /, powers with a fixed exponent and
-a short list of functions pass; everything else is refused with its column. `E`, `I`, `N`, `beta`
-are ordinary names here, which is why sympy's own reader is not used.
+a short list of functions are allowed; all else is refused with its column. sympy's own parser is
+not used, because `E`, `I`, `N` and `beta` are ordinary names here.
 """
 
 from __future__ import annotations
@@ -22,12 +22,7 @@ from rulec.language.diagnostics import did_you_mean
 from rulec.language.exponent import exponent_of
 from rulec.language.functions import FUNCTIONS
 from rulec.language.units import PROPERTIES
-from rulec.limits import (
-    MAX_CONSTANT,
-    MAX_EQUATION_DEPTH,
-    MAX_EQUATION_LENGTH,
-    MAX_EXPONENT,
-)
+from rulec.limits import MAX_CONSTANT, MAX_EQUATION_DEPTH, MAX_EQUATION_LENGTH, MAX_EXPONENT
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | dict.fromkeys(PROPERTIES, 1)
@@ -35,7 +30,7 @@ GATHER = "downstream"
 
 
 class Rejected(ValueError):
-    """An expression that is not in the language: code, column (from 0), message, hint."""
+    """Raised for an expression outside the language; `column` counts from 0."""
 
     def __init__(self, code: str, column: int, message: str, hint: str = "", length: int = 1):
         super().__init__(message)
@@ -63,7 +58,7 @@ class Expression:
                 yield argument.id, argument.col_offset
 
     def properties(self) -> Iterator[tuple[str, int]]:
-        """Properties of the fluid that are asked for, as in ``density(T)``, with their columns."""
+        """Fluid properties used, as in ``density(T)``, with their columns."""
         for name, node in self._property_calls():
             yield name, node.col_offset
 
@@ -76,7 +71,7 @@ class Expression:
                     yield node.args[0]
 
     def thermometers(self) -> Iterator[str]:
-        """Names that stand alone as the temperature of a property."""
+        """Names that are by themselves the temperature of a property."""
         for _, node in self._property_calls():
             if isinstance(node.args[0], ast.Name):
                 yield node.args[0].id
@@ -149,7 +144,7 @@ _REMEDIES = {
 
 
 def _refuse_text(text: str) -> None:
-    """Refuse characters and words that no equation has, before Python's parser sees them."""
+    """Refuse foreign characters and reserved words before Python's parser reads them."""
     foreign = _FOREIGN.search(text)
     if foreign:
         shown = foreign[0] if foreign[0].isprintable() else f"{ord(foreign[0]):#04x}"
@@ -165,13 +160,13 @@ def _refuse_text(text: str) -> None:
 def rejected_at(
     node: ast.expr | ast.keyword, code: str, message: str, hint: str = "", length: int = 0
 ) -> Rejected:
-    """A mistake at a node: it covers `length` characters, or all of the node."""
+    """A mistake at a node that covers `length` characters, or by default the whole node."""
     size = length or (node.end_col_offset or 0) - node.col_offset
     return Rejected(code, node.col_offset, message, hint, max(1, size))
 
 
 def _check(node: ast.expr, depth: int, power: Fraction) -> None:
-    """Refuse every construct that is not on the list; `power` is that of all powers around."""
+    """Refuse every construct not listed; `power` is the product of all enclosing exponents."""
     if depth > MAX_EQUATION_DEPTH:
         raise rejected_at(node, "KB042", _TOO_DEEP, "split it with definitions")
     match node:
@@ -195,10 +190,8 @@ def _check(node: ast.expr, depth: int, power: Fraction) -> None:
                 raise rejected_at(right, "KB043", "an exponent must be a fixed number")
             total = power * max(Fraction(1), abs(own))
             if total > MAX_EXPONENT:
-                message = "this power is too high"
-                raise rejected_at(
-                    right, "KB043", message, f"{MAX_EXPONENT} at most, powers of powers too"
-                )
+                hint = f"{MAX_EXPONENT} at most, powers of powers too"
+                raise rejected_at(right, "KB043", "this power is too high", hint)
             _check(left, depth + 1, total)
         case ast.Call():
             _check_call(node, depth, power)
@@ -237,7 +230,7 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
 
 
 def function_of(node: ast.Call) -> str | None:
-    """Name of the function that is called; None where it has none."""
+    """Name of the called function; None if something other than a name is called."""
     return node.func.id if isinstance(node.func, ast.Name) else None
 
 
@@ -264,9 +257,9 @@ _OPERATORS: Mapping[type[ast.operator], Callable[..., Any]] = {
 
 
 def constant(expression: Expression, known: Mapping[str, float]) -> float | None:
-    """Value where it depends on no measurement; raises `Rejected` where a part has none.
+    """Value of an expression of known names only, else None; raises `Rejected` if a part has none.
 
-    sympy would work such a part out exactly, and for a power of powers never end.
+    sympy would evaluate such a part exactly, which never ends for a power of powers.
     """
 
     def walk(node: ast.expr) -> float | None:

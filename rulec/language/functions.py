@@ -1,10 +1,10 @@
-"""The functions of the equation language: one table, which every reader of equations follows.
+"""The functions of the equation language, in one table.
 
-A new function is one row here; where the runtime cannot calculate it yet, also an operation of that
-name there, in `plan.py` and `integrator.py`, with its slope in `tangent.py`.
+A new function is one row here. If the runtime cannot calculate it yet, it also needs an operation
+of that name there, in `plan.py` and `integrator.py`, and a slope in `tangent.py`.
 
-Functions with a corner (abs, sign, min, max) are own sympy functions: their derivatives stay within
-the operations of a plan, where sympy's would bring Heaviside, DiracDelta and unevaluated
+Functions with a corner (abs, sign, min, max) are sympy functions of our own. Their derivatives stay
+within the operations of a plan; sympy's would give Heaviside, DiracDelta and unevaluated
 derivatives.
 """
 
@@ -19,7 +19,7 @@ import sympy
 
 
 class Signum(sympy.Function):  # type: ignore[misc]
-    """-1, 0 or 1; its derivative counts as 0, also in the jump."""
+    """-1, 0 or 1; its derivative counts as 0, even at the jump."""
 
     nargs = 1
 
@@ -28,7 +28,7 @@ class Signum(sympy.Function):  # type: ignore[misc]
 
 
 class Absolute(sympy.Function):  # type: ignore[misc]
-    """Size without sign; the derivative in the corner is 0."""
+    """Absolute value; its derivative at the corner is 0."""
 
     nargs = 1
 
@@ -37,7 +37,7 @@ class Absolute(sympy.Function):  # type: ignore[misc]
 
 
 class Smaller(sympy.Function):  # type: ignore[misc]
-    """The smaller of two; where they are equal, half the derivative of each."""
+    """The smaller of two values; where they are equal, half the derivative of each."""
 
     nargs = 2
 
@@ -47,7 +47,7 @@ class Smaller(sympy.Function):  # type: ignore[misc]
 
 
 class Larger(sympy.Function):  # type: ignore[misc]
-    """The larger of two; where they are equal, half the derivative of each."""
+    """The larger of two values; where they are equal, half the derivative of each."""
 
     nargs = 2
 
@@ -57,25 +57,25 @@ class Larger(sympy.Function):  # type: ignore[misc]
 
 
 class Gives(Enum):
-    """Dimension of what a function gives."""
+    """Dimension of a function's value."""
 
     PLAIN_OF_PLAIN = auto()
-    """A plain number, of a plain number."""
+    """A plain number, if the argument is one."""
     PLAIN = auto()
-    """A plain number, of anything."""
+    """A plain number, whatever the argument."""
     SAME = auto()
-    """That of its arguments, which must agree."""
+    """The dimension of the arguments, which must agree."""
     ROOT = auto()
-    """The square root of that of its argument."""
+    """The square root of the argument's dimension."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Function:
-    """A function of the language, known by the name of its operation in a plan.
+    """A function of the language; its name is that of its operation in a plan.
 
-    `value` calculates it from numbers, and raises ValueError or ArithmeticError where it has no
-    value; `symbolic` builds it in sympy. `inverse` undoes it in sympy, where one operation does.
-    Where `needs_positive`, an estimate counts only while the argument is above 0.
+    `value` calculates it from numbers, and raises ValueError or ArithmeticError where undefined;
+    `symbolic` builds it in sympy; `inverse` is the sympy function that undoes it, if there is one.
+    With `needs_positive`, an estimate is valid only while the argument is above 0.
     """
 
     value: Callable[..., float]

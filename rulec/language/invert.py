@@ -1,7 +1,7 @@
-"""Solve an equation for a symbol that occurs once, by peeling one operation after the other.
+"""Solve an equation for a symbol that occurs once, by undoing one operation after the other.
 
-Faster and more predictable than a general solver: it takes the principal branch (quantities are
-positive) and says so by returning None where the symbol occurs more than once.
+This is faster and more predictable than a general solver. It takes the principal branch, because
+quantities are positive.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _INVERSES = {f.symbolic: f.inverse for f in FUNCTIONS.values() if f.inverse is n
 
 
 def invert(expression: sympy.Expr, symbol: sympy.Symbol, value: sympy.Expr) -> sympy.Expr | None:
-    """Solve ``expression == value`` for `symbol`; None where this cannot be done by peeling.
+    """Solve ``expression == value`` for `symbol`; None if it occurs twice or cannot be isolated.
 
     >>> g, k, q = sympy.symbols("g k q")
     >>> invert(sympy.sqrt(g / k), g, q)

@@ -1,8 +1,8 @@
-"""The length of an equation and of its derivatives with all definitions written out, in advance.
+"""The length that an equation and its derivatives would have with all definitions written out.
 
-Ten definitions that each use the one before twice are short to write and have thousands of terms.
-The sums here follow the rules of differentiation, but only count terms. So an equation that would
-become too long is refused before anything is built.
+Ten definitions that each use the previous one twice are short to write, but expand to thousands of
+terms. The rules of differentiation are applied here to counts of terms only, so that an equation
+that would become too long is refused before anything is built.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from rulec.limits import MAX_COUNTED_TERMS
 
 @dataclass(frozen=True)
 class Length:
-    """Terms of an equation written out, of its derivative by one name, and of the second one.
+    """Counts of terms: of an equation written out, and of its two derivatives by a name.
 
-    `depth` counts how deep its operations nest.
+    `depth` is the nesting depth of its operations.
     """
 
     plain: int
@@ -29,8 +29,10 @@ class Length:
 
     @property
     def work(self) -> int:
-        """Measure of what differentiating twice takes: slopes by every name are built, bends
-        by few. Fitted by eye to the time that chains of nine kinds of equation took."""
+        """Effort of differentiating twice: slopes by every name are built, bends by few names.
+
+        Fitted by eye to the time for chains of nine kinds of equation.
+        """
         return 5 * self.slope + self.bend
 
 
@@ -39,7 +41,7 @@ NAME = Length(1, 1, 0, 0)
 
 
 def length_of(expression: Expression, known: Mapping[str, Length]) -> Length:
-    """Length of an equation, given those of the definitions it uses; other names count as one."""
+    """Length of an equation, given those of the definitions it uses; other names count as 1."""
     return _walk(expression.tree, known)
 
 
@@ -76,7 +78,7 @@ def _sum(a: Length, b: Length) -> Length:
 
 
 def _product(a: Length, b: Length) -> Length:
-    """(ab)' = a'b + ab', (ab)'' = a''b + 2a'b' + ab''; what does not change has no derivative."""
+    """(ab)' = a'b + ab', (ab)'' = a''b + 2a'b' + ab''; constants have no derivative."""
     slope = _times(a.slope, b.plain) + _times(a.plain, b.slope)
     bend = _times(a.bend, b.plain) + _times(a.slope, b.slope) + _times(a.plain, b.bend)
     return _length(a.plain + b.plain, slope, bend, max(a.depth, b.depth) + 1)
@@ -90,7 +92,7 @@ def _applied(u: Length) -> Length:
 
 
 def _chosen(a: Length, b: Length) -> Length:
-    """max(a, b)' = s(a - b) a' + s(b - a) b'; that s' is 0 is only seen when it has been built."""
+    """max(a, b)' = s(a - b) a' + s(b - a) b'; that s' is 0 shows only once it has been built."""
     both = a.plain + b.plain
     slope = _times(both, a.slope) + _times(both, b.slope)
     bend = slope + _times(both, a.bend) + _times(both, b.bend)
@@ -98,5 +100,5 @@ def _chosen(a: Length, b: Length) -> Length:
 
 
 def _times(a: int, b: int) -> int:
-    """Terms of a product of two; none where one of them vanishes."""
+    """Terms of a product; none if a factor is zero."""
     return a + b if a and b else 0

@@ -1,4 +1,4 @@
-"""Reads the parts of one document, and reports what is wrong with them at their places."""
+"""Reads the parts of one document, and reports mistakes at their places."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _SPELLINGS = "the spellings are in kb/units.yaml; others go into a units.yaml of
 
 @dataclass
 class Reader:
-    """Reads one document; every mistake is added to `found`, at the place of the part it is in.
+    """Reads one document; each mistake is added to `found`, with its place.
 
-    A *path* is the keys that lead to a part, such as ``("signals", "dp", "unit")``.
+    A *path* consists of the keys that lead to a part, such as ``("signals", "dp", "unit")``.
     """
 
     document: Document
@@ -30,11 +30,11 @@ class Reader:
 
     @property
     def is_refused(self) -> bool:
-        """Is there a mistake in this document already?"""
+        """Whether a mistake has been found in this document."""
         return any(d.place.file == self.document.path for d in self.found)
 
     def part(self, path: Path_) -> Any:
-        """The data at a path; KeyError where there is none."""
+        """The data at a path; raises KeyError if there is none."""
         part = self.document.data
         for step in path:
             part = part[step]
@@ -53,7 +53,7 @@ class Reader:
     def report_key(
         self, path: Path_, code: str, message: str, hint: str = "", second: Place | None = None
     ) -> None:
-        """Report a mistake in the key at a path, or in what should stand under it."""
+        """Report a mistake in the key at a path, or in its content."""
         self.found.append(Diagnostic(self.document.key(*path), code, message, hint, second))
 
     def report_word(
@@ -63,16 +63,16 @@ class Reader:
         self.report_error(path, Rejected(code, column, message, hint, max(1, len(word))))
 
     def report_error(self, path: Path_, error: Rejected, shift: int = 0) -> None:
-        """Report what is wrong in the text at a path, of which `shift` characters stand before."""
+        """Report a mistake in the text at a path; its column counts from character `shift`."""
         place, text = self.document.place(*path), str(self.part(path))
         quotes = place.length - len(text)
-        if quotes in (0, 2):  # else the text has several lines or escapes: all of it is marked
+        if quotes in (0, 2):  # else the text has several lines or escapes and is marked as a whole
             column = place.column + quotes // 2 + shift + error.column
             place = Place(place.file, place.line, column, error.length)
         self.found.append(Diagnostic(place, error.code, error.message, error.hint))
 
     def unit(self, *path: str | int) -> Unit:
-        """The unit at a path; an unknown one is reported, and then fits everything."""
+        """The unit at a path; an unknown one is reported and then fits every dimension."""
         text = self.part(path)
         try:
             return self.units.parse(text)
@@ -90,17 +90,16 @@ class Reader:
         return Unit(text, 1.0, UNKNOWN)
 
     def unit_of(self, dimension: Dimension, what: str, *path: str | int) -> Unit:
-        """The unit at a path; one of another dimension is reported, and then fits everything."""
+        """The unit at a path; a wrong dimension is reported, and the unit then fits every one."""
         unit = self.unit(*path)
         if unit.dimension.fits(dimension):
             return unit
-        self.report(
-            path, "KB053", f"'{unit.text}' is not a unit of {what}", self.units.like(dimension)
-        )
+        message = f"'{unit.text}' is not a unit of {what}"
+        self.report(path, "KB053", message, self.units.like(dimension))
         return replace(unit, dimension=UNKNOWN)
 
     def quantity(self, *path: str | int, also: Iterable[str] = ()) -> Dimension | None:
-        """Dimension of the quantity at a path; None, and a report, where there is no such one."""
+        """Dimension of the quantity at a path; an unknown one is reported and gives None."""
         name = self.part(path)
         known = self.units.quantities.get(name)
         if known is None:
@@ -109,10 +108,7 @@ class Reader:
         return known
 
     def measured_unit(self, path: Path_) -> Unit:
-        """The unit of a part with a ``unit`` and a ``quantity`` that must fit each other.
-
-        Without a quantity every unit fits.
-        """
+        """The unit of a part, which must fit its ``quantity``; without one, every unit fits."""
         if "quantity" not in self.part(path):
             return self.unit(*path, "unit")
         quantity = self.quantity(*path, "quantity")
@@ -120,13 +116,14 @@ class Reader:
         return self.unit_of(UNKNOWN if quantity is None else quantity, name, *path, "unit")
 
     def is_reserved(self, path: Path_) -> bool:
-        """Is the name at a path one that no equation could contain? It is reported."""
+        """Whether the name at a path is a word reserved in equations; it is then reported."""
         name = str(path[-1])
-        if keyword.iskeyword(name):
-            message = f"'{name}' is a reserved word and cannot be a name"
-            hint = "it could not stand in an equation; use another name"
-            self.report_key(path, "KB024", message, hint)
-        return keyword.iskeyword(name)
+        if not keyword.iskeyword(name):
+            return False
+        message = f"'{name}' is a reserved word and cannot be a name"
+        hint = "it could not stand in an equation; use another name"
+        self.report_key(path, "KB024", message, hint)
+        return True
 
     def check_range(self, low: float, high: float, *path: str | int) -> None:
         """Report a range whose lower end is not below its upper end."""
@@ -134,7 +131,7 @@ class Reader:
             self.report(path, "KB055", "the range is empty", "lower end first")
 
     def expression(self, *path: str | int) -> Expression:
-        """The equation at a path; a refused one is reported and counts as 0."""
+        """The equation at a path; a refused one is reported and replaced by 0."""
         try:
             return parse(str(self.part(path)))
         except Rejected as error:
@@ -144,7 +141,7 @@ class Reader:
     def check_names(
         self, path: Path_, expression: Expression, known: Collection[str], what: str, shift: int = 0
     ) -> None:
-        """Report names in an equation that mean nothing; `what` says what they could be."""
+        """Report unknown names in an equation; `what` says what they could be."""
         for name, column in expression.names():
             if name not in known:
                 message = f"'{name}' is neither {what}"
@@ -154,7 +151,7 @@ class Reader:
     def check_own(
         self, path: Path_, expression: Expression, what: str, hint: str, shift: int = 0
     ) -> None:
-        """Report fluid properties and sums downstream in an equation that cannot have them."""
+        """Report fluid properties and downstream sums in an equation that cannot use them."""
         for name, column in (*expression.properties(), *expression.gathered()):
             message = f"'{name}' cannot be asked for in {what}"
             self.report_word(path, shift + column, name, "KB044", message, hint)
@@ -167,7 +164,7 @@ class Reader:
         gathered: Mapping[str, Dimension] | None = None,
         shift: int = 0,
     ) -> Dimension:
-        """Dimension of an equation; a misfit is reported, and the result then fits everything."""
+        """Dimension of an equation; a misfit is reported and gives `UNKNOWN`."""
         try:
             return dimension(expression, known, gathered or {})
         except Rejected as error:

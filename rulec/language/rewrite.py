@@ -1,4 +1,4 @@
-"""Rewrite equations: names replaced by trees, and trees as text in the style of kb/."""
+"""Rewrite equations: replace names by trees, and write trees as text in the style of kb/."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rulec.language.expression import GATHER, Expression, function_of, parse
 
 
 def text_of(tree: ast.expr) -> str:
-    """A tree as text, written as in kb/: products without blanks.
+    """A tree as text in the style of kb/: products without blanks.
 
     >>> text_of(ast.parse("a-b*c**2", mode="eval").body)
     'a - b*c**2'
@@ -20,24 +20,24 @@ def text_of(tree: ast.expr) -> str:
 
 
 def written(tree: ast.expr) -> Expression:
-    """A tree as an expression of the language, with its text; raises `Rejected`."""
+    """A tree as an expression with its text; raises `Rejected` if it is not in the language."""
     return parse(text_of(tree))
 
 
 def over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
-    """The expression with names replaced; itself if none of them stands in it."""
+    """The expression with names replaced; the same object if it contains none of them."""
     if not any(name in table for name, _ in expression.names()):
         return expression
     return written(replaced(expression.tree, table))
 
 
 def name_node(name: str) -> ast.Name:
-    """The tree of a name; it need not be legal in an equation, as ``B.T`` in a text for people."""
+    """The tree of a name, which need not be legal in an equation: ``B.T`` serves in shown text."""
     return ast.Name(id=name, ctx=ast.Load())
 
 
 def replaced(node: ast.expr, table: Mapping[str, ast.expr]) -> ast.expr:
-    """A tree with names replaced by trees; what a zero makes vanish is left out.
+    """A tree with names replaced by trees; terms that a zero cancels are dropped.
 
     >>> ast.unparse(replaced(parse("a - b*p**2").tree, {"p": ast.Constant(0)}))
     'a'

@@ -1,4 +1,4 @@
-"""Check a document against the JSON Schema of its kind; every violation becomes a diagnostic."""
+"""Check a document against the JSON Schema of its kind; each violation becomes a diagnostic."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from rulec.language.document import Document, Path_
 from rulec.limits import KEPT_DOCUMENTS, MAX_UNKNOWN_KEYS
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
-"""Keys that name a kind of file, but that a plant has too, with another type."""
+"""Keys that name a kind of file but also occur in a plant, with another type."""
 
 
 def kind_of(document: Document) -> str | None:
-    """Which kind of file this is, by its distinguishing key; None if none fits."""
+    """The kind of a file, by its identifying key; None if it has none."""
     data = document.data
     if not isinstance(data, dict):
         return None
-    # A plant names its fluid under the key that tells a fluid's own file.
+    # A plant names its fluid under the key that identifies a fluid's file, so it comes first.
     for kind in ("plant", *KINDS):
         if kind in data and not isinstance(data[kind], _IN_A_PLANT.get(kind, ())):
             return kind
@@ -34,7 +34,7 @@ def kind_of(document: Document) -> str | None:
 
 @functools.lru_cache(maxsize=KEPT_DOCUMENTS)
 def check_schema(document: Document, kind: str, schema_folder: Path) -> tuple[Diagnostic, ...]:
-    """All schema violations of a document, with their places; one for each mistake."""
+    """All schema violations of a document with their places, one for each mistake."""
     errors = list(_validator(schema_folder / f"{kind}.schema.json").iter_errors(document.data))
     seen = {(error.validator, tuple(error.absolute_path)) for error in errors}
     found: list[Diagnostic] = []
@@ -55,7 +55,7 @@ def _validator(path: Path) -> Any:
 
 
 def _pattern(_: Any, pattern: str, value: Any, __: Any) -> Iterable[jsonschema.ValidationError]:
-    """As in JSON Schema, but `$` in Python also matches before a line end, which no name has."""
+    """The keyword of JSON Schema, but without line ends, before which Python's `$` also matches."""
     if isinstance(value, str) and ("\n" in value or not re.search(pattern, value)):
         yield jsonschema.ValidationError(f"{value!r} does not match {pattern!r}")
 
@@ -72,7 +72,7 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             known = set(error.schema.get("properties", {})) - set(value)
             for key in _unknown(error):
                 place = document.key(*path, key)
-                hint = _comma(document, path, key) or did_you_mean(key, known)
+                hint = _comma(document, path, value, key) or did_you_mean(key, known)
                 yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
             yield from _missing(document, path, part, error)
@@ -83,7 +83,8 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
                     hint = f"add '{needed[0]}: ...'"
                     yield Diagnostic(document.key(*path, key), "KB021", message, hint)
         case "type":
-            message = f"{part} must be {_wanted(limit)}, not {_show(value)}"
+            types = " or ".join(_TYPES[t] for t in ([limit] if isinstance(limit, str) else limit))
+            message = f"{part} must be {types}, not {_show(value)}"
             yield Diagnostic(where, "KB022", message, _type_hint(limit, value))
         case "enum":
             hint = did_you_mean(str(value), map(str, limit))
@@ -110,11 +111,8 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             yield Diagnostic(where, "KB025", f"{part}: {_clip(error.message)}")
 
 
-def _comma(document: Document, path: Path_, key: str) -> str:
-    """Remedy where a key is what stands behind a comma in a value, as in {value: 20,5}."""
-    part: Any = document.data
-    for step in path:
-        part = part[step]
+def _comma(document: Document, path: Path_, part: dict[str, Any], key: str) -> str:
+    """Remedy for a key that comes from a comma inside a value, as in {value: 20,5}."""
     before = list(part)[: list(part).index(key)]
     if part[key] is not None or not before:
         return ""
@@ -130,13 +128,12 @@ def _comma(document: Document, path: Path_, key: str) -> str:
 
 
 def _unknown(error: Any) -> list[str]:
-    """Keys of a part that do not exist; the first ones, where it is some other file altogether."""
+    """Unknown keys of a part; only the first, as it may be another file altogether."""
     known = error.schema.get("properties", {})
     return [key for key in error.instance if key not in known][:MAX_UNKNOWN_KEYS]
 
 
 def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
-    """A key that names something of the author's, but is no legal name."""
     name, group = error.instance, path[-1] if path else ""
     place = document.key(*path, name)
     if error.validator == "enum":
@@ -148,7 +145,7 @@ def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
 
 
 def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable[Diagnostic]:
-    """Missing keys of one part, except those that stand there misspelt."""
+    """Missing keys of one part, except those that are there but misspelt."""
     value, known = error.instance, error.schema.get("properties", {})
     typos = {nearest(key, set(known) - set(value)) for key in _unknown(error)}
     missing = [k for k in error.validator_value if k not in value and k not in typos]
@@ -164,45 +161,36 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
 
 
 def _law(document: Document, value: dict[str, Any]) -> Iterable[Diagnostic]:
-    """A fault has a law and a degree, or variants that have them."""
-    law, degree = "law" in value, "degree" in value
+    """A fault needs a law and a degree, or variants that have them."""
     spot, message = "fault", "this fault has no law"
     hint = "write 'law' and 'degree', or 'variants' that have them"
     if "variants" in value:
         spot, message, hint = "variants", "this fault has both a law and variants", "keep one"
-    elif law:
+    elif "law" in value:
         spot, message, hint = "law", "this law has no degree", "add 'degree: ...'"
-    elif degree:
+    elif "degree" in value:
         spot, message, hint = "degree", "this degree has no law", "add 'law: ...'"
     yield Diagnostic(document.key(spot), "KB028", message, hint)
 
 
 def _part(path: Path_) -> str:
-    """Name a part by its key, not by its title: the key is what the author sees."""
+    """Name a part by its key, which the author sees, not by its title."""
     if isinstance(path[-1], int):
         return f"entry {path[-1] + 1} of {_part(path[:-1])}"
     return f"'{_clip(path[-1])}'"
 
 
 def _form(schema: dict[str, Any]) -> str:
-    """How a text must look that has the wrong form."""
     if schema.get("examples"):
         return f"as in '{schema['examples'][0]}'"
     extra = "_ and -" if "_-]" in schema["pattern"] else "and _"
     return f"a letter, then letters, digits, {extra}; not too long"
 
 
-def _wanted(kind: Any) -> str:
-    words = {
-        "object": "a group of keys",
-        "array": "a list",
-        "string": "text",
-        "number": "a number",
-        "integer": "a whole number",
-        "boolean": "true or false",
-    }
-    kinds = [kind] if isinstance(kind, str) else kind
-    return " or ".join(words[k] for k in kinds)
+_TYPES = {
+    "object": "a group of keys", "array": "a list", "string": "text", "number": "a number",
+    "integer": "a whole number", "boolean": "true or false",
+}  # fmt: skip
 
 
 def _type_hint(kind: Any, value: Any) -> str:

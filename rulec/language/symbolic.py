@@ -14,13 +14,13 @@ from rulec.language.expression import GATHER, Expression, function_of
 from rulec.language.functions import FUNCTIONS, Absolute
 
 TEMPERATURE = sympy.Symbol("T", real=True)
-"""What the equations of a fluid stand over, K."""
+"""The variable of a fluid's equations, K."""
 
 
 class ClosedForm(sympy.Function):  # type: ignore[misc]
     """A function of temperature that stays one symbol until its value is needed.
 
-    Written out at once it would make every derivative long, and equations unreadable.
+    Written out at once, it would make derivatives long and equations unreadable.
     """
 
     nargs = 1
@@ -31,13 +31,13 @@ class ClosedForm(sympy.Function):  # type: ignore[misc]
         return derivative(self.args[0])
 
     def written_out(self) -> sympy.Expr:
-        """The form at the temperature that is the argument."""
+        """The form, at the temperature given by the argument."""
         return self.form.xreplace({TEMPERATURE: self.args[0]})
 
 
 @functools.lru_cache(maxsize=1000)
 def closed_form(name: str, form: sympy.Expr) -> type[ClosedForm]:
-    """The function of `TEMPERATURE` that an expression is; equal ones are the same.
+    """An expression as a function of `TEMPERATURE`; equal calls give the same function.
 
     >>> closed_form("density", 1000 - 2 * TEMPERATURE)(sympy.Symbol("t")).diff()
     density'(t)
@@ -53,7 +53,7 @@ def to_sympy(
     gathered: Mapping[str, sympy.Expr] | None = None,
     properties: Mapping[str, Callable[[sympy.Expr], sympy.Expr]] | None = None,
 ) -> sympy.Expr:
-    """Translate to sympy, each name by the given tables (a KeyError is our own bug)."""
+    """Translate to sympy, with each name from the given tables (a KeyError is a bug of ours)."""
 
     def walk(node: ast.expr) -> sympy.Expr:
         match node:
@@ -95,6 +95,6 @@ def to_sympy(
                 return properties[function](*parts)
         raise AssertionError(ast.dump(node))
 
-    # sympy itself makes a size of the root of a square; its derivatives are none of a plan's.
+    # sympy turns the root of a square into its own Abs, whose derivatives no plan can hold.
     result = walk(expression.tree)
     return result.replace(sympy.Abs, Absolute) if result.has(sympy.Abs) else result

@@ -1,4 +1,4 @@
-"""Units: a closed list of spellings, read from kb/units.yaml, and their dimensions."""
+"""Units and their dimensions: a closed list of spellings, read from kb/units.yaml."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ BASES = ("m", "kg", "s", "K", "A")
 class Dimension:
     """Exponents of m, kg, s, K and A.
 
-    `UNKNOWN`, after a mistake that has been reported, fits everything and spreads.
+    `UNKNOWN`, used after a reported mistake, fits every dimension and propagates.
     """
 
     exponents: tuple[Fraction, ...] = (Fraction(0),) * len(BASES)
 
     def fits(self, other: Dimension) -> bool:
-        """Are the two the same, or one of them unknown?"""
+        """Whether the two are equal or one of them is unknown."""
         return self == other or UNKNOWN in (self, other)
 
     def __mul__(self, other: Dimension) -> Dimension:
@@ -40,7 +40,7 @@ class Dimension:
         return Dimension(tuple(e * power for e in self.exponents))
 
     def __str__(self) -> str:
-        """Readable form, such as ``kg m^-1 s^-2``; ``1`` where there is none."""
+        """Readable form, such as ``kg m^-1 s^-2``; ``1`` for a plain number."""
         parts = [
             base if e == 1 else f"{base}^{e if e.denominator == 1 else f'({e})'}"
             for base, e in zip(BASES, self.exponents, strict=True)
@@ -64,7 +64,7 @@ PROPERTIES = {
     "density": Dimension.of({"kg": 1, "m": -3}),
     "viscosity": Dimension.of({"kg": 1, "m": -1, "s": -1}),
 }
-"""What an equation may ask of the fluid, as a function of temperature."""
+"""Fluid properties that equations may use, as functions of temperature."""
 
 
 @dataclass(frozen=True)
@@ -77,19 +77,19 @@ class Unit:
     offset: float = 0.0
 
     def to_si(self, value: float) -> float:
-        """A value in this unit, in SI."""
+        """Convert a value from this unit to SI."""
         return value * self.factor + self.offset
 
     def from_si(self, value: float) -> float:
-        """A value in SI, in this unit."""
+        """Convert a value from SI to this unit."""
         return (value - self.offset) / self.factor
 
 
 @dataclass(frozen=True, eq=False)
 class UnitTable:
-    """The accepted spellings and the quantities signals may have.
+    """The accepted spellings, and the quantities that signals may have.
 
-    The zero of an `interval` quantity is where somebody put it; a share of a reading says nothing.
+    The zero of an `interval` quantity is arbitrary: a share of such a reading means nothing.
     """
 
     units: Mapping[str, Unit]
@@ -97,7 +97,7 @@ class UnitTable:
     interval: frozenset[str] = frozenset()
 
     def parse(self, text: str) -> Unit:
-        """Read a unit, also compound ones such as ``l/h/bar**2`` and ``m3/h/kPa**0.5``.
+        """Read a unit, including compound ones such as ``l/h/bar**2`` and ``m3/h/kPa**0.5``.
 
         Raises ValueError with the unknown spelling as its argument.
         """
@@ -114,7 +114,7 @@ class UnitTable:
         return Unit(text, factor, dimension)
 
     def plain(self, dimension: Dimension) -> Unit:
-        """A unit of size 1 in SI for a dimension."""
+        """The SI unit of a dimension."""
         if dimension == UNKNOWN:
             return Unit("1", 1.0, UNKNOWN)
         for unit in self.units.values():
@@ -126,7 +126,7 @@ class UnitTable:
         return Unit("*".join(above or ["1"]) + "".join(below), 1.0, dimension)
 
     def difference(self, unit: Unit) -> Unit:
-        """The unit in which two readings differ: kelvin for degrees Celsius."""
+        """The unit for differences of readings: kelvin for degrees Celsius."""
         if not unit.offset:
             return unit
         for other in self.units.values():
@@ -136,7 +136,7 @@ class UnitTable:
         return unit
 
     def like(self, dimension: Dimension) -> str:
-        """The units of a dimension for a message, or the dimension where none has a name."""
+        """The units of a dimension for a message, or the dimension if no unit has it."""
         names = [name for name, unit in self.units.items() if unit.dimension == dimension]
         return f"as in {', '.join(names[:5])}" if names else f"its dimension is {dimension}"
 
@@ -165,7 +165,7 @@ class UnitTable:
 
 
 def _power(base: str, exponent: Fraction) -> str:
-    """A power as it stands in a unit: ``m``, ``m**2``, ``m**(1/2)``."""
+    """A power as written in a unit: ``m``, ``m**2``, ``m**(1/2)``."""
     if exponent == 1:
         return base
     return f"{base}**{exponent}" if exponent.denominator == 1 else f"{base}**({exponent})"

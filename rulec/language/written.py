@@ -6,15 +6,12 @@ from collections.abc import Iterable, Mapping
 
 
 def rounded(value: float, digits: int) -> float:
-    """A number to so many significant digits: fewer than a solver's last ones.
-
-    So a file has the same bytes on every machine.
-    """
+    """Round to significant digits, fewer than a solver's, so that files agree on every machine."""
     return float(f"{value:.{digits}g}")
 
 
 def signed_sum(terms: Iterable[tuple[float, str]]) -> str:
-    """A signed sum as text, by (sign, name); ``0`` where it has no terms.
+    """A signed sum of (sign, name) as text; ``0`` if it has no terms.
 
     >>> signed_sum([(1, "A"), (-1, "B")])
     'A - B'
@@ -24,7 +21,7 @@ def signed_sum(terms: Iterable[tuple[float, str]]) -> str:
 
 
 def filled(text: str, slots: Mapping[str, str]) -> str:
-    """A sentence with slots such as ``{module}`` filled; unknown ones stay as they are."""
+    """A sentence with slots such as ``{module}`` filled; unknown slots stay."""
     for slot, value in slots.items():
         text = text.replace(f"{{{slot}}}", value)
     return text

@@ -1,4 +1,4 @@
-"""Plain data as YAML that one likes to read: one entry per line, in the style of kb/."""
+"""Plain data as readable YAML: one entry per line, in the style of kb/."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def flow(value: Any) -> str:
 
 
 def _text(text: str) -> str:
-    """Plain where nothing in it means anything to YAML, else in quotes."""
+    """Unquoted where YAML reads the text as it is, else in quotes."""
     if _PLAIN.fullmatch(text) and text.lower() not in _WORDS:
         return text
     return json.dumps(text, ensure_ascii=False)
 
 
 def lines(data: Mapping[str, Any], depth: int = 1) -> Iterator[str]:
-    """Lines of a mapping: `depth` levels of mappings in block style, what is in them in flow."""
+    """Lines of a mapping: `depth` levels of mappings in block style, deeper ones in flow style."""
     for key, value in data.items():
         if isinstance(value, Mapping) and depth > 0 and value:
             yield f"{key}:"
@@ -55,7 +55,7 @@ def lines(data: Mapping[str, Any], depth: int = 1) -> Iterator[str]:
 
 
 def _aligned(entries: Mapping[str, Any]) -> Iterator[str]:
-    """Entries one per line, their values in one column."""
+    """Entries one per line, with aligned values."""
     width = max(len(key) for key in entries) + 1
     for key, value in entries.items():
         yield f"  {key + ':':<{width}} {flow(value)}"

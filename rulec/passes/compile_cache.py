@@ -15,7 +15,8 @@ from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.private_folder import keep, kept
 
-from rulec.knowledge.fingerprint import file_of, named_in, print_of_all, print_of_text
+from rulec.knowledge.fingerprint import named_in, print_of_all, print_of_text
+from rulec.knowledge.layers import plant_file
 from rulec.language.diagnostics import Refused
 
 
@@ -73,7 +74,7 @@ def kept_of_plant(
 
 def known_print(plant: Path, whole: bool = False) -> str | None:
     """Hash of all sources of a plant; None if its file was never read as it is now."""
-    file = file_of(plant)
+    file = plant_file(plant)
     try:
         names = kept(f"{print_of_text(file)}.names")
         return None if names is None else print_of_all(file, json.loads(names), whole)
@@ -94,7 +95,7 @@ def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]]
     """Hash of all sources of a plant, and what its file names; None if it has mistakes."""
     from rulec.language.document import read_document
 
-    file = file_of(plant)
+    file = plant_file(plant)
     try:
         document, _ = read_document(file)
         if document is None or not isinstance(document.data, dict):
@@ -116,5 +117,5 @@ def _keep(
     if before is None or before != _print(plant, whole):
         return
     found, names = before
-    keep(f"{print_of_text(file_of(plant))}.names", json.dumps(names).encode())
+    keep(f"{print_of_text(plant_file(plant))}.names", json.dumps(names).encode())
     keep(f"{found}.{kind}", text.encode("utf-8"))
