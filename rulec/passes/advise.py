@@ -1,6 +1,6 @@
-"""How far apart the faults of a group are, and the cheapest sensors that would isolate them.
+"""Degrees at which the faults of a group are isolated, and the cheapest sensors to isolate them.
 
-Each group is judged by the estimates around its modules, so that the effort is proportional to
+Each group is judged only by the estimates around its modules, so that the effort is proportional to
 the number of modules.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from rulec.knowledge.plant import Module
 from rulec.limits import FAR_READERS, SEPARATED, SMALL_DEGREE, WIDE_JUNCTION
 from rulec.passes.assemble import Assembly
-from rulec.passes.cheapest import Advice, candidates, cheapest, degrees_of
+from rulec.passes.cheapest import Advice, candidates, cheapest, degrees_at
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.linearise import linearise
 from rulec.passes.link import Network
@@ -22,7 +22,7 @@ from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
 
 
 class Adviser:
-    """Judges groups of faults of one plant; what modules share is worked out once."""
+    """Judges groups of faults of one plant; shared results are calculated once."""
 
     def __init__(self, network: Network, assembly: Assembly, signatures: Signatures) -> None:
         self._modules = network.plant.modules
@@ -49,48 +49,47 @@ class Adviser:
         self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
     def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
-        """Degree, as a share, from which on each fault is isolated from all others; inf if never.
+        """Smallest degree, as a share, that isolates each fault from all others; inf if none does.
 
-        Empty where no junction joins the modules of the group.
+        Empty if no junction joins the modules of the group.
         """
         hood = self._hood(faults)
-        return () if hood is None else degrees_of(hood.gram(faults))
+        return () if hood is None else degrees_at(apart(hood.gram(faults)))
 
     def alike(self) -> Iterable[tuple[str, str]]:
-        """Pairs that a small degree shows, but does not isolate, within or beside a module."""
-        keys = dict.fromkeys(self._key(pair) for pair in self._neighbours())
-        for key in keys:
+        """Pairs within or beside a module that a small degree detects but does not isolate."""
+        for key in dict.fromkeys(self._key(pair) for pair in self._neighbours()):
             hood = self._hood_of(key)
             for faults in self._together(key, hood):
                 distance = SMALL_DEGREE * apart(hood.gram(faults))
-                seen = np.diagonal(distance) >= SEPARATED
-                hidden = (distance < SEPARATED) & seen[:, None]
+                detected = np.diagonal(distance) >= SEPARATED
+                hidden = (distance < SEPARATED) & detected[:, None]
                 for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
                     pair = (faults[i], faults[j])
                     if self._key([self._module_of[f] for f in pair]) == key:
                         yield pair
 
     def unit(self, fault: str) -> str:
-        """The unit of a degree behind its number; nothing where it is a share."""
+        """The unit of a degree, to follow its number; empty for a share."""
         unit = self._variants[fault].unit
         return f" {unit}" if unit else ""
 
     def in_unit(self, fault: str, share: float) -> float:
-        """The degree of a fault that is such a share."""
+        """The degree of a fault that corresponds to a share."""
         return share * self._variants[fault].scale
 
     def size(self, fault: str, share: float) -> str:
-        """The same in words."""
+        """The degree of a fault that corresponds to a share, as text."""
         return f"{self.in_unit(fault, share):.2g}{self.unit(fault)}"
 
     def sizes(self, faults: Sequence[str], share: float) -> str:
-        """One degree for all faults, or that of each where they are not all shares."""
+        """One degree for all faults, or one for each if some have a unit."""
         if not any(self.unit(fault) for fault in faults):
             return f"{share:.2g}"
         return " and ".join(f"{self.size(fault, share)} ({fault})" for fault in faults)
 
     def _together(self, key: frozenset[int | str], hood: Neighbourhood) -> list[list[str]]:
-        """Faults whose pairs are looked at: all, but at a wide junction those of one module."""
+        """Groups of faults to be compared: all, but at a wide junction only those of one module."""
         if all(len(self._balances[p]) <= WIDE_JUNCTION for p in key if isinstance(p, int)):
             return [list(hood.faults)]
         modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
@@ -106,7 +105,7 @@ class Adviser:
         return cheapest(hood, faults, sensors)
 
     def _neighbours(self) -> Iterable[tuple[str, ...]]:
-        """Each module, and each two modules that meet at a junction."""
+        """Each module, and each pair of modules that meet at a junction."""
         for name in self._modules:
             yield (name,)
         for names in self._balances.values():
@@ -114,12 +113,11 @@ class Adviser:
                 yield from itertools.combinations(names, 2)
 
     def _surrounding(self, name: str) -> frozenset[int | str]:
-        """Places of a module, by number, and modules that stand for themselves, by name.
+        """Places of a module, by number, and modules that are added by name.
 
-        The latter are the module, if it touches no place, and some that read its signals.
+        The latter are the module itself, if it is at no place, and some that read its signals.
         """
-        places = self._places[name]
-        number = self._number
+        places, number = self._places[name], self._number
         far = [m for m in self._reached.get(name, ()) if not self._places[m] & places]
         near = sorted(far, key=lambda m: (abs(number[m] - number[name]), m))
         alone = {name} if not places else set()
@@ -134,12 +132,9 @@ class Adviser:
         return self._hood_of(self._key(modules)) if all(shared) else None
 
     def _hood_of(self, key: frozenset[int | str]) -> Neighbourhood:
-        if key not in self._hoods:
-            self._hoods[key] = self._neighbourhood(key)
-        return self._hoods[key]
-
-    def _neighbourhood(self, key: frozenset[int | str]) -> Neighbourhood:
-        """First observers in the balances, and against them the others of each module."""
+        """Balances of the first observers, and each against the others of its module."""
+        if key in self._hoods:
+            return self._hoods[key]
         places = sorted(p for p in key if isinstance(p, int))
         balances = [self._balances[p] for p in places]
         names = {n for b in balances for n in b} | {p for p in key if isinstance(p, str)}
@@ -149,7 +144,8 @@ class Adviser:
             first, *others = (f"{module.name}.{o}" for o in module.type.observers or ("",))
             residuals += [{first: 1, other: -1} for other in others]
         faults = [f for m in modules for f in self._faults.get(m.name, ())]
-        return Neighbourhood.of(self._linear, residuals, faults)
+        self._hoods[key] = Neighbourhood.of(self._linear, residuals, faults)
+        return self._hoods[key]
 
     def _sensors(self, name: str) -> tuple[Sensor, ...]:
         if name not in self._candidates:

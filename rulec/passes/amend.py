@@ -1,9 +1,9 @@
-"""Build a law into a module type: the place that it joins stands on its plain self from then on.
+"""Build a law into a module type: the law replaces the plain value of a place and may use it.
 
-A definition ``Q_law`` is renamed ``Q_law_plain``, and a new ``Q_law`` is the law over it; the
-equation of an observer becomes a definition; for a signal there is a new definition of what its
-reading should be, which stands wherever the reading stood. The result is a module type like any
-other: it is lowered for the analysis, written as YAML, and compiled.
+A definition ``Q_law`` is renamed ``Q_law_plain``, and a new ``Q_law`` is the law over it. The
+equation of an observer becomes a definition. A signal gets a new definition of its true reading,
+which replaces the reading everywhere. The result is a module type like any other: it can be lowered
+for the analysis, written as YAML, and compiled.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from rulec.limits import MAX_STEM, SHORT_LAW
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A law to be built in at some places, ``(kind, name)`` each.
+    """A law to be built in at some places, each ``(kind, name)``.
 
     `kind` is ``definition``, ``observer``, ``signal``, ``balance`` (the derivative of a state),
-    ``reading`` (what a sensor shows) or ``end`` (what flows in or out). The law stands over ``law``
-    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, plan
-    inputs such as ``B.T``, or a property of the `fluid` at one of these, as ``viscosity(T)``) and
+    ``reading`` (what a sensor shows) or ``end`` (inflow or outflow). The law may use ``law`` (the
+    plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, plan inputs
+    such as ``B.T``, or a property of the `fluid` at one of these, as ``viscosity(T)``) and
     `parameters`, whose plan inputs are in `ids`. `also` lists further places with laws of their
-    own; `states` are brought in, and stand in all laws.
+    own. `states` are added to the type; all laws may use them.
     """
 
     places: tuple[tuple[str, str], ...]
@@ -52,7 +52,7 @@ class Change:
     fluid: Fluid | None = None
 
     def laws(self) -> Iterator[tuple[str, str, Expression]]:
-        """Every place with the law that it gets, as (kind, name, law)."""
+        """All places with their laws, as (kind, name, law)."""
         yield from ((kind, place, self.law) for kind, place in self.places)
         yield from ((kind, place, law) for (kind, place), law in self.also)
 
@@ -61,10 +61,9 @@ class Change:
 class Amended:
     """A module type with changes built in.
 
-    `inputs` maps local parameters that were brought in to plan inputs, `outside` local names to
-    plan inputs that are no signals of the module; `corrected` maps signals to the definition of
-    what they should read. `made` are the definitions that no author wrote, `raw` those of them that
-    stand over readings as they are.
+    `inputs` maps added local parameters to plan inputs, `outside` local names to plan inputs that
+    are no signals of the module, and `corrected` signals to the definitions of their true readings.
+    `made` are the added definitions, `raw` those of them that use uncorrected readings.
     """
 
     type: ModuleType
@@ -76,7 +75,7 @@ class Amended:
 
 
 def amend(amended: Amended, change: Change) -> Amended:
-    """Build one more change in; raises `Rejected` where no equation can be written for it."""
+    """Build in one more change; raises `Rejected` if no equation can be written for it."""
     names: dict[str, ast.expr] = {}
     parameters, inputs = dict(amended.type.parameters), dict(amended.inputs)
     taken = _taken(amended)
@@ -121,7 +120,7 @@ def _is_own(kind: ModuleType, source: str) -> bool:
 def _with_states(
     amended: Amended, change: Change, names: Mapping[str, ast.expr], plain: str
 ) -> Amended:
-    """States that a change brings in, over the plain value of its first place."""
+    """Add the states of a change, which may use the plain value of its first place."""
     if not change.states:
         return amended
     table = {**_own(amended, change), **names, "law": name_node(plain)}
@@ -129,16 +128,16 @@ def _with_states(
     for name, state in change.states.items():
         local = names[name]
         assert isinstance(local, ast.Name)
-        brought = state.mapped(lambda e: written(replaced(e.tree, table)))
-        states[local.id] = replace(brought, name=local.id)
+        added = state.mapped(lambda e: written(replaced(e.tree, table)))
+        states[local.id] = replace(added, name=local.id)
     return replace(amended, type=replace(amended.type, states=states))
 
 
 def _outside(outside: dict[str, str], source: str, taken: set[str]) -> str:
-    """Local name of a plan input that is not the module's own."""
-    known = next((name for name, input_ in outside.items() if input_ == source), None)
-    if known is not None:
-        return known
+    """Local name of a plan input of another module, added to `outside` if it is new."""
+    for name, input_ in outside.items():
+        if input_ == source:
+            return name
     local = fresh(source.replace(".", "_"), taken)
     outside[local] = source
     taken.add(local)
@@ -152,7 +151,7 @@ def _taken(amended: Amended) -> set[str]:
 
 
 def fresh(name: str, taken: Iterable[str]) -> str:
-    """The name, with a number behind it if it is taken."""
+    """The name, with a number appended if it is taken."""
     used, name = set(taken), name[:MAX_STEM]
     tried, count = name, 1
     while tried in used:
@@ -162,7 +161,7 @@ def fresh(name: str, taken: Iterable[str]) -> str:
 
 
 def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
-    """Names of the own signals that drive, as what they should read where that is known."""
+    """Drivers that are the module's own, as their corrected values where there are any."""
     return {
         driver: name_node(amended.corrected.get(source, source))
         for driver, source in change.drivers.items()
@@ -171,7 +170,7 @@ def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
 
 
 Joined = tuple[Amended, str]
-"""A type with a law built in, and under which name it has the plain value."""
+"""A type with a law built in, and the name of the plain value in it."""
 
 
 def _join_definition(
@@ -191,10 +190,10 @@ def _join_equation(
     place: str,
     names: Mapping[str, ast.expr],
 ) -> Joined:
-    """The equation becomes a definition, and the law stands in its place.
+    """The equation becomes a definition, and the law replaces it.
 
-    `group` and `part` are the fields of the module type and of the place that hold the equation,
-    `title` gives the stem of the definition's name.
+    `group` and `part` are the fields of the module type and of the place that hold the equation;
+    `title` formats the stem of the definition's name.
     """
     places, name = getattr(amended.type, group), title.format(place)
     old: Expression = getattr(places[place], part)
@@ -210,9 +209,9 @@ def _join_equation(
 def _join_signal(
     amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
 ) -> Joined:
-    """The law of a sensor stands over raw readings: two corrections need not wait on each other.
+    """The law of a sensor uses raw readings, so that corrections cannot depend on each other.
 
-    What flows in or out by the network is built in alike.
+    Flows at ends that follow from the network are treated alike.
     """
     kind = amended.type
     raw = {d: name_node(s) for d, s in change.drivers.items() if _is_own(kind, s)}
@@ -241,11 +240,8 @@ def _join_signal(
 def type_over(
     kind: ModuleType, table: Mapping[str, ast.expr], kept: Container[str] = ()
 ) -> ModuleType:
-    """A module type with names in its equations replaced, but for the definitions in `kept`."""
-
-    def changed(expression: Expression) -> Expression:
-        return over(expression, table)
-
+    """A module type with names in its equations replaced, except in the definitions `kept`."""
+    changed = partial(over, table=table)
     return replace(
         kind,
         definitions={
@@ -291,7 +287,7 @@ class _Writer:
         return written(replaced(change.law.tree, table))
 
     def put_in(self, change: Change) -> Amended:
-        """The law put in where a definition stood; that one keeps its place under a new name."""
+        """Put the law in place of a definition, which stays right before it under a new name."""
         kind, law = self._amended.type, self.law(change)
         old = kind.definitions[self._place]
         definitions: dict[str, Definition] = {}
@@ -307,8 +303,8 @@ class _Writer:
     def _substituted(self, change: Change, drivers: Mapping[str, Expression]) -> ast.expr:
         """The plain law with drivers replaced.
 
-        A law that was built in before may have no value there, such as friction over a flow of 0:
-        then what it stands on counts, as a term that vanishes with the law does in the limit.
+        A law built in before may be undefined there, such as friction over a flow of 0. The law
+        beneath it is used then, which is the limit if the added term vanishes there.
         """
         taken, copies = set(self._taken), dict(self.copies)
         layers = list(self._layers())
@@ -322,7 +318,7 @@ class _Writer:
         raise AssertionError("there is always the law itself")
 
     def _layers(self) -> Iterator[tuple[str, Expression]]:
-        """The law, the one that it was built over, and so on down to the author's own."""
+        """The law, the one it was built over, and so on down to the author's own."""
         name, law = self._place, self._old
         stem = f"{self._place}_plain"[:MAX_STEM]
         while True:
@@ -336,7 +332,7 @@ class _Writer:
     def _replaced(
         self, change: Change, drivers: Mapping[str, Expression], place: str, law: Expression
     ) -> ast.expr:
-        """A law with drivers replaced; what it stands on is written out or copied."""
+        """A law with drivers replaced; definitions that it uses are written out or copied."""
         table: dict[str, ast.expr | None] = {}
         for driver, by in drivers.items():
             own = self._names[driver]
@@ -345,7 +341,7 @@ class _Writer:
         shown = ", ".join(f"{driver}={by}" for driver, by in drivers.items())
 
         def copy(name: str, expression: Expression) -> ast.expr | None:
-            """None where no replaced driver stands in it."""
+            """The changed tree; None if no replaced driver occurs in it."""
             for used, _ in expression.names():
                 definition = self._amended.type.definitions.get(used)
                 if used not in table and definition is not None:
@@ -358,7 +354,7 @@ class _Writer:
         return copy(place, law) or name_node(self.plain if law is self._old else place)
 
     def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
-        """The tree itself, or the name of a new definition that holds it."""
+        """The tree itself if it is short, else the name of a new definition for it."""
         if len(text_of(tree)) <= SHORT_LAW:
             return tree
         local = fresh(f"{name}_at", self._taken)

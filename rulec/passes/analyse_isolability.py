@@ -1,10 +1,10 @@
 """Pass 9, analyse isolability: which faults the residuals cannot isolate, and what would help.
 
-Two faults *coincide* where they move all residuals in the same proportion: no reading of this
-plant separates them at one operating point. A fault is *nested* in another where its whole
-signature is part of the other's: they differ only in residuals that one of them leaves at zero,
-which noise may hide. Two others are *close* where a small degree of one is seen, but lies within
-the noise of what the other can do.
+Two faults *coincide* if they move all residuals in the same proportion: no reading of this plant
+separates them at one operating point. A fault is *nested* in another if its signature is part of
+the other's: they differ only in residuals that one of them leaves at zero, which noise may hide.
+Other pairs are *close* if a small degree of one is detected, but lies within the noise of some
+degree of the other.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from rulec.passes.observed_modules import seen_through_states
 
 @dataclass(frozen=True)
 class Group:
-    """Faults that are hard or impossible to tell apart.
+    """Faults that are hard or impossible to isolate from each other.
 
-    `kind` is ``coincide``, ``nested`` or ``close``; `degrees`, per fault, those from which on it
-    is isolated from the others at one operating point (inf: never; empty: not examined); `sensors`
-    the cheapest that would isolate them at small degrees, where nothing else does.
+    `kind` is ``coincide``, ``nested`` or ``close``. `degrees` are, per fault, the smallest that
+    isolate it from the others at one operating point (inf: none; empty: not examined). `sensors`
+    are the cheapest that would isolate them at small degrees, if nothing else does.
     """
 
     faults: tuple[str, ...]
@@ -44,7 +44,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Isolability:
-    """Ambiguities; `unobserved` modules and faults leave no trace."""
+    """Ambiguous groups; `unobserved` modules and faults affect no residual."""
 
     groups: tuple[Group, ...]
     unobserved: tuple[str, ...]
@@ -68,7 +68,7 @@ def analyse_isolability(
     found |= dict.fromkeys(_nested(faults, effects), "nested")
     known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
     found |= {pair: "close" for pair in adviser.alike() if frozenset(pair) not in known}
-    groups = [_group(adviser, shown, names, kind) for names, kind in found.items()]
+    groups = tuple(_group(adviser, shown, names, kind) for names, kind in found.items())
     silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
     watched = {r.module for r in residuals} | {
         o.split(".")[0] for r in residuals for _, o in r.terms
@@ -76,29 +76,27 @@ def analyse_isolability(
     watched |= {c.fault.split(".")[0] for c in signatures.cells}
     watched |= seen_through_states(network) if network.stores else set()
     blind = [m for m in network.plant.modules if m not in watched]
-    return Isolability(tuple(groups), (*blind, *silent))
+    return Isolability(groups, (*blind, *silent))
 
 
 Shown = Mapping[str, list[tuple[float, str]]]
-"""Residuals of each fault with the degree from which on they show it, smallest first."""
+"""Residuals of each fault with the smallest degree that they detect, in ascending order."""
 
 
 def _matrix(
     residuals: tuple[Residual, ...], signatures: Signatures, faults: list[str]
 ) -> sparse.csr_matrix:
-    """Effects per unit of degree, shape (faults, residuals), in units of threshold."""
+    """Effects per unit of degree, shape (faults, residuals), m3/s."""
     row = {name: i for i, name in enumerate(faults)}
     column = {name: i for i, name in enumerate(r.id for r in residuals)}
     entries = [c.sensitivity for c in signatures.cells]
-    where = (
-        [row[c.fault] for c in signatures.cells],
-        [column[c.residual] for c in signatures.cells],
-    )
-    return sparse.csr_matrix((entries, where), (len(faults), len(residuals)))
+    rows = [row[c.fault] for c in signatures.cells]
+    columns = [column[c.residual] for c in signatures.cells]
+    return sparse.csr_matrix((entries, (rows, columns)), (len(faults), len(residuals)))
 
 
 def _coinciding(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, ...]]:
-    """Groups of faults whose rows point the same way."""
+    """Groups of faults whose rows have the same direction."""
     length = np.sqrt(np.asarray(effects.multiply(effects).sum(axis=1)).ravel())
     unit = sparse.diags(1.0 / np.where(length > 0, length, 1.0)) @ effects
     alike = sparse.coo_matrix(unit @ unit.T)
@@ -111,7 +109,7 @@ def _coinciding(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str
 
 
 def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, str]]:
-    """Ordered pairs (inner, outer) of signatures, one part of the other."""
+    """Sorted pairs (inner, outer) of faults, the signature of one being part of the other's."""
     signs = effects.sign()
     size = np.diff(signs.indptr)
     agree = sparse.coo_matrix(signs @ signs.T)
@@ -124,7 +122,7 @@ def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, st
 
 
 def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> Group:
-    """A group with how far apart its faults are, and what would help if that is not enough."""
+    """A group with the degrees that isolate its faults, and advice if these are not small."""
     degrees = adviser.degrees(names)
     far = not degrees or max(degrees) <= SMALL_DEGREE
     advice = None if far else adviser.advise(names)
@@ -144,15 +142,11 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
 
 
 def _from(adviser: Adviser, fault: str, degree: float) -> str:
-    return (
-        f"{adviser.size(fault, degree)} ({fault})"
-        if np.isfinite(degree)
-        else f"no degree ({fault})"
-    )
+    size = adviser.size(fault, degree) if np.isfinite(degree) else "no degree"
+    return f"{size} ({fault})"
 
 
 def _by_detectability(signatures: Signatures) -> Shown:
-    """The cells of each fault, smallest degree first."""
     table: dict[str, list[tuple[float, str]]] = {}
     for cell in signatures.cells:
         table.setdefault(cell.fault, []).append((cell.detectable, cell.residual))
@@ -160,7 +154,7 @@ def _by_detectability(signatures: Signatures) -> Shown:
 
 
 def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
-    """The residual that only the outer fault moves, and from which degree on it shows it."""
+    """The residual that only the outer fault moves, and the smallest degree that it detects."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
     return f"{residual} tells them apart from a degree of {degree:.2g}{adviser.unit(outer)} on"

@@ -1,9 +1,9 @@
-"""Pass 6, assemble: the differentiated types put together to the equations of the plant.
+"""Pass 6, assemble: combine the differentiated types into the equations of the plant.
 
-Every module instance is lowered to nodes of one graph. A *gradient* here is a table from an
-independent input (a reading, a whitened parameter, a misfit) to a node: the derivative times the
-standard uncertainty of that input. Covariances are then plain sums of products, and two
-estimates that share a sensor are correlated by construction.
+Each module instance is lowered to nodes of one graph. A *gradient* here maps each independent input
+(a reading, a whitened parameter, a misfit) to a node: the derivative times the standard uncertainty
+of that input. Covariances are then plain sums of products, and two estimates that share a sensor
+are correlated by construction.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ MODEL = "u:model"
 
 @dataclass(frozen=True, kw_only=True)
 class TargetNodes:
-    """What a fault scales: value, slopes of all observers it reaches, curvatures, inverses."""
+    """The target that a fault scales, and the observers it reaches (see `Target`).
+
+    `reaction` is the slope of the module's true flow by the target.
+    """
 
     value: Node
     gradient: Gradient
@@ -47,8 +50,10 @@ class TargetNodes:
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """A fault of a module instance; `affects` lists observer ids in the whole plant, `scales` the
-    signals in what it scales."""
+    """A fault of a module instance.
+
+    `affects` lists the ids of observers in the whole plant, `scales` the signals in its target.
+    """
 
     id: str
     module: str
@@ -62,8 +67,8 @@ class Hypothesis:
 class Assembly:
     """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``.
 
-    `unlisted` are errors of readings that no module lists; no pass works out rules for them.
-    `margins` are those of the conditions of regimes, such as ``A.reverse-flow:0``, each with its
+    `unlisted` are errors of readings that no module lists; no pass derives rules for them.
+    `margins` are those of conditions of regimes, such as ``A.reverse-flow:0``, each with its
     standard uncertainty. `liquid` lists the observers that each change of the liquid makes wrong.
     """
 
@@ -112,7 +117,7 @@ def assemble(
     targets: dict[str, TargetNodes] = {}
     for part in parts.values():
         part.lower_targets(targets)
-    _reach_across(parts, readers, targets)
+    _add_readers(parts, readers, targets)
     _react(parts, readers, targets)
     nodes, residual_gradients, variances = _residual_nodes(graph, residuals, observers, gradients)
     return Assembly(
@@ -144,18 +149,14 @@ class _Instance:
             name: tuple(f"{m}.{s}" for m, s in network.gathers[module.name, name])
             for name in module.type.gathers
         }
-        self.nodes = self._symbol_nodes()
+        symbols = self.model.symbols
+        self.nodes = {symbols[s]: graph.input(self.id(s)) for s in module.type.signals}
+        for name, parameter in module.parameters.items():
+            self.nodes[symbols[name]] = graph.constant(parameter.value)
+        for name, signals in self.gathers.items():
+            self.nodes[symbols[GATHERED + name]] = graph.sum(graph.input(s) for s in signals)
         self._blocks = {p: b for b in module.blocks for p in b.parameters}
         self._responses: dict[str, Node] = {}
-
-    def _symbol_nodes(self) -> dict[sympy.Symbol, Node]:
-        graph, symbols = self.graph, self.model.symbols
-        nodes = {symbols[s]: graph.input(self.id(s)) for s in self.module.type.signals}
-        for name, parameter in self.module.parameters.items():
-            nodes[symbols[name]] = graph.constant(parameter.value)
-        for name, signals in self.gathers.items():
-            nodes[symbols[GATHERED + name]] = graph.sum(graph.input(s) for s in signals)
-        return nodes
 
     def id(self, name: str) -> str:
         return f"{self.module.name}.{name}"
@@ -166,9 +167,8 @@ class _Instance:
     def gradient(self, derivatives: Mapping[str, sympy.Expr]) -> dict[str, Node]:
         """Derivatives by local variables to derivatives by independent inputs, times u."""
         graph, kind = self.graph, self.module.type
-        lowered = dict(
-            zip(derivatives, lower_all(graph, derivatives.values(), self.nodes), strict=True)
-        )
+        nodes = lower_all(graph, derivatives.values(), self.nodes)
+        lowered = dict(zip(derivatives, nodes, strict=True))
         result: dict[str, Node] = {}
 
         def contribute(name: str, node: Node) -> None:
@@ -189,7 +189,7 @@ class _Instance:
         return {name: node for name, node in result.items() if not graph.is_zero(node)}
 
     def _whiten(self, lowered: Mapping[str, Node], contribute: Callable[[str, Node], None]) -> None:
-        """Correlated parameters become independent ones through the factor of their block."""
+        """Convert correlated parameters to independent ones by the factor of their block."""
         graph = self.graph
         for index, block in enumerate(self.module.blocks):
             for j in range(len(block.parameters)):
@@ -239,14 +239,14 @@ class _Instance:
             )
 
     def margins(self) -> Iterable[tuple[str, tuple[Node, Node]]]:
-        """What must be positive in each regime, and its standard uncertainty."""
+        """The margin that must be positive in each regime, and its standard uncertainty."""
         for name, (value, derivatives) in self.model.margins.items():
             squares = [self.graph.square(node) for node in self.gradient(derivatives).values()]
             u = self.graph.apply("sqrt", self.graph.sum(squares))
             yield self.id(name), (self.lower(value), u)
 
     def signals_of(self, target: str) -> tuple[str, ...]:
-        """Signals in what faults of a target scale; none where they act on the flow."""
+        """Signals in a target; none if its faults act on the flow."""
         found: list[str] = []
         for name in self.model.targets[target].gradient if target in self.model.targets else ():
             if name in self.module.type.signals:
@@ -261,7 +261,7 @@ class _Instance:
         return self.graph.zero if expression is None else self.lower(expression)
 
     def flow_response(self, target: str, signal: str) -> Node | None:
-        """How the flow follows a shift of `signal` along a component that a target leaves alone.
+        """Slope of the flow by `signal`, along a component that a target does not affect.
 
         None if no such component's primary observer reads the signal.
         """
@@ -272,9 +272,9 @@ class _Instance:
         return None
 
     def back_pressure_response(self, gathered: str) -> Node:
-        """How the flow follows a pressure downstream, two components in series.
+        """Slope of the flow by a pressure downstream, with two components in series.
 
-        The primary observers of two components hold at once; their common signal adapts. It is the
+        The primary observers of both components hold; their common signal adapts. The slope is the
         same for every module downstream.
         """
         if gathered not in self._responses:
@@ -317,28 +317,24 @@ class _Reader:
 
     @cached_property
     def slope(self) -> tuple[Node, Gradient, Node]:
-        """Slope by the sum downstream, its gradient, its curvature: the same for every signal."""
-        variable = GATHERED + self.gathered
-        expression, symbols = self.part.model.gradients[self.observer][variable], self._symbols
-        derivatives = dict(_derivatives(expression, symbols))
+        """Slope by the downstream sum, its gradient and its curvature; the same for all signals."""
+        variable, model = GATHERED + self.gathered, self.part.model
+        expression = model.gradients[self.observer][variable]
+        derivatives = dict(_derivatives(expression, tuple(model.symbols.items())))
         gradient = self.part.gradient(derivatives)
         curvature = derivatives.get(variable, sympy.S.Zero)
         return self.part.lower(expression), gradient, self.part.lower(curvature)
 
-    @property
-    def _symbols(self) -> tuple[tuple[str, sympy.Symbol], ...]:
-        return tuple(self.part.model.symbols.items())
-
 
 Readers = Mapping[str, list[_Reader]]
-"""Observers of other modules by the signal that they read through `downstream`."""
+"""Observers of other modules, by the signal that they read through `downstream`."""
 
 
 @lru_cache(maxsize=10_000)
 def _derivatives(
     expression: sympy.Expr, symbols: tuple[tuple[str, sympy.Symbol], ...]
 ) -> tuple[tuple[str, sympy.Expr], ...]:
-    """Non-zero derivatives by name; worked out once per module type."""
+    """Non-zero derivatives by name, calculated once per module type."""
     free = expression.free_symbols
     return tuple((n, sympy.diff(expression, s)) for n, s in symbols if s in free)
 
@@ -364,10 +360,9 @@ def _hypotheses(
         affects = [part.id(o) for o in fault.affects]
         if fault.fault.acts_on == "signal":
             affects += [reader.id for reader in readers.get(part.id(fault.target), ())]
-        name = part.module.name
         yield Hypothesis(
             id=part.id(fault.id),
-            module=name,
+            module=part.module.name,
             fault=fault,
             target=part.id(fault.target),
             affects=tuple(affects),
@@ -375,7 +370,7 @@ def _hypotheses(
         )
 
 
-def _reach_across(
+def _add_readers(
     parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
 ) -> None:
     """Add the slopes of observers in other modules that read a faulty signal."""
@@ -397,21 +392,21 @@ def _reach_across(
 def _react(
     parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
 ) -> None:
-    """Fill in how the true flow of a module follows when a definition shifts (paper form).
+    """Fill in the reaction of a module's true flow to a shift of a definition (paper form).
 
-    A dosing module moves along its pump curve; a mixer makes all modules upstream move.
+    A dosing module moves along its pump curve; a mixer moves all modules upstream.
     """
     for part in parts.values():
         graph = part.graph
         for name, target in part.model.targets.items():
             if name in part.module.type.signals or target.driver is None:
                 continue
-            own = part.flow_response(name, target.driver)
-            if own is None:
+            reaction = part.flow_response(name, target.driver)
+            if reaction is None:
                 reading = readers.get(part.id(target.driver), ())
                 upstream = dict.fromkeys((reader.part, reader.gathered) for reader in reading)
-                own = graph.sum(other.back_pressure_response(n) for other, n in upstream)
-            targets[part.id(name)] = replace(targets[part.id(name)], reaction=own)
+                reaction = graph.sum(other.back_pressure_response(n) for other, n in upstream)
+            targets[part.id(name)] = replace(targets[part.id(name)], reaction=reaction)
 
 
 def _residual_nodes(

@@ -1,7 +1,7 @@
 """Sensors that could be added to a module, and the cheapest that isolate faults from each other.
 
-What a sensor adds is one more comparison; its effects and covariance follow from the tables of
-`linearise`, so nothing is compiled again.
+A sensor adds one comparison. Its effects and covariance follow from the tables of `linearise`, so
+nothing is compiled again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
 
 
 def candidates(module: Module, knowledge: Knowledge, tables: Linearised) -> Iterable[Sensor]:
-    """A second reading of every own signal that an estimate uses, and a flow meter."""
+    """A second reading of each own signal that an estimate uses, and a flow meter."""
     observers = [f"{module.name}.{o}" for o in module.type.observers]
     inputs = {name for observer in observers for name in tables.gradients[observer]}
     used = [s for s in module.type.signals.values() if f"{module.name}.{s.name}" in inputs]
@@ -45,7 +45,7 @@ def candidates(module: Module, knowledge: Knowledge, tables: Linearised) -> Iter
 def _flow_meter(
     module: Module, knowledge: Knowledge, estimate: str, flow: float
 ) -> Iterable[Sensor]:
-    """As declared by the type, which no estimate uses, else of the cheapest fitting class."""
+    """The cheapest flow meter that the type declares but no estimate uses, else that fits."""
     classes, quantities = knowledge.sensors, knowledge.units.quantities
     declared = [
         (classes[s.sensor], s.name, s.full_scale)
@@ -75,22 +75,18 @@ def _is_flow(signal: Signal) -> bool:
 
 @dataclass(frozen=True)
 class Advice:
-    """Sensors that together tell a group apart, and the degree from which on they do."""
+    """Sensors that together isolate the faults of a group, and the smallest degree they need."""
 
     sensors: tuple[Sensor, ...]
     degree: float
 
 
-def degrees_of(gram: Array) -> tuple[float, ...]:
-    """Per fault the degree, as a share, from which on it is isolated from every other one.
+def degrees_at(distance: Array) -> tuple[float, ...]:
+    """Per fault the smallest degree, as a share, that isolates it from all others.
 
-    `gram` holds products of effects, shape (faults, faults); inf where no degree isolates a fault.
+    `distance` holds distances per unit of degree, shape (faults, faults), as given by `apart`; inf
+    if no degree isolates a fault.
     """
-    return _degrees_at(apart(gram))
-
-
-def _degrees_at(distance: Array) -> tuple[float, ...]:
-    """The same from distances per unit of degree, shape (faults, faults)."""
     with np.errstate(divide="ignore"):
         worst = SEPARATED / distance.min(axis=-1)
     return tuple(worst.tolist())
@@ -105,7 +101,7 @@ def cheapest(
     covariance = covariance + LEAST_SPREAD * np.eye(len(sensors))
 
     def among(chosen: tuple[int, ...]) -> Array:
-        """How far apart the faults are with some of the sensors added, as `apart` says."""
+        """Distances of the faults with some of the sensors added, as given by `apart`."""
         part = effects[:, chosen]
         if len(chosen) == 1:
             weighed = part / covariance[chosen[0], chosen[0]]
@@ -120,9 +116,9 @@ def cheapest(
     choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
     for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
         far = ((among(c), c) for c in same)
-        told = [(max(_degrees_at(d)), c) for d, c in far if _is_isolated(d)]
-        if told:
-            degree, chosen = min(told)
+        isolating = [(max(degrees_at(d)), c) for d, c in far if _is_isolated(d)]
+        if isolating:
+            degree, chosen = min(isolating)
             return Advice(tuple(sensors[i] for i in chosen), degree)
     chosen = ()
     while len(chosen) < min(MOST_SENSORS, len(sensors)):
@@ -130,18 +126,18 @@ def cheapest(
         chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
         distance = among(chosen)
         if _is_isolated(distance):
-            return Advice(tuple(sensors[i] for i in chosen), max(_degrees_at(distance)))
+            return Advice(tuple(sensors[i] for i in chosen), max(degrees_at(distance)))
     return None
 
 
 def _degrees_left(distance: Array) -> tuple[int, float]:
     """Number of faults that no degree isolates, and the largest degree of the others."""
-    degrees = np.array(_degrees_at(distance))
+    degrees = np.array(degrees_at(distance))
     never = np.isinf(degrees)
     return int(never.sum()), float(degrees[~never].max(initial=0.0))
 
 
 def _is_isolated(distance: Array) -> bool:
-    """Is every fault isolated at a small degree, or nearly as soon as it is detected?"""
+    """Whether each fault is isolated at a small degree, or almost as soon as it is detected."""
     enough = np.minimum(SMALL_DEGREE * np.diagonal(distance) / SEEN, SEPARATED)
     return bool(np.all(SMALL_DEGREE * distance.min(axis=-1) >= enough))

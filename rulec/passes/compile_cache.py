@@ -1,6 +1,6 @@
-"""What was made of a plant at an earlier start, as long as none of its sources has changed.
+"""Results kept from an earlier start, valid while no source of the plant has changed.
 
-A compiler that need not run need not be loaded either: nothing here imports a pass at its top.
+Nothing here imports a pass at its top, as a compiler that need not run need not be loaded.
 """
 
 from __future__ import annotations
@@ -23,18 +23,16 @@ from rulec.language.diagnostics import Refused
 def ruleset_of_plant(
     plant: Path, make: Callable[[], Ruleset] | None = None, now: str | None = None
 ) -> Ruleset:
-    """The ruleset of a plant, folder or file; compiled only if something has changed.
+    """The ruleset of a plant (folder or file), compiled only if something has changed.
 
-    `make` gives it in place of the compiler, for who has compiled the plant for another reason,
-    `now` is its `known_print` if that is known.
-
-    Raises `Refused` with all mistakes of the first bad pass.
+    `make` replaces the compiler if the caller has compiled the plant anyway; `now` is its
+    `known_print`, if known. Raises `Refused` with all mistakes of the first bad pass.
     """
     known = _text(now or known_print(plant), "ruleset")
     if known is not None:
         try:
             return parse_ruleset(parse_json(known))
-        except (Damaged, RulesetRefused):  # by a tool that wrote others; compile it again
+        except (Damaged, RulesetRefused):  # written by another version; compile it again
             pass
     before = _print(plant)
     if make is None:
@@ -48,15 +46,11 @@ def ruleset_of_plant(
 
 
 def kept_of_plant(
-    plant: Path,
-    kind: str,
-    make: Callable[[], Any],
-    whole: bool = False,
-    now: str | None = None,
+    plant: Path, kind: str, make: Callable[[], Any], whole: bool = False, now: str | None = None
 ) -> Any:
-    """JSON data that follow from a plant alone: those of an earlier start, else `make` them.
+    """JSON data that depend only on a plant: those of an earlier start, else made by `make`.
 
-    None is made anew each time. `whole`: they follow from all YAML files in its folder. `now` as of
+    None is never kept. `whole`: they depend on all YAML files in its folder. `now` is as in
     `ruleset_of_plant`.
     """
     known = _text(now or known_print(plant, whole), kind)
@@ -73,7 +67,7 @@ def kept_of_plant(
 
 
 def known_print(plant: Path, whole: bool = False) -> str | None:
-    """Hash of all sources of a plant; None if its file was never read as it is now."""
+    """Hash of all sources of a plant; None if its file has changed since it was last read."""
     file = plant_file(plant)
     try:
         names = kept(f"{print_of_text(file)}.names")
@@ -83,7 +77,7 @@ def known_print(plant: Path, whole: bool = False) -> str | None:
 
 
 def _text(now: str | None, kind: str) -> str | None:
-    """What is kept of a plant whose sources have this hash."""
+    """The text kept for sources with this hash."""
     found = None if now is None else kept(f"{now}.{kind}")
     try:
         return None if found is None else found.decode("utf-8")
@@ -92,7 +86,7 @@ def _text(now: str | None, kind: str) -> str | None:
 
 
 def _print(plant: Path, whole: bool = False) -> tuple[str, dict[str, list[str]]] | None:
-    """Hash of all sources of a plant, and what its file names; None if it has mistakes."""
+    """Hash of all sources of a plant, and the files that it names; None if it has mistakes."""
     from rulec.language.document import read_document
 
     file = plant_file(plant)
@@ -113,7 +107,7 @@ def _keep(
     text: str,
     whole: bool = False,
 ) -> None:
-    """Keep what was made, unless a source changed meanwhile: nobody knows which was read then."""
+    """Keep a result, unless a source has changed meanwhile: either version may have been read."""
     if before is None or before != _print(plant, whole):
         return
     found, names = before

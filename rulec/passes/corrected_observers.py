@@ -1,7 +1,7 @@
 """The observers of a plant with all faults undone, as functions of the degrees.
 
-With the true degree of the true fault put in, all estimates agree again: that is how a hypothesis
-is tested, and how a known fault is folded into the types.
+With the true degree of the true fault, all estimates agree again. This serves to test hypotheses,
+and to fold known faults into the types.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ Types = Mapping[str, TypeModel]
 
 
 def undo_graph(network: Network, types: Types, faults: tuple[str, ...]) -> Graph:
-    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``, of unlisted
-    errors as well.
+    """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``.
 
-    Where a change of the liquid moves an observer, ``ql:`` and ``dql:`` are the same with that
-    undone as well; without a degree of it ``ql:`` is ``q:``.
+    Faults include unlisted errors. If a change of the liquid moves an observer, ``ql:`` and
+    ``dql:`` are the same with that change undone as well; at degree 0, ``ql:`` equals ``q:``.
     """
     return _Undo(network, types, faults).graph
 
 
 def liquid_affects(network: Network, types: Types) -> dict[str, tuple[str, ...]]:
-    """By id of a fault of the liquid the observers that it makes wrong, where these are of several
-    modules; in one module alone it is what faults of that module are."""
+    """Observers that each fault of the liquid makes wrong, if they are of several modules.
+
+    If only one module is affected, the faults of that module cover it.
+    """
     found: dict[str, list[str]] = {}
     for name, module in network.plant.modules.items():
         for observer, fault in types[module.type.key].undone.liquid_slopes:
@@ -41,7 +42,7 @@ def liquid_affects(network: Network, types: Types) -> dict[str, tuple[str, ...]]
 
 
 class _Undo:
-    """Builds the graph; `tables` hold by module the nodes of its symbols."""
+    """Builds the graph; `tables` holds, per module, the nodes of its symbols."""
 
     def __init__(self, network: Network, types: Types, faults: tuple[str, ...]) -> None:
         plant = network.plant
@@ -51,10 +52,10 @@ class _Undo:
         self.liquid = liquid_affects(network, types)
         every = (*faults, *others, *self.liquid)
         self.graph = Graph([*plant.signals, *dict.fromkeys(f"x:{fault}" for fault in every)])
-        # Slopes of the readings by the degrees of their unlisted errors.
+        # Derivatives of readings by the degrees of their unlisted errors.
         self.errors: dict[str, dict[tuple[str, str], Node]] = {}
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
-        # Slopes of readings, which all modules upstream share.
+        # Derivatives of readings by degrees, shared by all modules upstream.
         self._inner: dict[tuple[str, str], dict[str, Node]] = {}
         for name in plant.modules:
             self._gather(name)
@@ -62,7 +63,7 @@ class _Undo:
             self._observers(name)
 
     def _symbol_nodes(self, name: str) -> dict[sympy.Symbol, Node]:
-        """Nodes of the own readings (unlisted errors undone), parameters, degrees."""
+        """Nodes of the own readings (with unlisted errors undone), parameters and degrees."""
         module, model, graph = self.network.plant.modules[name], self.models[name], self.graph
         nodes = {model.symbols[s]: graph.input(f"{name}.{s}") for s in module.type.signals}
         for parameter in module.parameters.values():
@@ -76,7 +77,7 @@ class _Undo:
         return nodes | {model.symbols[s]: lower(graph, e, nodes) for s, e in readings.items()}
 
     def _gather(self, name: str) -> None:
-        """Sums over modules downstream, of their readings with faults undone."""
+        """Add downstream sums of readings with faults undone."""
         model = self.models[name]
         for gathered in model.type.gathers:
             parts = [
@@ -86,7 +87,7 @@ class _Undo:
             self.tables[name][model.symbols[GATHERED + gathered]] = self.graph.sum(parts)
 
     def _observers(self, name: str) -> None:
-        """Observers with faults undone, and their slopes by the degrees that reach them."""
+        """Add observers with faults undone, and their slopes by the degrees that affect them."""
         graph, outputs = self.graph, self.graph.outputs
         nodes, undone = self.tables[name], self.models[name].undone
         for observer, expression in undone.observers.items():
@@ -113,7 +114,7 @@ class _Undo:
                     outputs[key] = graph.add(outputs.get(key, graph.zero), node)
 
     def _slopes_of(self, module: str, signal: str) -> dict[str, Node]:
-        """Slopes of a reading, all faults of it undone, by their degrees."""
+        """Slopes of a reading with all of its faults undone, by their degrees."""
         if (module, signal) not in self._inner:
             nodes, undone = self.tables[module], self.models[module].undone
             found = {

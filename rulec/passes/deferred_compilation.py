@@ -1,4 +1,4 @@
-"""A plant that is opened: its ruleset soon, what the compiler makes of it once it is asked for."""
+"""An opened plant: its ruleset, if kept, without the compiler; other results on demand."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OpenedPlant:
-    """Documents of a plant, and what follows from them; each may raise `Refused`. `now` is the hash
-    of all its sources, if it was known when they were read."""
+    """Documents of a plant and what is compiled from them; each result may raise `Refused`.
+
+    `now` is the hash of all its sources, if it was known when they were read.
+    """
 
     path: Path
     sources: Sources
@@ -28,12 +30,12 @@ class OpenedPlant:
 
     @cached_property
     def ruleset(self) -> Ruleset:
-        """That of an earlier start, as long as nothing has changed."""
+        """The ruleset of an earlier start, or a new one if something has changed."""
         return ruleset_of_plant(self.path, lambda: self._compiled.ruleset, self.now)
 
     @cached_property
     def models(self) -> Compilation:
-        """All fields up to the symbolic work of the types, and the ruleset."""
+        """A compilation with the ruleset and all fields up to `types`."""
         ruleset = self.ruleset
         if "_compiled" in vars(self):
             return self._compiled
@@ -52,20 +54,18 @@ class OpenedPlant:
 
 
 def open_plant(path: Path, effects: bool = False) -> OpenedPlant:
-    """Read a plant, folder or file, and find no mistake of form; only a comparison with recordings
-    needs `effects`.
+    """Read a plant (folder or file); raises `Refused` with all mistakes of form.
 
-    Raises `Refused`.
+    Only a comparison with recordings needs `effects`.
     """
     now = known_print(path)
     return OpenedPlant(path, sources_of_plant(path, effects, now), now)
 
 
 def sources_of_plant(plant: Path, effects: bool = False, now: str | None = None) -> Sources:
-    """The documents of a plant, folder or file, as `read_plant` gives them; read and held against
-    their schemas only if something has changed. `now` as of `ruleset_of_plant`.
+    """The documents of a plant as `read_plant` gives them, read only if something has changed.
 
-    Raises `Refused` with every mistake of form.
+    `now` is as in `ruleset_of_plant`. Raises `Refused` with all mistakes of form.
     """
     read: list[Sources] = []
 

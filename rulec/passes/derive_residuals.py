@@ -30,51 +30,43 @@ class Residual:
 
 
 def derive_residuals(network: Network) -> tuple[Residual, ...]:
-    """Own pairs of each module and balance sums against own observers, then what these leave out.
+    """Own pairs of each module, sums by continuity against own observers, then what is missing.
 
-    The sum of the pumps upstream against the resistance of a mixer, for example, becomes
+    For example, the sum of the pumps upstream against the resistance of a mixer becomes
     ``pump-resis`` of the mixer: `A.pump + B.pump - C.resis`. All comparisons that the junction
-    balances allow follow from the residuals.
+    balances allow are linear combinations of the residuals.
 
     >>> from rulec.passes.pipeline import example
     >>> residual = next(r for r in example("residuals").residuals if r.module == "C")
     >>> f"{residual.id} = {residual}"
     'C.pump-resis = A.pump + B.pump - C.resis'
     """
-    sums, balances = _told(network), _measured_balances(network)
-    meets = _most_that_meet(balances)
+    modules = network.plant.modules.values()
+    measured = [m.name for m in modules if m.type.observers]
+    balances = tuple(network.graph.measured_balances(measured).values())
+    # The largest number of other modules that a module meets at a place.
+    meets: Counter[str] = Counter()
+    for signs in balances:
+        for name in signs:
+            meets[name] = max(meets[name], len(signs) - 1)
+    sums = _informative_sums(network)
     found: dict[Terms, Residual] = {}
-    for module in network.plant.modules.values():
+    for module in modules:
         near = {
             kind: flow
             for kind, flow in sums.get(module.name, {}).items()
             if len(flow.terms) <= max(MOST_SUMMED, meets[module.name])
         }
-        for residual in (*_own(module), *_summed(module, near)):
+        for residual in (*_pairs(module, module.type.residuals), *_summed(module, near)):
             found.setdefault(_without_sign(residual.terms), residual)
     return (*found.values(), *_left_out(network, balances, found.values()))
 
 
-def _measured_balances(network: Network) -> tuple[Mapping[str, int], ...]:
-    """Signs of the modules with observers that meet, per place."""
-    modules = network.plant.modules.values()
-    measured = [m.name for m in modules if m.type.observers]
-    return tuple(network.graph.measured_balances(measured).values())
+def _informative_sums(network: Network) -> dict[str, dict[str, FixedFlow]]:
+    """Flows by continuity, by module and kind, without those that follow from others.
 
-
-def _most_that_meet(balances: Iterable[Mapping[str, int]]) -> Counter[str]:
-    """With how many others a module meets at a place, at most."""
-    meets: Counter[str] = Counter()
-    for signs in balances:
-        for name in signs:
-            meets[name] = max(meets[name], len(signs) - 1)
-    return meets
-
-
-def _told(network: Network) -> dict[str, dict[str, FixedFlow]]:
-    """Flows by module and kind that say something: a sum of what flows in always does.
-
-    A sum of what flows out often only repeats, from another module's view, what such sums say.
+    Sums of flows that enter upstream are all kept. A sum of flows that leave often only repeats
+    them from the view of another module.
     """
     number = {name: i for i, name in enumerate(network.plant.modules)}
     span, result = Span(), dict[str, dict[str, FixedFlow]]()
@@ -96,15 +88,14 @@ def _told(network: Network) -> dict[str, dict[str, FixedFlow]]:
     return result
 
 
-def _own(module: Module) -> Iterator[Residual]:
-    """Pairs of observers that the maker declares."""
-    for first, second in module.type.residuals:
+def _pairs(module: Module, pairs: Iterable[tuple[str, str]]) -> Iterator[Residual]:
+    for first, second in pairs:
         pair = ((1, f"{module.name}.{first}"), (-1, f"{module.name}.{second}"))
         yield Residual(f"{module.name}.{first}-{second}", module.name, pair)
 
 
 def _summed(module: Module, sums: Mapping[str, FixedFlow]) -> Iterator[Residual]:
-    """The flow of a module by others, against its own observers."""
+    """The flow of a module by continuity against its own observers."""
     for kind, flow in sums.items():
         others = tuple((sign, f"{name}.{kind}") for name, sign in flow.terms.items())
         for own in module.type.observers:
@@ -113,7 +104,7 @@ def _summed(module: Module, sums: Mapping[str, FixedFlow]) -> Iterator[Residual]
 
 
 def _without_sign(terms: Terms) -> Terms:
-    """The same for a sum and its negative."""
+    """The same terms for a sum and its negative."""
     ordered = sorted(terms, key=lambda t: t[1])
     return tuple((sign * ordered[0][0], name) for sign, name in ordered)
 
@@ -121,35 +112,33 @@ def _without_sign(terms: Terms) -> Terms:
 def _left_out(
     network: Network, balances: Iterable[Mapping[str, int]], present: Iterable[Residual]
 ) -> Iterator[Residual]:
-    """Comparisons that do not follow from those present."""
-    modules = network.plant.modules.values()
+    """Comparisons that do not follow from those present.
+
+    Candidates are the first observer of each module against each other one, and the balances.
+    """
+    modules = network.plant.modules
     number = {name: i for i, name in enumerate(network.plant.observers)}
     span = Span()
     for residual in present:
         span.add({number[o]: sign for sign, o in residual.terms})
-    named = (_balance(network.plant.modules, signs) for signs in balances)
-    for residual in (*_undeclared(modules), *named):
+    candidates: list[Residual] = []
+    for module in modules.values():
+        first, *others = module.type.observers or ("",)
+        candidates += _pairs(module, [(first, other) for other in others])
+    candidates += [_balance(modules, signs) for signs in balances]
+    for residual in candidates:
         if span.add({number[o]: sign for sign, o in residual.terms}):
             yield residual
 
 
-def _undeclared(modules: Iterable[Module]) -> Iterator[Residual]:
-    """The first observer of a module against each other one."""
-    for module in modules:
-        first, *others = (f"{module.name}.{o}" for o in module.type.observers or ("",))
-        for other in others:
-            pair = ((1, first), (-1, other))
-            yield Residual(f"{first}-{other.removeprefix(module.name)[1:]}", module.name, pair)
-
-
 def _balance(modules: Mapping[str, Module], signs: Mapping[str, int]) -> Residual:
-    """A balance of measured flows, seen from the first module that leaves, else enters, the place.
+    """A balance of measured flows, for the first module that leaves (else enters) the place.
 
-    ``C.pump+flow-resis`` compares with C what flows in by observers of two kinds.
+    ``C.pump+flow-resis`` compares C with inflows estimated by observers of two kinds.
     """
     kinds = {name: tuple(modules[name].type.observers) for name in signs}
     count = Counter(kind for own in kinds.values() for kind in own)
-    # The commonest kind first, in one order for all: then no two names can be the same.
+    # The commonest kind first, in one order for all, so that no two ids are equal.
     ranked = [kind for kind, _ in count.most_common()]
     chosen = {name: min(own, key=ranked.index) for name, own in kinds.items()}
     own = min(signs, key=lambda name: signs[name])

@@ -1,14 +1,14 @@
 """Pass 8, derive rules: from a residual to a fault degree, with uncertainty.
 
-Every rule has one form. `g` is what the fault scales, `mu` = dR/dg; the residual says how much of
-g is there too much, ``D = R/mu``; the law of the fault turns g and D into the degree. The forms
-differ in what they take for mu or D:
+All rules have the same structure. `g` is the target that the fault scales, and `mu` = dR/dg. The
+residual gives the excess of g, ``D = R/mu``, and the law of the fault gives the degree from g and
+D. The forms differ in mu or D:
 
 linear : slope at the measured point, at the same flow (default).
-paper : slope that includes the answer of the true flow (Eq. 16 of the seed paper).
-exact : D from the observer solved for g, no linearisation; where one observer alone is wrong.
+paper : slope that includes the reaction of the true flow (Eq. 16 of the seed paper).
+exact : D from the observer solved for g, without linearisation; if only one observer is wrong.
 
-For leakage and power readings the linear rule is exact already.
+For leakage and power readings, the linear rule is already exact.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rulec.passes.moments import Moments, Signed
 
 @dataclass(frozen=True)
 class Rule:
-    """The forms that a cell has in the plan, and the rule as readable text."""
+    """The forms of a cell's rule in the plan, and the rule as readable text."""
 
     signature: Signature
     forms: tuple[str, ...]
@@ -87,7 +87,7 @@ def _rule(
 
     def rule(form: str, mu: Node, scaled: Node, gradients: Signed) -> None:
         at = {G: scaled, EXCESS: graph.div(R, mu)}
-        # Two directions of one fault scale the same g: they share their second moments.
+        # Two directions of one fault scale the same g and so share their second moments.
         place = (hypothesis.target, cell.residual, form)
         spread = spreads.get(place)
         if spread is None:
@@ -114,7 +114,7 @@ def _rule(
 def _exact_excess(
     assembly: Assembly, hypothesis: Hypothesis, cell: Signature, R: Node
 ) -> Node | None:
-    """g minus the g at which the residual vanishes, where one observer alone depends on it."""
+    """g minus the g at which the residual vanishes; None if several observers depend on it."""
     if hypothesis.fault.fault.acts_on == "flow" or len(cell.faulty) != 1:
         return None
     (sign, observer), graph = cell.faulty[0], assembly.graph
@@ -148,56 +148,38 @@ def _scaled_gradients(assembly: Assembly, hypothesis: Hypothesis, cell: Signatur
 
 
 def _spread(
-    assembly: Assembly,
-    moments: Moments,
-    hypothesis: Hypothesis,
-    cell: Signature,
-    scaled: Signed,
+    assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Signature, scaled: Signed
 ) -> _Spread:
-    graph, zero = assembly.graph, assembly.graph.zero
+    graph, targets, name = assembly.graph, assembly.targets, hypothesis.target
+    # The slope of a flow fault is exactly 1: it has neither uncertainty nor curvature.
+    uncertain = () if hypothesis.fault.fault.acts_on == "flow" else cell.faulty
+
+    def twice(node: Node) -> Node:
+        return graph.mul(graph.constant(2.0), node)
+
     scaled = moments.gathered(scaled)
-    variance = assembly.residual_variances[cell.residual]
     own = moments.between(scaled, scaled)
-    with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
-    if hypothesis.fault.fault.acts_on == "flow":
-        return _Spread(
-            residual=variance,
-            scaled=own,
-            residual_scaled=with_residual,
-            slope=zero,
-            residual_slope=zero,
-            scaled_slope=zero,
-            curvature=zero,
-        )
-    target = assembly.targets[hypothesis.target]
-    slope = moments.gathered([(s, target.slope_gradients[o]) for s, o in cell.faulty])
+    residual_scaled = twice(moments.with_residual(cell.residual, scaled))
+    slope = moments.gathered([(s, targets[name].slope_gradients[o]) for s, o in uncertain])
     return _Spread(
-        residual=variance,
+        residual=assembly.residual_variances[cell.residual],
         scaled=own,
-        residual_scaled=with_residual,
+        residual_scaled=residual_scaled,
         slope=moments.between(slope, slope),
-        residual_slope=_twice(graph, moments.with_residual(cell.residual, slope)),
-        scaled_slope=_twice(graph, moments.between(scaled, slope)),
-        curvature=graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
+        residual_slope=twice(moments.with_residual(cell.residual, slope)),
+        scaled_slope=twice(moments.between(scaled, slope)),
+        curvature=graph.signed_sum((s, targets[name].curvatures[o]) for s, o in uncertain),
     )
 
 
-def _twice(graph: Graph, node: Node) -> Node:
-    return graph.mul(graph.constant(2.0), node)
-
-
 def _uncertainty(
-    graph: Graph,
-    hypothesis: Hypothesis,
-    spread: _Spread,
-    mu: Node,
-    at: Mapping[sympy.Symbol, Node],
+    graph: Graph, hypothesis: Hypothesis, spread: _Spread, mu: Node, at: Mapping[sympy.Symbol, Node]
 ) -> Node:
     """Standard uncertainty of a degree: first order in R, g and mu with all correlations.
 
-    With the degree X(g, D) and D = R/mu its gradient is ``X_D/mu (dR - D dmu + r dg)``, where
-    ``r = X_g mu / X_D``. To this the linearisation adds how much mu itself differs between the
-    measured and the fault-free g.
+    For the degree X(g, D) with D = R/mu, the gradient is ``X_D/mu (dR - D dmu + r dg)``, where
+    ``r = X_g mu / X_D``. The linearisation adds the difference of mu between the measured and the
+    fault-free g.
     """
     rule, excess = hypothesis.fault.rule, at[EXCESS]
     ratio = graph.mul(mu, lower(graph, rule.ratio, at))
@@ -212,7 +194,7 @@ def _uncertainty(
 
 
 def _text(hypothesis: Hypothesis, cell: Signature) -> str:
-    """The rule in words that can be read beside the paper."""
+    """The rule in the notation of the paper."""
     if hypothesis.fault.fault.acts_on == "flow":
         flow = {"g": signed_sum(cell.faulty), "D": "R"}
         degree = _with(hypothesis.fault.rule.text, flow)
@@ -224,5 +206,5 @@ def _text(hypothesis: Hypothesis, cell: Signature) -> str:
 
 
 def _with(text: str, names: Mapping[str, str]) -> str:
-    """Put names in the place of g and D."""
+    """Replace g and D by names."""
     return re.sub(r"\b[gD]\b", lambda m: names.get(m[0], m[0]), text)

@@ -1,7 +1,7 @@
 """Pass 7, derive signatures: the fault-symptom matrix at the reference point.
 
-Nothing is written by hand: a fault's law, differentiated at degree 0, times the slope of each
-residual by what the fault scales, gives size and sign of every cell.
+Nothing is written by hand: the derivative of a fault's law at degree 0, times the slope of each
+residual by the fault's target, gives size and sign of every cell.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from rulec.passes.reference import solve_reference
 class Signature:
     """One non-zero cell of the matrix.
 
-    `gain` is dR/dg with g what the fault scales, `sensitivity` dR/dx (m3/s), `detectable` the
-    degree at which the residual reaches its threshold; `scaled` and `slope` are the nodes of g
-    and dR/dg, `faulty` the observers of the residual that the fault makes wrong, with signs.
+    `gain` is dR/dg, with g the target that the fault scales, `sensitivity` dR/dx (m3/s), and
+    `detectable` the degree at which the residual reaches its threshold. `scaled` and `slope` are
+    the nodes of g and dR/dg; `faulty` are the observers of the residual that the fault makes wrong,
+    with signs.
     """
 
     fault: str
@@ -45,7 +46,7 @@ class Signature:
 class Signatures:
     """The reference point, flows and uncertainties there, and the matrix.
 
-    `unlisted` are its cells of errors that no module lists: those that show each of them first.
+    `unlisted` are the cells of errors that no module lists, for each the most sensitive ones.
     """
 
     reference: Mapping[str, float]
@@ -79,7 +80,7 @@ def derive_signatures(
         outputs[f"slope:{i}"] = slope
         onset = onsets.get((h.id, scaled))
         if onset is None:
-            onset = onsets[h.id, scaled] = _per_degree(assembly, h, scaled)
+            onset = onsets[h.id, scaled] = lower(graph, h.fault.rule.onset, {G: scaled})
         outputs[f"effect:{i}"] = graph.mul(slope, onset)
     for residual, variance in assembly.residual_variances.items():
         outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
@@ -108,22 +109,17 @@ def derive_signatures(
                     faulty=faulty,
                 )
             )
-    listed = {h.id for h in assembly.hypotheses}
-    unlisted = most_telling([c for c in cells if c.fault not in listed])
-    return Signatures(
-        reference,
-        flows,
-        uncertainties,
-        tuple(c for c in cells if c.fault in listed),
-        tuple(unlisted),
-    )
+    names = {h.id for h in assembly.hypotheses}
+    listed = tuple(c for c in cells if c.fault in names)
+    unlisted = tuple(most_telling([c for c in cells if c.fault not in names]))
+    return Signatures(reference, flows, uncertainties, listed, unlisted)
 
 
 def most_telling(cells: Sequence[Signature]) -> Iterator[Signature]:
-    """Cells that get a rule, in their order: of each fault those that show it at the least degree.
+    """Cells that get a rule, in their order: for each fault those that detect the least degree.
 
-    A reading that a whole chain depends on moves residuals all along it, most of them by far less
-    than their noise; rules for all would grow with the square of the plant.
+    A reading that a whole chain uses moves residuals all along it, most of them by far less than
+    their noise. Rules for all of them would grow with the square of the plant.
     """
     of_fault: dict[str, list[int]] = {}
     for i, cell in enumerate(cells):
@@ -142,7 +138,7 @@ def _reached(
     hypothesis: Hypothesis,
     holding: Mapping[str, list[int]],
 ) -> dict[str, tuple[tuple[tuple[int, str], ...], Node, Node]]:
-    """Residuals that a fault can reach: faulty terms, node of g, node of dR/dg."""
+    """Residuals that a fault can move: faulty terms, node of g, node of dR/dg."""
     graph, affected = assembly.graph, set(hypothesis.affects)
     result = {}
     for i in sorted({i for o in affected for i in holding.get(o, ())}):
@@ -166,11 +162,6 @@ def _residuals_by_observer(residuals: tuple[Residual, ...]) -> dict[str, list[in
         for _, observer in residual.terms:
             table.setdefault(observer, []).append(i)
     return table
-
-
-def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Node:
-    """d(what is there too much)/d(degree) at degree 0."""
-    return lower(assembly.graph, hypothesis.fault.rule.onset, {G: scaled})
 
 
 def reference_inputs(network: Network, reference: Mapping[str, float]) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """Pass 5, differentiate: symbolic work, once per module type.
 
-Everything a ruleset needs of a type in sympy: observers, what each fault scales, slopes,
+It gives everything that a ruleset needs of a type in sympy: observers, targets of faults, slopes,
 second derivatives, and the observers with all faults undone.
 """
 
@@ -27,21 +27,21 @@ GATHERED = "downstream."
 FLOW = "target.flow"
 G = sympy.Symbol("g", real=True)
 EXCESS = sympy.Symbol("D", real=True)
-"""What is there, and what is there too much, in the rule of a degree."""
+"""The faulty value, and its excess over the healthy one, in the rule of a degree."""
 
 Gradient = Mapping[str, sympy.Expr]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """What faults scale: a signal or a definition.
+    """The signal or definition that faults scale.
 
-    `value` is its expression, `gradient` d(value)/d(local variable). `slopes` is
+    `value` is its expression, `gradient` d(value)/d(local variable). `slopes` are
     d(observer)/d(target), `slope_gradients` their derivatives by local variables, `curvatures`
-    by the target itself; observers that do not read the target are absent. `inverse` gives the
-    target from an observer's flow (symbol `FLOW`), where sympy can. `driver` is the own signal
-    through which the target moves. `whole` is the value without the constants in it: Eq. 16 of
-    the seed paper relates to the whole pressure difference, static part included.
+    those by the target itself; observers that do not use the target are absent. `inverse` gives the
+    target from an observer's flow (symbol `FLOW`), if it can be solved. `driver` is the own signal
+    through which the target moves. `whole` is the value without its constants: Eq. 16 of the seed
+    paper refers to the whole pressure difference, including the static part.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Target:
 
 @dataclass(frozen=True)
 class DegreeRule:
-    """The degree X from what is there (``g``) and what is there too much (``D``).
+    """The degree X from the faulty value (``g``) and its excess (``D``).
 
     `by_excess` is dX/dD, `ratio` (dX/dg)/(dX/dD), `onset` dD/dx at degree 0.
     """
@@ -74,7 +74,7 @@ class DegreeRule:
 class TypeFault:
     """A fault variant of a module type.
 
-    `id` is local (``leakage``, ``dp.high``), `affects` the observers made wrong.
+    `id` is local (``leakage``, ``dp.high``); `affects` are the observers that it makes wrong.
     """
 
     id: str
@@ -87,7 +87,7 @@ class TypeFault:
 
 @dataclass(frozen=True)
 class Condition:
-    """This must be positive for an observer to exist."""
+    """A value that must be positive for an observer to be defined."""
 
     text: str
     value: sympy.Expr
@@ -95,11 +95,10 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class TypeModel:
-    """A module type differentiated; local variables are its symbols by name.
+    """A differentiated module type; its local variables are `symbols`, by name.
 
-    `unlisted` are errors of readings that the type does not list, and classes of sensors have.
-    `margins` are those of the conditions of its regimes, such as ``reverse-flow:0``, each with its
-    gradient.
+    `unlisted` are errors of readings that only the sensor classes list. `margins` are those of the
+    conditions of its regimes, such as ``reverse-flow:0``, each with its gradient.
     """
 
     type: ModuleType
@@ -119,10 +118,10 @@ class Undone:
     """Observers and signals with all faults undone, as functions of degrees ``x.<fault id>``.
 
     `slopes` is d(observer)/d(degree), `signal_slopes` d(signal)/d(degree), `gather_slopes`
-    d(observer)/d(gathered name); absent where zero. `in_liquid` are the observers that a change of
-    the liquid moves, also with that undone, and `liquid_slopes` their derivatives by its degrees,
-    whose names are whole ids. `readings` are the signals with unlisted errors undone, of which all
-    of these are functions; `reading_slopes` d(reading)/d(degree), `by_reading`
+    d(observer)/d(gathered name); zeros are absent. `in_liquid` are the observers that a change of
+    the liquid moves, with that change undone too, and `liquid_slopes` their derivatives by its
+    degrees, which are named by full ids. `readings` are the signals with unlisted errors undone;
+    all of the above are functions of them. `reading_slopes` is d(reading)/d(degree), `by_reading`
     d(observer)/d(reading), `signal_by_reading` d(signal)/d(its own reading).
     """
 
@@ -140,7 +139,7 @@ class Undone:
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
-    """Differentiate every module type that the plant uses; models by key of the type.
+    """Differentiate all module types of the plant; models by key of the type.
 
     >>> from rulec.passes.pipeline import example
     >>> model = example("types").types["dosing-pcp"]
@@ -150,7 +149,7 @@ def differentiate(plant: Plant) -> dict[str, TypeModel]:
     -2*C2*dp
     """
     used = {module.type.key: module.type for module in plant.modules.values()}
-    # Balances know listed faults alone: each more is one more simulation of every window.
+    # Balances have listed faults only: each further one costs a simulation of every window.
     settled = not any(kind.states for kind in used.values())
     return {
         name: type_model(kind.settled(), plant.knowledge, any_error=settled)
@@ -159,8 +158,7 @@ def differentiate(plant: Plant) -> dict[str, TypeModel]:
 
 
 def type_model(kind: ModuleType, knowledge: Knowledge, *, any_error: bool = False) -> TypeModel:
-    """All symbolic work on one module type; with `any_error` its readings may have errors that it
-    does not list."""
+    """All symbolic work on one module type; `any_error` includes errors that it does not list."""
     symbols = {name: _symbol(name) for name in (*kind.signals, *kind.parameters)}
     symbols |= {GATHERED + name: _symbol(GATHERED + name) for name in kind.gathers}
     observers = _observers(kind, symbols, {})
@@ -191,7 +189,6 @@ def liquids_of(knowledge: Knowledge) -> tuple[FaultType, ...]:
 def _margins(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[tuple[str, tuple[sympy.Expr, Gradient]]]:
-    """What must be positive in each regime."""
     table = written_out(kind, symbols, {}) if kind.regimes else {}
     for regime in kind.regimes.values():
         for i, condition in enumerate(regime.when):
@@ -205,11 +202,9 @@ def _symbol(name: str) -> sympy.Symbol:
 
 
 def _observers(
-    kind: ModuleType,
-    symbols: Mapping[str, sympy.Expr],
-    replaced: Mapping[str, sympy.Expr],
+    kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
 ) -> dict[str, sympy.Expr]:
-    """Observers over the local symbols; `replaced` keeps some definitions as given."""
+    """Observers over the local symbols; `replaced` gives some definitions."""
     table = written_out(kind, symbols, replaced)
     return {
         o.name: _translated(kind, o.expression, table, symbols) for o in kind.observers.values()
@@ -219,9 +214,9 @@ def _observers(
 def written_out(
     kind: ModuleType, symbols: Mapping[str, sympy.Expr], replaced: Mapping[str, sympy.Expr]
 ) -> dict[str, sympy.Expr]:
-    """Names to expressions, definitions written out (they stand in order of use)."""
+    """Expressions by name, with definitions written out; `replaced` gives some of these."""
     table = dict(symbols)
-    for name, definition in kind.definitions.items():
+    for name, definition in kind.definitions.items():  # in order of use
         if name in replaced:
             table[name] = replaced[name]
         else:
@@ -235,7 +230,7 @@ def _translated(
     table: Mapping[str, sympy.Expr],
     symbols: Mapping[str, sympy.Expr],
 ) -> sympy.Expr:
-    """An equation of a module type in sympy, with what it gathers and its fluid's properties."""
+    """An equation of a module type in sympy, with its downstream sums and fluid properties."""
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
     return to_sympy(expression, table, gathered, closed_forms(kind.fluid, symbols))
 
@@ -249,7 +244,7 @@ def _gradient(expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]) -> di
 def _guards(
     kind: ModuleType, expression: Expression, symbols: Mapping[str, sympy.Symbol]
 ) -> Iterator[Condition]:
-    """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
+    """Arguments of roots and logarithms in an equation and its definitions, with original text."""
     table = written_out(kind, symbols, {})
     for part in kind.with_definitions(expression):
         for inner in part.guarded():
@@ -263,7 +258,7 @@ def opened(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> tuple[sympy.Symbol, Mapping[str, sympy.Expr]]:
-    """The symbol of a signal or definition, and the observers over it."""
+    """The symbol of a signal or definition, and the observers as functions of it."""
     if target in kind.signals:
         return symbols[target], observers
     own = _symbol(f"target.{target}")
@@ -276,7 +271,7 @@ def _target(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> Target:
-    """Differentiate all observers by a target that faults scale."""
+    """Differentiate all observers by a target."""
     own, over = opened(kind, name, symbols, observers)
     value = written_out(kind, symbols, {})[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
@@ -339,9 +334,9 @@ def _unlisted(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> Iterator[TypeFault]:
-    """Errors of the readings, by the classes of their sensors, that the module does not list.
+    """Errors of readings that the sensor classes list, but not the module.
 
-    They are named as if it listed them; a fault that it lists keeps the shorter name.
+    They are named as if it listed them; its own faults keep the shorter names.
     """
     uses = [*unlisted_uses(kind, knowledge)]
     targets = [use.target for use in (*kind.faults, *uses)]
@@ -357,9 +352,9 @@ def _unlisted(
 
 
 def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
-    """Faults of signals that a module type does not list, and their sensors have.
+    """Faults of signals that a module type does not list, but the classes of its sensors.
 
-    None is a share of a reading whose zero means nothing, or a size within a range nobody stated.
+    Shares of readings with an arbitrary zero, and sizes without a stated range, are left out.
     """
     for signal in kind.signals.values():
         for error in knowledge.sensors[signal.sensor].errors:
@@ -373,7 +368,7 @@ def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
 def fault_names(
     declared: Iterable[FaultUse], knowledge: Knowledge, signals: Mapping[str, Signal]
 ) -> Iterator[tuple[FaultUse, Variant, str]]:
-    """Every variant of the faults of a module type with its local id."""
+    """All variants of the faults of a module type, with their local ids."""
     uses = [(use, knowledge.fault_in(use)) for use in declared]
     shared = [fault.name for _, fault in uses if fault.acts_on != "signal"]
     for use, fault in uses:
@@ -394,7 +389,7 @@ def _affected(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> tuple[str, ...]:
-    """Own observers that read what the fault acts on."""
+    """Own observers that use the target of a fault."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
     own, over = opened(kind, target, symbols, observers)
@@ -409,8 +404,8 @@ def law_of(variant: Variant, g: sympy.Expr, x: sympy.Expr) -> sympy.Expr:
 def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
     """Solve the law of a fault for its degree.
 
-    A flow fault takes away after the observer, so the observer's flow is what should be there;
-    any other fault distorts what the observer reads.
+    A flow fault takes effect after the observer, so the observer's flow is the healthy value; any
+    other fault distorts what the observer reads.
     """
     g, D, x = G, EXCESS, _symbol("x")
     onset = sympy.diff(law_of(variant, g, x), x).subs(x, 0)
@@ -432,7 +427,7 @@ def _undone(
     symbols: Mapping[str, sympy.Symbol],
     liquids: Sequence[FaultType],
 ) -> Undone:
-    """At degree 0 these are the observers; at the true degree they agree again."""
+    """At degree 0 these are the plain observers; at the true degree they agree."""
     signals: dict[str, sympy.Expr] = {s: symbols[s] for s in kind.signals}
     for fault in faults:
         if fault.fault.acts_on == "signal":
@@ -442,7 +437,8 @@ def _undone(
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
     moved = _moved(kind, symbols, liquids)
-    of_liquid = {i: degree_symbol(i) for f in liquids for i in liquid_ids(f)}
+    ids = (liquid_id(f.liquid, v.name) for f in liquids if f.liquid for v in f.variants)
+    of_liquid = {i: degree_symbol(i) for i in ids}
     in_liquid = _undone_over(kind, faults, base, symbols, moved) if moved else {}
     in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
     readings: dict[str, sympy.Expr] = {}
@@ -471,7 +467,7 @@ def _undone_over(
     symbols: Mapping[str, sympy.Symbol],
     moved: Mapping[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]],
 ) -> dict[str, sympy.Expr]:
-    """Observers with faults undone over `base`, and laws of places `moved` by the liquid."""
+    """Observers over `base` with faults undone, and with the places `moved` by the liquid."""
     known = {n: moved.get(("parameter", n), _same)(e) for n, e in base.items()}
     replaced: dict[str, sympy.Expr] = {}
     for name in kind.definitions:
@@ -494,16 +490,10 @@ def _same(value: sympy.Expr) -> sympy.Expr:
     return value
 
 
-def liquid_ids(fault: FaultType) -> list[str]:
-    """Ids of all directions of a fault of the liquid."""
-    assert fault.liquid is not None, "checked when the fault was read"
-    return [liquid_id(fault.liquid, variant.name) for variant in fault.variants]
-
-
 def _moved(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
 ) -> dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]]:
-    """What each place should give where the liquid has changed, by its plain value."""
+    """Per place a function from its plain value to its value in the changed liquid."""
     table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
     values = {("definition", n): table[n] for n in kind.definitions}
     values |= {("observer", n): e for n, e in observers.items()}
@@ -532,7 +522,7 @@ def _then(
 
 
 def degree_symbol(fault: str) -> sympy.Symbol:
-    """Symbol of the degree of a fault of the module at hand."""
+    """Symbol of the degree of a fault, by its local id (a fault of the liquid: by its full id)."""
     return _symbol(f"x.{fault}")
 
 
@@ -548,7 +538,7 @@ def _slopes(
 
 
 def _undo(fault: TypeFault, there: sympy.Expr) -> sympy.Expr:
-    """What should be there, from what is there and the degree."""
+    """The healthy value from the faulty one and the degree."""
     g, x = _symbol("g"), degree_symbol(fault.id)
     value = _symbol("value")
     solved = invert(law_of(fault.variant, g, x), g, value)

@@ -1,10 +1,10 @@
-"""What `downstream(name)` sums: the pressure that measured modules lose on the way downstream.
+"""The terms of `downstream(name)`: pressure losses of measured modules on the way downstream.
 
-The way leads from the outlet of a module to where its circuit closes: to its own inlet if it lies
-in a loop, else to an open end. Pressure is a property of a place, so every branch between two
-places loses the same: where the way splits and meets again, one branch serves, provided that all
-of its modules measure their loss. A branch that leads back to the split is no way to the end. A
-module on the only way that does not measure its loss counts as losing nothing, as before.
+The way leads from the outlet of a module to where its circuit closes: its own inlet if it lies in a
+loop, else an open end. Pressure is a property of a place, so all branches between two places have
+the same loss. If the way splits and meets again, one branch suffices, provided that all of its
+modules measure their loss. A branch that leads back to the split is no way to the end. A module on
+the only way that does not measure its loss counts as lossless.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Gathered = tuple[tuple[str, str], ...]
 
 
 class Undefined(Exception):
-    """Why a sum downstream does not exist, and the remedy."""
+    """Raised if a downstream sum is undefined, with the reason and the remedy."""
 
     def __init__(self, reason: str, remedy: str) -> None:
         super().__init__(reason)
@@ -29,7 +29,7 @@ class Undefined(Exception):
 
 
 class Downstream:
-    """Sums of what modules provide, along the ways of a plant."""
+    """Sums of the signals that modules provide, along the ways of a plant."""
 
     def __init__(self, plant: Plant, balances: tuple[Balance, ...], graph: FlowGraph) -> None:
         self._provided: dict[str, dict[str, str]] = {}
@@ -37,7 +37,7 @@ class Downstream:
             for name, signal in module.type.provides.items():
                 self._provided.setdefault(name, {})[module.name] = signal
         self._inlet = {m: tail for m, (tail, _) in graph.ends.items()}
-        # Every open end is a place of its own: nothing says that they are at one pressure.
+        # Each open end is a place of its own, as their pressures may differ.
         ends = (m for m, (_, head) in graph.ends.items() if head == SURROUNDINGS)
         own = {m: len(balances) + i for i, m in enumerate(ends)}
         self._head = {m: own.get(m, head) for m, (_, head) in graph.ends.items()}
@@ -51,7 +51,7 @@ class Downstream:
         self._ways: dict[int, _Ways] = {}
 
     def sum(self, module: str, name: str) -> Gathered:
-        """Signals that `downstream(name)` adds up for a module; raises `Undefined`."""
+        """Signals that `downstream(name)` sums for a module; raises `Undefined`."""
         inlet, start = self._inlet[module], self._head[module]
         in_loop = inlet != SURROUNDINGS and self._loop[inlet] == self._loop[start]
         goal = inlet if in_loop else SURROUNDINGS
@@ -85,7 +85,7 @@ class _Ways:
         self._known: dict[tuple[int, str], Gathered] = {}
 
     def sum(self, start: int, name: str, provided: Mapping[str, str]) -> Gathered:
-        """Sum from a place to the goal; places passed are remembered."""
+        """Sum from a place to the goal; the sums from all places passed are cached."""
         if start not in self._useful:
             if not provided:
                 return ()
@@ -101,7 +101,7 @@ class _Ways:
         return found
 
     def _step(self, place: int, provided: Mapping[str, str]) -> tuple[Gathered, int]:
-        """What is lost up to the next place that every way passes, and that place."""
+        """Losses up to the next place that all ways pass, and that place."""
         ways = self._leaving[place]
         meeting = self._meeting[place] if len(ways) > 1 else self._head[ways[0]]
         region = self._between(place, meeting) if len(ways) > 1 else {place: ways}
@@ -123,7 +123,7 @@ class _Ways:
         return _signals(branch, provided), meeting
 
     def _between(self, place: int, meeting: int) -> dict[int, tuple[str, ...]]:
-        """Modules leaving each place on the ways to a meeting, without ways back to the start."""
+        """Modules leaving each place on the ways to a meeting, except ways back to the start."""
         reached, into, stack = {place}, dict[int, list[int]](), [place]
         while stack:
             here = stack.pop()
@@ -133,7 +133,7 @@ class _Ways:
                 if there not in reached and there != meeting:
                     reached.add(there)
                     stack.append(there)
-        # An open end lies one step before the surroundings, without a module between.
+        # An open end lies one step before the surroundings, with no module between.
         ends = [p for p in into if p not in self._leaving] if meeting == SURROUNDINGS else [meeting]
         useful, stack = set(ends), ends
         while stack:

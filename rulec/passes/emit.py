@@ -1,4 +1,4 @@
-"""Pass 11, emit: everything the runtime needs, as data."""
+"""Pass 12, emit: everything the runtime needs, as data."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
 
 THERMOMETER = "temperature"
-"""Quantity of readings that say whether the liquid is warm."""
+"""Quantity of readings that give the temperature of the liquid."""
 
 
 def emit(
@@ -43,7 +43,7 @@ def emit(
     simulation: contract.Simulation,
     balanced: Balanced,
 ) -> contract.Ruleset:
-    """Write the ruleset of a plant. The same sources always give the same ruleset.
+    """Make the ruleset of a plant; the same sources always give the same ruleset.
 
     >>> from rulec.passes.pipeline import example
     >>> ruleset = example("ruleset").ruleset
@@ -51,8 +51,9 @@ def emit(
     (9, 18, 76)
     """
     plant = network.plant
-    seen = {cell.fault for cell in signatures.unlisted}
-    unlisted = [h for h in assembly.unlisted if h.id in seen]
+    detectable = {cell.fault for cell in signatures.unlisted}
+    # Faults in the balances are observed even if no estimate shows them.
+    in_balances = balanced.dynamics.faults if balanced.dynamics is not None else ()
     return contract.Ruleset(
         format_version=contract.FORMAT_VERSION,
         plant=plant.name,
@@ -92,7 +93,7 @@ def emit(
         ),
         cells=tuple(_cell(rule.signature, rule.forms, rule.equation) for rule in rules),
         ambiguous=tuple(_ambiguous(group) for group in isolability.groups),
-        unobserved=_unobserved(isolability.unobserved, balanced),
+        unobserved=tuple(name for name in isolability.unobserved if name not in in_balances),
         parameters=_parameters(plant),
         simulation=simulation,
         plan=assembly.graph.plan(),
@@ -104,7 +105,9 @@ def emit(
             for b in junctions(plant)
             if b not in network.balances
         ),
-        unlisted=tuple(replace(_settled(h), unlisted=True) for h in unlisted),
+        unlisted=tuple(
+            replace(_settled(h), unlisted=True) for h in assembly.unlisted if h.id in detectable
+        ),
         unlisted_cells=tuple(_cell(signature, (), "") for signature in signatures.unlisted),
         regimes=tuple(_regimes(plant, assembly)),
         liquid=tuple(_liquid(plant, assembly, residuals, signatures)),
@@ -125,7 +128,7 @@ def _cell(cell: Signature, forms: tuple[str, ...], equation: str) -> contract.Ce
 
 
 def _regimes(plant: Plant, assembly: Assembly) -> Iterator[contract.RegimeSpec]:
-    """Regimes of all modules; those that stand on what is stored have no margin."""
+    """Regimes of all modules, without those that use states."""
     for module in plant.modules.values():
         for regime in module.type.settled().regimes.values():
             name = f"{module.name}.{regime.name}"
@@ -150,7 +153,7 @@ def _regimes(plant: Plant, assembly: Assembly) -> Iterator[contract.RegimeSpec]:
 
 
 def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:
-    """Folders of knowledge, where there are several."""
+    """Folders of knowledge, if there are several."""
     if len(plant.layers) < 2:
         return ()
     return tuple(
@@ -211,12 +214,12 @@ def _observers(
 
 
 def _settled(h: Hypothesis) -> contract.FaultSpec:
-    """A fault that estimates of settled flows know."""
+    """A fault in the estimates of settled flows."""
     return _of_module(h, h.fault.fault, h.fault.variant, affects=h.affects, scales=h.scales)
 
 
 def _of_store(f: StoreFault) -> contract.FaultSpec:
-    """A fault that balances alone know; it affects no estimate of a settled flow."""
+    """A fault in the balances only, which affects no estimate of a settled flow."""
     scales = (f.target,) if f.fault.acts_on == "signal" else ()
     return _of_module(f, f.fault, f.variant, affects=(), scales=scales)
 
@@ -252,9 +255,8 @@ def _fault(
     affects: tuple[str, ...],
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
-    often = variant.frequency or fault.frequency
-    usual = variant.usual
-    far = usual.size * usual.factor**ABSURD_FAULT if usual and not usual.of_place else math.inf
+    frequency, usual = variant.frequency or fault.frequency, variant.usual
+    absurd = usual.size * usual.factor**ABSURD_FAULT if usual and not usual.of_place else math.inf
     return contract.FaultSpec(
         id=id_,
         module=module,
@@ -272,16 +274,16 @@ def _fault(
         in_sensor=fault.acts_on == "signal",
         origin=_origin(fault.origin),
         unit=variant.unit,
-        frequency=often.word if often else contract.USUAL,
-        frequency_origin=_origin(often.origin) if often else "",
-        absurd=far if far < variant.highest else None,
+        frequency=frequency.word if frequency else contract.USUAL,
+        frequency_origin=_origin(frequency.origin) if frequency else "",
+        absurd=absurd if absurd < variant.highest else None,
     )
 
 
 def _liquid(
     plant: Plant, assembly: Assembly, residuals: tuple[Residual, ...], signatures: Signatures
 ) -> Iterator[contract.LiquidSpec]:
-    """All changes of the liquid that several modules would show."""
+    """All changes of the liquid that affect several modules."""
     known = liquids_of(plant.knowledge) if assembly.liquid else ()
     slopes = _liquid_slopes(assembly, signatures) if assembly.liquid else {}
     for fault in known:
@@ -307,10 +309,10 @@ def _liquid(
 def _of_liquid(
     plant: Plant, assembly: Assembly, fault: FaultType, variant: Variant, id_: str
 ) -> contract.FaultSpec:
-    """A change; whatever reading its observers rest on may leave the calibrated range with it."""
+    """A change of the liquid; all readings of its observers may leave the calibrated range."""
     affects = assembly.liquid[id_]
-    given = {f"{m.name}.{s.name}" for m in plant.modules.values() for s in m.type.signals.values()
-             if s.is_input}  # fmt: skip
+    signals = [(m, s) for m in plant.modules.values() for s in m.type.signals.values()]
+    given = {f"{m.name}.{s.name}" for m, s in signals if s.is_input}
     read = dict.fromkeys(s for o in affects for s in assembly.gradients[o] if s in plant.signals)
     return _fault(
         fault,
@@ -325,7 +327,7 @@ def _of_liquid(
 
 
 def _liquid_slopes(assembly: Assembly, signatures: Signatures) -> Mapping[tuple[str, str], float]:
-    """By fault and observer the slope of the flow with the change undone, at the reference."""
+    """Slope of each observer with the change undone, by fault and observer, at the reference."""
     outputs = {n: node for n, node in assembly.undo.outputs.items() if n.startswith("dql:")}
     plan = assembly.undo.plan(outputs)
     inputs: dict[str, float] = {n: 0.0 for n in plan.inputs if n.startswith("x:")}
@@ -341,7 +343,7 @@ def _liquid_cells(
     signatures: Signatures,
     slopes: Mapping[tuple[str, str], float],
 ) -> Iterator[contract.Cell]:
-    """Residuals that it moves, those left out that it moves next to nothing."""
+    """Cells of the residuals that a change of the liquid moves by more than a negligible amount."""
     moved = {r.id: -sum(s * slopes.get((fault, o), 0.0) for s, o in r.terms) for r in residuals}
     finite = [abs(m) for m in moved.values() if math.isfinite(m)]
     least = LIQUID_SEEN * max(finite, default=0.0)
@@ -349,14 +351,14 @@ def _liquid_cells(
         slope = moved[residual.id]
         if not math.isfinite(slope) or abs(slope) <= least:
             continue
-        seen = threshold_of(signatures.uncertainties[residual.id]) / abs(slope)
+        detectable = threshold_of(signatures.uncertainties[residual.id]) / abs(slope)
         yield contract.Cell(
             fault,
             residual.id,
             1 if slope > 0.0 else -1,
             rounded(slope, DIGITS),
             rounded(slope, DIGITS),
-            rounded(seen, DIGITS),
+            rounded(detectable, DIGITS),
             (),
             f"{residual} moves with the liquid",
         )
@@ -364,7 +366,7 @@ def _liquid_cells(
 
 @functools.cache
 def _sign_of(variant: Variant) -> int:
-    """Which way the property changes."""
+    """Sign of the change of the property."""
     x = sympy.Symbol("x", real=True)
     change = sympy.diff(law_of(variant, sympy.S.One, x), x).subs(x, 0)
     return 1 if change > 0 else -1
@@ -378,12 +380,6 @@ def _ambiguous(group: Group) -> contract.AmbiguousGroup:
         tuple(rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
         tuple(contract.AdvisedSensor(s.module, s.signal, s.cost) for s in group.sensors),
     )
-
-
-def _unobserved(names: tuple[str, ...], balanced: Balanced) -> tuple[str, ...]:
-    """Modules and faults that neither estimates nor balances see."""
-    seen = balanced.dynamics.faults if balanced.dynamics is not None else ()
-    return tuple(name for name in names if name not in seen)
 
 
 def _parameters(plant: Plant) -> tuple[contract.ParameterSpec, ...]:

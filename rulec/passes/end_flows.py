@@ -1,7 +1,7 @@
 """Flows into and out of modules that store: by their own laws, or by continuity.
 
-A module with states cuts the network in two: what flows in need not flow out. Each of its ends is
-an edge of its own, to a store that balances nothing; the rest is continuity as everywhere.
+A module with states cuts the network in two, as its inflow and outflow may differ. Each of its ends
+is an edge of its own, to a store without a balance; elsewhere continuity holds as usual.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rulec.language.diagnostics import Diagnostic, Refused
 
 @dataclass(frozen=True)
 class KnownFlow:
-    """A flow that is known of a module: `kind` is ``observer`` or ``end``."""
+    """A known flow of a module; `kind` is ``observer`` or ``end``."""
 
     module: str
     kind: str
@@ -25,16 +25,16 @@ class KnownFlow:
 
 
 Sum = tuple[tuple[int, KnownFlow], ...]
-"""A signed sum of known flows; empty where nothing flows."""
+"""A signed sum of known flows; empty if nothing flows."""
 
 EndFlows = Mapping[tuple[str, str], Sum]
-"""By module and end what flows there, where the module has no law of its own."""
+"""Flow by module and end, if the module has no law of its own for it."""
 
 
 def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
-    """Flows at the ends of all modules whose equations ask for them.
+    """Flows at the ends of all modules whose equations use them.
 
-    Raises `Refused`: KB113 where a flow does not follow from the laws, KB114 where laws contradict.
+    Raises `Refused`: KB113 if a flow does not follow from the laws, KB114 if laws contradict.
     """
     if not any(m.type.flows for m in plant.modules.values()):
         return {}
@@ -90,7 +90,7 @@ def _edges(
 
 
 def law_of(kind: ModuleType) -> str:
-    """The observer that gives the flow: the first that reads inputs alone, else the first."""
+    """The observer that gives the flow: the first that reads only inputs, else the first."""
     given = {n for n, s in kind.signals.items() if not s.is_input}
     for observer in kind.observers.values():
         if given.isdisjoint(kind.names_through(observer.expression)):
@@ -99,7 +99,7 @@ def law_of(kind: ModuleType) -> str:
 
 
 def _is_closed(graph: FlowGraph, edge: str) -> bool:
-    """Nothing else touches the junction of this edge: nothing flows."""
+    """Whether no other edge is at the junction of this one, so that nothing flows."""
     nodes = [n for n in graph.ends[edge] if n != SURROUNDINGS]
     return not any(other != edge and set(ends) & set(nodes) for other, ends in graph.ends.items())
 
@@ -107,7 +107,7 @@ def _is_closed(graph: FlowGraph, edge: str) -> bool:
 def _independent(
     plant: Plant, graph: FlowGraph, every: Mapping[str, KnownFlow]
 ) -> dict[str, KnownFlow]:
-    """Laws that do not contradict: of flows that are measured twice, the first in the plant."""
+    """Laws without contradiction: if flows are measured twice, later measurements are dropped."""
     known = dict(every)
     while balances := graph.measured_balances(known):
         signs = next(iter(balances.values()))

@@ -1,4 +1,4 @@
-"""What holds after each pass, checked where `RULEC_CHECKS` is set, as in the tests."""
+"""Invariants after each pass, checked if `RULEC_CHECKS` is set, as in the tests."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from rulec.passes.types import Compilation
 
 
 class Broken(Exception):
-    """A pass left something that the next ones do not expect; the message says what."""
+    """Raised if the result of a pass violates an invariant; the message says which."""
 
 
 def checks_are_on() -> bool:
-    """Are invariants checked?"""
+    """Whether invariants are checked."""
     return bool(os.environ.get("RULEC_CHECKS"))
 
 
 def check_invariants(field: str, known: Compilation) -> None:
-    """Check what a pass left; raises `Broken` with all that is wrong."""
+    """Check the result of a pass; raises `Broken` with all violations."""
     wrong = list(INVARIANTS[field](known)) if field in INVARIANTS else []
     if wrong:
         raise Broken(f"{field}: {'; '.join(wrong)}")
 
 
 def _network(known: Compilation) -> Iterator[str]:
-    """Balances and sums are among the modules of the plant."""
+    """Balances and sums contain only modules of the plant."""
     modules = known.plant.modules
     for balance in known.network.balances:
         for name in (*balance.outlets, *balance.inlets):
@@ -39,7 +39,7 @@ def _network(known: Compilation) -> Iterator[str]:
 
 
 def _residuals(known: Compilation) -> Iterator[str]:
-    """Signed sums of observers that there are, each once, with ids of their own."""
+    """Residuals are signed sums of known observers, each at most once, and have unique ids."""
     observers = set(known.plant.observers)
     for residual in known.residuals:
         names = [o for _, o in residual.terms]
@@ -53,7 +53,7 @@ def _residuals(known: Compilation) -> Iterator[str]:
 
 
 def _types(known: Compilation) -> Iterator[str]:
-    """A model for every type in use, with a slope by every reading that an observer has."""
+    """Each type in use has a model, and each of its observers a gradient."""
     for module in known.plant.modules.values():
         model = known.types.get(module.type.key)
         if model is None:
@@ -65,7 +65,7 @@ def _types(known: Compilation) -> Iterator[str]:
 
 
 def _assembly(known: Compilation) -> Iterator[str]:
-    """A node and a gradient for every observer and residual; faults are undone where they act."""
+    """Observers have nodes and gradients, residuals have nodes; faults affect known observers."""
     assembly = known.assembly
     if assembly.observers.keys() != assembly.gradients.keys():
         yield "observers without gradient, or gradients without observer"
@@ -77,7 +77,7 @@ def _assembly(known: Compilation) -> Iterator[str]:
 
 
 def _signatures(known: Compilation) -> Iterator[str]:
-    """Cells of known faults and residuals, finite and with the sign of their size."""
+    """Cells have known faults and residuals, and a finite sensitivity of their sign."""
     faults = {h.id for h in known.assembly.hypotheses}
     for cell in known.signatures.cells:
         if cell.fault not in faults or cell.residual not in known.assembly.residual_nodes:
@@ -87,7 +87,7 @@ def _signatures(known: Compilation) -> Iterator[str]:
 
 
 def _rules(known: Compilation) -> Iterator[str]:
-    """A rule for every cell, or the most telling of a fault; its forms among the outputs."""
+    """The most telling cells of each fault have rules, whose forms are outputs."""
     if [r.signature for r in known.rules] != list(most_telling(known.signatures.cells)):
         yield "rules are not those of the cells"
     outputs = known.assembly.graph.outputs
@@ -107,7 +107,7 @@ def _simulation(known: Compilation) -> Iterator[str]:
 
 
 def _ruleset(known: Compilation) -> Iterator[str]:
-    """Every output that the runtime asks for is in the plan."""
+    """The plan has all outputs that the runtime needs."""
     outputs = known.ruleset.plan.outputs
     asked = [f"q:{o.id}" for o in known.ruleset.observers]
     asked += [f"{kind}:{r.id}" for r in known.ruleset.residuals for kind in ("R", "u")]

@@ -1,7 +1,6 @@
-"""The plant in numbers at its reference point: how estimates follow errors and faults.
+"""The plant linearised at its reference point: slopes of estimates by errors and faults.
 
-Everything is first order. From these tables any set of estimates can be judged, also with sensors
-that are not there yet.
+From these tables any set of estimates can be judged, including those with additional sensors.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import sympy
 
 from rulec.algebra.graph import Graph
 from rulec.algebra.recipe import lower
-from rulec.passes.assemble import Assembly, Hypothesis
+from rulec.passes.assemble import Assembly
 from rulec.passes.derive_signatures import Signatures, reference_inputs
 from rulec.passes.differentiate import G
 from rulec.passes.link import Network
@@ -54,14 +53,15 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
         outputs |= {f"{key}|d|{o}": node for o, node in target.slopes.items()}
     inputs = reference_inputs(network, signatures.reference)
     values = {k: float(v[0]) for k, v in assembly.graph.plan(outputs).run(inputs).items()}
-    excess = _Excess(assembly, signatures, values)
+    excesses = _excesses(assembly, signatures, values)
     effects: dict[str, dict[str, float]] = {}
     shifts: dict[str, float] = {}
     for h in assembly.hypotheses:
+        excess, scale = excesses[h.fault.rule.onset], h.fault.variant.scale
         if h.fault.fault.acts_on == "flow":
-            effects[h.id] = {o: excess.of(h, o) for o in h.affects}
+            effects[h.id] = {o: excess[o] * scale for o in h.affects}
             continue
-        shift, slopes = excess.of(h, h.target), assembly.targets[h.target].slopes
+        shift, slopes = excess[h.target] * scale, assembly.targets[h.target].slopes
         effects[h.id] = {o: shift * values[f"{h.target}|d|{o}"] for o in h.affects if o in slopes}
         if h.fault.fault.acts_on == "signal":
             shifts[h.id] = shift
@@ -80,29 +80,21 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
     )
 
 
-class _Excess:
-    """Excess per unit of a fault's degree, as a share; every law is evaluated once."""
-
-    def __init__(
-        self, assembly: Assembly, signatures: Signatures, values: Mapping[str, float]
-    ) -> None:
-        places: dict[sympy.Expr, dict[str, float]] = {}
-        for h in assembly.hypotheses:
-            found = places.setdefault(h.fault.rule.onset, {})
-            if h.fault.fault.acts_on == "flow":
-                found |= {o: signatures.flows[o] for o in h.affects}
-            else:
-                found[h.target] = values[f"{h.target}|value"]
-        self._known = {onset: _at(onset, found) for onset, found in places.items()}
-
-    def of(self, hypothesis: Hypothesis, place: str) -> float:
-        """At an observer or a target."""
-        known = self._known[hypothesis.fault.rule.onset][place]
-        return known * hypothesis.fault.variant.scale
-
-
-def _at(onset: sympy.Expr, scaled: Mapping[str, float]) -> dict[str, float]:
-    graph = Graph(["g"])
-    plan = graph.plan({"onset": lower(graph, onset, {G: graph.input("g")})})
-    values = plan.run({"g": np.array(list(scaled.values()))})["onset"]
-    return dict(zip(scaled, np.broadcast_to(values, len(scaled)).tolist(), strict=True))
+def _excesses(
+    assembly: Assembly, signatures: Signatures, values: Mapping[str, float]
+) -> dict[sympy.Expr, dict[str, float]]:
+    """Excess per unit of degree, by onset and observer or target; each law is evaluated once."""
+    scaled: dict[sympy.Expr, dict[str, float]] = {}
+    for h in assembly.hypotheses:
+        at = scaled.setdefault(h.fault.rule.onset, {})
+        if h.fault.fault.acts_on == "flow":
+            at |= {o: signatures.flows[o] for o in h.affects}
+        else:
+            at[h.target] = values[f"{h.target}|value"]
+    result = {}
+    for onset, at in scaled.items():
+        graph = Graph(["g"])
+        plan = graph.plan({"onset": lower(graph, onset, {G: graph.input("g")})})
+        excess = plan.run({"g": np.array(list(at.values()))})["onset"]
+        result[onset] = dict(zip(at, np.broadcast_to(excess, len(at)).tolist(), strict=True))
+    return result

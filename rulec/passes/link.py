@@ -1,4 +1,4 @@
-"""Pass 3, link: the network of a plant, its balances, and what reads across modules."""
+"""Pass 3, link: the network of a plant, its balances, and readings across modules."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Network:
     balances : one per junction of pipes.
     graph : junctions as nodes, modules as edges.
     gathers : per (module, name) the signals that `downstream(name)` sums, as (module, signal).
-    sums : per (module, kind) the flow of a module as signed sum of other modules' observers of
+    sums : per (module, kind) the flow of a module as a signed sum of other modules' observers of
         that kind, in the order of the plant.
-    ends : what flows in and out of modules whose equations ask for it. A junction at a module that
-        stores balances nothing, and is none of `balances`.
+    ends : inflow and outflow of modules whose equations use them. A junction at a module that
+        stores has no balance.
     """
 
     plant: Plant
@@ -44,16 +44,16 @@ class Network:
 
     @property
     def stores(self) -> bool:
-        """Has some module states?"""
+        """Whether some module has states."""
         return any(m.type.states for m in self.plant.modules.values())
 
 
 def link(plant: Plant) -> Network:
     """Resolve the connections of a plant.
 
-    Raises `Refused` (KB087, KB089, KB090, KB113, KB114) where nothing could be compared, where a
-    sum downstream is not defined, where a module is connected so that nothing can flow, and where
-    what flows into a module that stores does not follow, or follows twice.
+    Raises `Refused` if nothing can be compared (KB087), a downstream sum is undefined (KB089),
+    nothing can flow through a module (KB090), or a flow into or out of a module that stores does
+    not follow (KB113) or follows twice (KB114).
 
     >>> from rulec.passes.pipeline import example
     >>> [str(m) for m in example("plant").plant.modules]
@@ -77,19 +77,18 @@ def link(plant: Plant) -> Network:
         message = f"nothing can flow through {names}: behind or before it all ways are closed"
         hint = "a connection is missing, or points the wrong way"
         raise Refused([Diagnostic(plant.place, "KB090", message, hint)])
-    gathers = _gathers(plant, balances, graph)
     return Network(
         plant=plant,
         balances=balances,
         graph=graph,
-        gathers=gathers,
+        gathers=_gathers(plant, balances, graph),
         sums=_sums(plant, graph),
         ends=ends,
     )
 
 
 def junctions(plant: Plant) -> tuple[Balance, ...]:
-    """One balance per junction: outlets and inlets that touch belong together."""
+    """One balance per junction, which consists of all outlets and inlets that are connected."""
     pipes: nx.Graph = nx.Graph()
     for source, target in plant.connections:
         pipes.add_edge((source, "outlet"), (target, "inlet"))
@@ -105,7 +104,7 @@ def junctions(plant: Plant) -> tuple[Balance, ...]:
 def _gathers(
     plant: Plant, balances: tuple[Balance, ...], graph: FlowGraph
 ) -> dict[tuple[str, str], Gathered]:
-    """Sums downstream; raises `Refused` (KB089) with every reason why one is not defined."""
+    """Downstream sums; raises `Refused` (KB089) with all reasons why some are undefined."""
     ways = Downstream(plant, balances, graph)
     result: dict[tuple[str, str], Gathered] = {}
     readers: dict[tuple[str, str, str], list[str]] = {}

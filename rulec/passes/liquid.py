@@ -1,33 +1,32 @@
-"""What a change of the liquid moves in a module type: equations that ask for its property, and laws
-that do not, found by what they are and never by name."""
+"""Effects of a change of the liquid on a module type: on equations that use the property, and on
+laws that do not use it, which are identified by their form, never by name."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 
 import sympy
 
+from rulec.knowledge.dimensions_of import dimensions_of
 from rulec.knowledge.effect import PLAIN
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.liquid import BY, RATIO, Liquid, Move
 from rulec.knowledge.module_type import Definition, ModuleType, Observer
-from rulec.language.dimension import dimension
 from rulec.language.symbolic import ClosedForm, to_sympy
-from rulec.language.units import UNKNOWN, VOLUME_FLOW
+from rulec.language.units import VOLUME_FLOW
 
 Symbols = Mapping[str, sympy.Symbol]
 Opened = Callable[[str], tuple[sympy.Symbol, Mapping[str, sympy.Expr]]]
-"""The symbol of a definition, and the observers over it."""
+"""The symbol of a definition, and the observers as functions of it."""
 
 STEEP = 0.5
-"""Share by which what is given changes over that of the reading, from which on a law is steep."""
-
+"""Relative change of a law over that of its reading, above which the law is steep."""
 
 TRIED = sympy.Float(1e-4)
-"""Flow, m3/s, at which the slope of an estimate by a part of it is taken: it stands there as a
-factor or a summand, so that the size does not matter."""
+"""Flow, m3/s, at which the slope of an estimate by a part of it is taken; its size does not matter,
+as the part is a factor or a summand."""
 
 
 def liquid_id(liquid: Liquid, variant: str) -> str:
@@ -37,15 +36,17 @@ def liquid_id(liquid: Liquid, variant: str) -> str:
 
 @dataclass(frozen=True)
 class Moved:
-    """A place, (kind, name), with the `move` of its law by readings of the signal `by`; of the kind
-    ``parameter``, the factor of a property that equations ask for, without one."""
+    """A place, (kind, name), and the `move` of its law by readings of the signal `by`.
+
+    A place of the kind ``parameter`` is the factor of a property that equations use, with no move.
+    """
 
     place: tuple[str, str]
     move: Move | None
     by: str
 
     def law(self, plain: sympy.Expr, symbols: Symbols, ratio: sympy.Expr) -> sympy.Expr:
-        """What the place should give, where the property is `ratio` times that of its law."""
+        """Value of the place if the property is `ratio` times that of its law."""
         if self.move is None:
             return plain * ratio
         law, table = self.move.law, {PLAIN: plain, RATIO: ratio}
@@ -64,7 +65,7 @@ def moved_by(
 ) -> Iterator[Moved]:
     """Places of a module type that a change of the liquid moves, in order of use.
 
-    `values` are definitions and observers, by (kind, name), over the local `symbols`.
+    `values` holds definitions and observers, by (kind, name), over the local `symbols`.
     """
     asks = factor_name(kind.fluid, liquid.property) if kind.fluid else ""
     if asks in symbols:
@@ -73,9 +74,7 @@ def moved_by(
         found = list(_fitting(move, kind, symbols, opened))
         inner = {part.name for part in found if isinstance(part, Definition)}
         for part in found:
-            uses = kind.names_through(part.expression) - (
-                {part.name} if isinstance(part, Definition) else set()
-            )
+            uses = kind.names_through(part.expression)
             place = ("observer" if isinstance(part, Observer) else "definition", part.name)
             value = values[place]
             known = asks in symbols and symbols[asks] in value.free_symbols
@@ -87,15 +86,13 @@ def moved_by(
 def _fitting(
     move: Move, kind: ModuleType, symbols: Symbols, opened: Opened
 ) -> Iterator[Definition | Observer]:
-    """Definitions and observers that give the quantity, read nothing of that kind, and are an
-    estimate of the flow where they give one."""
-    known = {n: s.unit.dimension for n, s in kind.signals.items()}
-    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
-    own = dict(known)
+    """Definitions and observers that give the quantity of a move, but read no signal of it.
+
+    Those that give a flow must be an estimate of it.
+    """
+    dimensions = dimensions_of(kind)
     for definition in kind.definitions.values():
-        gathered = dict.fromkeys(kind.gathers, UNKNOWN)
-        own[definition.name] = dimension(definition.expression, own, gathered)
-        fits = own[definition.name] == move.gives and _is_unmeasured(move, kind, definition)
+        fits = dimensions[definition.name] == move.gives and _is_unmeasured(move, kind, definition)
         if fits and _is_estimate(move, kind, symbols, opened, definition.name):
             yield definition
     for observer in kind.observers.values():
@@ -105,14 +102,14 @@ def _fitting(
 
 
 def _is_unmeasured(move: Move, kind: ModuleType, part: Definition | Observer) -> bool:
-    """Does it read no signal of the very kind it gives?"""
+    """Whether it reads signals, but none of the dimension that it gives."""
     names = kind.names_through(part.expression)
     read = [s for n, s in kind.signals.items() if n in names]
     return bool(read) and all(s.unit.dimension != move.gives for s in read)
 
 
 def _is_estimate(move: Move, kind: ModuleType, symbols: Symbols, opened: Opened, name: str) -> bool:
-    """Does no estimate fall with it, if it is a flow? A slip is subtracted, and is none."""
+    """Whether estimates use it and, if it is a flow, none falls with it, as with a slip."""
     own, observers = opened(name)
     over = [e for e in observers.values() if own in e.free_symbols]
     if move.gives != VOLUME_FLOW:
@@ -122,14 +119,9 @@ def _is_estimate(move: Move, kind: ModuleType, symbols: Symbols, opened: Opened,
 
 
 def _by(
-    move: Move,
-    kind: ModuleType,
-    symbols: Symbols,
-    value: sympy.Expr,
-    names: Iterable[str],
+    move: Move, kind: ModuleType, symbols: Symbols, value: sympy.Expr, read: Container[str]
 ) -> str:
-    """The own signal with which a place falls or rises as a move asks; empty if none."""
-    read = set(names)
+    """The own signal with which a place falls or rises as the move states; empty if none."""
     for signal in kind.signals.values():
         if signal.quantity != move.quantity or signal.name not in read:
             continue
@@ -144,7 +136,7 @@ def _by(
 
 
 def _number(value: sympy.Expr, kind: ModuleType, symbols: Symbols) -> float:
-    """A value at the typical readings of the type, nothing lost downstream; NaN where none."""
+    """A value at the typical readings of the type, without losses downstream; NaN if undefined."""
     table: dict[sympy.Symbol, sympy.Expr] = dict.fromkeys(symbols.values(), sympy.S.Zero)
     for name, signal in kind.signals.items():
         reading = signal.reference

@@ -1,8 +1,8 @@
-"""Equations of modules straight to a plan: no sympy, parameters as inputs.
+"""Equations of modules directly to a plan: without sympy, with parameters as inputs.
 
 The analysis of a mismatch refits the parameters of many variants of a module; each is lowered in
-well under a millisecond. What the compiler makes of the same equations by way of sympy agrees to
-the last digits: tests compare them.
+well under a millisecond. Tests check that the result agrees to the last digits with what the
+compiler makes of the same equations through sympy.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ from rulec.passes.link import Network
 Shifts = Mapping[tuple[str, str, str], str]
 """Plan inputs that shift places, by module, kind of place (as in `Change`) and name."""
 
-
 Pending = frozenset[tuple[str, str]]
-"""Modules, and what of them is being lowered, in words."""
+"""Parts that are being lowered: module and description."""
 
 
 class _Names(Protocol):
-    """Where names in an equation lead to."""
+    """The nodes of names in an equation."""
 
     def value(self, name: str) -> Node: ...
 
@@ -74,11 +73,8 @@ def lower_tree(graph: Graph, node: ast.expr, names: _Names) -> Node:
 
 
 _BINARY: Mapping[type[ast.operator], str] = {
-    ast.Add: "add",
-    ast.Sub: "sub",
-    ast.Mult: "mul",
-    ast.Div: "div",
-}
+    ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"
+}  # fmt: skip
 
 
 def _power(graph: Graph, base: Node, power: float) -> Node:
@@ -95,9 +91,9 @@ def _power(graph: Graph, base: Node, power: float) -> Node:
 
 @dataclass(frozen=True)
 class Lowering:
-    """What is lowered: the amended types of some modules of a plant, places shifted by inputs.
+    """What is lowered: the amended types of some modules of a plant, with places shifted by inputs.
 
-    Without `ends`, what flows in and out of a module that stores is an input of its plan.
+    Without `ends`, inflow and outflow of a module that stores are inputs of its plan.
     """
 
     network: Network
@@ -107,19 +103,18 @@ class Lowering:
 
     def of(self, module: str) -> Amended:
         """The type of a module with its changes."""
-        known = self.amended.get(module)
-        return known or Amended(type=self.network.plant.modules[module].type)
+        return self.amended.get(module) or Amended(type=self.network.plant.modules[module].type)
 
 
 def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan:
     """The observers of a module as a plan.
 
-    Inputs are ids of signals, parameters (``A.k2``) and what changes and shifts bring in. Outputs
-    are ``q:<observer>`` and ``guard:<observer>:<i>``, with `definitions` also ``d:<definition>``.
+    Inputs are ids of signals and parameters (``A.k2``), and those of changes and shifts. Outputs
+    are ``q:<observer>`` and ``guard:<observer>:<i>``; with `definitions` also ``d:<definition>``,
+    ``der:<state>`` and ``shown:<reading>``.
     """
     graph = Graph(dict.fromkeys(_inputs(what, module)))
-    scope = _Scope(graph, what, module)
-    kind = what.of(module).type
+    scope, kind = _Scope(graph, what, module), what.of(module).type
     for observer in kind.observers.values():
         graph.outputs[f"q:{module}.{observer.name}"] = scope.observer(observer.name)
         equations = kind.with_definitions(observer.expression)
@@ -136,8 +131,8 @@ def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan
 def lower_states(what: Lowering) -> Plan:
     """The balances of a whole plant as one plan.
 
-    Inputs are ids of states (``A.h``), signals, parameters, and what changes and shifts bring in.
-    Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>``, ``high:<state>`` where there
+    Inputs are ids of states (``A.h``), signals and parameters, and those of changes and shifts.
+    Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>`` and ``high:<state>`` if there
     are limits, ``after:<state>`` for a dead time, ``shown:<signal>`` for readings, and
     ``inflow:<module>``, ``outflow:<module>``.
     """
@@ -146,11 +141,10 @@ def lower_states(what: Lowering) -> Plan:
     for module in modules:
         scope, kind = _Scope(graph, what, module), what.of(module).type
         for name, state in kind.states.items():
-            state_id = f"{module}.{name}"
             for key, equation in state.equations():
-                own = key == "der"
-                node = scope.balance(name) if own else lower_tree(graph, equation.tree, scope)
-                graph.outputs[f"{key}:{state_id}"] = node
+                rate = key == "der"
+                node = scope.balance(name) if rate else lower_tree(graph, equation.tree, scope)
+                graph.outputs[f"{key}:{module}.{name}"] = node
         for name in kind.readings:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
         known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
@@ -159,12 +153,12 @@ def lower_states(what: Lowering) -> Plan:
 
 
 def parameter_id(module: Module, name: str) -> str:
-    """Plan input of a parameter; one for all modules where its error is shared."""
+    """Plan input of a parameter; the same for all modules if its error is shared."""
     return name if module.parameters[name].shared else f"{module.name}.{name}"
 
 
 def _inputs(what: Lowering, module: str) -> Iterator[str]:
-    """Everything that the plan of a module may read."""
+    """All inputs that the plan of a module may have."""
     network = what.network
     gathered = [network.gathers[module, name] for name in what.of(module).type.gathers]
     for name in dict.fromkeys([module, *(m for part in gathered for m, _ in part)]):
@@ -179,10 +173,10 @@ def _inputs(what: Lowering, module: str) -> Iterator[str]:
 
 
 class _Scope:
-    """Names of one module and their nodes; a definition is lowered when it is asked for.
+    """Names of one module and their nodes; a definition is lowered at its first use.
 
-    `pending` are flows and readings that are being lowered; asked for once more, they stand on
-    themselves.
+    `pending` are the flows and readings that are being lowered; a second request for one of them
+    means that it depends on itself.
     """
 
     def __init__(
@@ -193,10 +187,9 @@ class _Scope:
         self._known: dict[str, Node] = {}
 
     def value(self, name: str) -> Node:
-        node = self._known.get(name)
-        if node is None:
-            node = self._known[name] = self._new(name)
-        return node
+        if name not in self._known:
+            self._known[name] = self._new(name)
+        return self._known[name]
 
     def _new(self, name: str) -> Node:
         kind, graph = self._amended.type, self._graph
@@ -228,13 +221,13 @@ class _Scope:
         return self._shifted("reading", name, node, self._graph.add)
 
     def _signal(self, name: str) -> Node:
-        """A reading: given, or in the balances of a whole plant what its sensor shows."""
+        """A reading: an input, or in the balances of a whole plant what its sensor shows."""
         if self._what.ends is None or name not in self._amended.type.readings:
             return self._graph.input(f"{self._module}.{name}")
         return self._within(self._module, f"what shows in '{name}' of").shown(name)
 
     def _end(self, end: str) -> Node:
-        """What flows at an end without a law of its own."""
+        """The flow at an end without a law of its own."""
         if self._what.ends is None:
             return self._graph.input(f"{self._module}.{end}")
         terms = []
@@ -245,7 +238,7 @@ class _Scope:
         return self._graph.signed_sum(terms)
 
     def _within(self, module: str, what: str) -> _Scope:
-        """The scope of a module in which something of this module is looked up."""
+        """The scope of a module that gives some part of this module."""
         if (self._module, what) in self._pending:
             message = f"{what} '{self._module}' depends on itself"
             raise Rejected("KB115", 0, message, "its law must not need that very value")
@@ -255,12 +248,12 @@ class _Scope:
     def _shifted(
         self, kind: str, name: str, node: Node, apply: Callable[[Node, Node], Node]
     ) -> Node:
-        """The true value of a place is its value plus an error, but a reading less its error."""
+        """The true value of a place: its value plus its error, but a reading minus its error."""
         shift = self._what.shifts.get((self._module, kind, name))
         return node if shift is None else apply(node, self._graph.input(shift))
 
     def gathered(self, name: str) -> Node:
-        """The sum of readings downstream, each as it should be."""
+        """The sum of readings downstream, corrected where possible."""
         nodes = []
         for module, signal in self._what.network.gathers[self._module, name]:
             other = _Scope(self._graph, self._what, module, self._pending)
@@ -268,9 +261,9 @@ class _Scope:
         return self._graph.sum(nodes)
 
     def property(self, name: str, temperature: Node) -> Node:
-        """A property of the fluid, with the factor that it may be off by.
+        """A property of the fluid, times its error factor.
 
-        Where no author asked for it there is none: it drives a law that compares it to itself.
+        There is no factor if only an added law uses the property, which compares it with itself.
         """
         fluid = self._amended.type.fluid
         assert fluid is not None, "checked when the plant was read"
@@ -282,7 +275,7 @@ class _Scope:
 
 
 def lower_property(fluid: Fluid, name: str) -> Plan:
-    """A property of a fluid as a plan of one output, over ``T``."""
+    """A property of a fluid as a plan with one output and the input ``T``."""
     graph = Graph({"T": None})
     graph.outputs[name] = _FluidNames(graph, fluid, graph.input("T")).value(name)
     return graph.plan()

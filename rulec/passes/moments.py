@@ -1,8 +1,8 @@
-"""Covariances between observers, what faults scale, and slopes; each is built once.
+"""Covariances between observers, targets of faults, and slopes; each is built once.
 
 A residual at the end of a long plant sums many observers, but only those that share an input with
-a fault's module can be correlated with it. An index of inputs finds them, so the effort per rule
-does not grow with the plant.
+a fault's module can correlate with it. An index of inputs finds them, so the effort per rule does
+not grow with the plant.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ class Moments:
     """Second moments over the gradients of an assembly."""
 
     def __init__(self, residuals: Sequence[Residual], assembly: Assembly) -> None:
-        self._residuals, self._assembly, self._graph = residuals, assembly, assembly.graph
+        self._assembly, self._graph = assembly, assembly.graph
+        self._signs = {r.id: {o: s for s, o in r.terms} for r in residuals}
         self._known: dict[tuple[int, int], Node] = {}
         self._related: dict[int, frozenset[str]] = {}
         self._sums: dict[tuple[tuple[int, int], ...], Gradient] = {}
 
     def gathered(self, gradients: Signed) -> Signed:
-        """A long sum as one gradient: products of sums would grow with the square of its length."""
+        """Combine a long sum to one gradient, so that products do not grow with its square."""
         if len(gradients) <= LONG_SUM:
             return gradients
         key = tuple((s, id(g)) for s, g in gradients)
@@ -62,10 +63,6 @@ class Moments:
     def between(self, first: Signed, second: Signed) -> Node:
         """Covariance of two signed sums of gradients."""
         return self._graph.signed_sum((s * t, self.of(a, b)) for s, a in first for t, b in second)
-
-    @cached_property
-    def _signs(self) -> Mapping[str, Mapping[str, int]]:
-        return {r.id: {o: s for s, o in r.terms} for r in self._residuals}
 
     @cached_property
     def _readers(self) -> Mapping[str, frozenset[str]]:

@@ -1,9 +1,9 @@
-"""How far apart faults are, judged by the estimates of modules that meet.
+"""Distances between faults, judged by the estimates of modules that meet.
 
-A fault of degree x moves the residuals by x times its effects. What another fault cannot imitate,
-whatever its degree, is the part of that vector across the other's, in the metric of the residuals'
-covariance. Only the modules at the junctions around a group are looked at: the whole plant sees no
-less, and the effort stays proportional to the number of modules.
+A fault of degree x moves the residuals by x times its effects. Another fault of any degree cannot
+imitate the part of that vector that is orthogonal to its own, in the metric of the residuals'
+covariance. Only the modules at the junctions around a group are considered: the whole plant can
+only separate faults better, and the effort stays proportional to the number of modules.
 
 Source: own derivation, see docs/method.md; projection in a covariance metric as in any textbook.
 """
@@ -24,8 +24,8 @@ from rulec.passes.linearise import Linearised
 class Sensor:
     """A reading that could be added.
 
-    `module` and `signal` say where and what, `title` in words; `cost` is relative. It is compared
-    with `existing`, an estimate or else a reading; `u` is its own standard uncertainty.
+    `title` describes it in words; `cost` is relative. It is compared with `existing`, an estimate
+    (`is_estimate`) or a reading; `u` is its own standard uncertainty.
     """
 
     module: str
@@ -43,11 +43,11 @@ class Neighbourhood:
 
     Attributes
     ----------
-    faults : names, each with a row in `effects`.
+    faults : row in `effects` of each fault.
     effects : shape (faults, residuals), standard deviations per unit of degree.
-    whiten : shape (residuals, inputs): gradients of the whitened residuals by the inputs.
-    inputs : number of each input.
-    plant : the tables the numbers come from.
+    whiten : shape (residuals, inputs), gradients of the whitened residuals by the inputs.
+    inputs : column in `whiten` of each input.
+    plant : the tables from which the numbers come.
     """
 
     faults: Mapping[str, int]
@@ -60,7 +60,7 @@ class Neighbourhood:
     def of(
         plant: Linearised, residuals: Sequence[Mapping[str, int]], faults: Sequence[str]
     ) -> Neighbourhood:
-        """Build it from residuals, as observer -> sign, that are independent."""
+        """Build it from independent residuals, each as observer -> sign."""
         observers = {o: i for i, o in enumerate(dict.fromkeys(o for r in residuals for o in r))}
         names = dict.fromkeys(n for o in observers for n in plant.gradients[o])
         inputs = {name: i for i, name in enumerate(names)}
@@ -77,7 +77,7 @@ class Neighbourhood:
             for observer, effect in plant.effects[fault].items():
                 if observer in observers:
                     row[observers[observer]] = effect
-        # Where an estimate has no slope, as a root at zero, its residuals tell nothing.
+        # Residuals of an estimate without a finite slope, as of a root at zero, are left out.
         sound = np.isfinite(gradients).all(axis=1) & np.isfinite(effects).all(axis=0)
         gradients[~sound], effects[:, ~sound] = 0.0, 0.0
         signs = signs[~signs[:, ~sound].any(axis=1)]
@@ -85,11 +85,10 @@ class Neighbourhood:
         size = np.sqrt(np.sum(spread**2, axis=1))
         size = np.maximum(size, LEAST_SPREAD * size.max(initial=1e-300))
         spread /= size[:, None]
-        # The inverse of a small factor is quicker than scipy's triangular solver, and good enough:
-        # rows have unit size, and no residual follows from the others.
-        whiten = np.linalg.inv(
-            np.linalg.cholesky(spread @ spread.T + LEAST_SPREAD * np.eye(len(size)))
-        )
+        # Inverting the small factor is faster than scipy's triangular solver, and accurate enough:
+        # rows have unit size, and the residuals are independent.
+        covariance = spread @ spread.T + LEAST_SPREAD * np.eye(len(size))
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         return Neighbourhood(
             {fault: i for i, fault in enumerate(faults)},
             effects @ (signs.T / size) @ whiten.T,
@@ -105,10 +104,10 @@ class Neighbourhood:
         return product
 
     def added(self, faults: Sequence[str], sensors: Sequence[Sensor]) -> tuple[Array, Array]:
-        """What further sensors see beyond the residuals here.
+        """Information of further sensors beyond these residuals.
 
-        Returns effects, shape (faults, sensors), and covariance of their readings, shape
-        (sensors, sensors), both given the residuals; each sensor in units of its own spread.
+        Returns effects, shape (faults, sensors), and the covariance of their readings, shape
+        (sensors, sensors), both given the residuals, and in units of each sensor's own spread.
         """
         slopes = np.zeros((len(sensors), len(self.inputs)))
         effects = np.zeros((len(faults), len(sensors)))
@@ -126,14 +125,14 @@ class Neighbourhood:
         size = np.sqrt(own + np.sum(slopes**2, axis=1))
         size[size == 0] = 1.0
         slopes, effects, own = slopes / size[:, None], effects / size, own / size**2
-        seen = self.whiten @ slopes.T
+        shared = self.whiten @ slopes.T
         rows = self.effects[[self.faults[f] for f in faults]]
-        return effects - rows @ seen, slopes @ slopes.T + np.diag(own) - seen.T @ seen
+        return effects - rows @ shared, slopes @ slopes.T + np.diag(own) - shared.T @ shared
 
     def _difference(
         self, sensor: Sensor, faults: Sequence[str]
     ) -> tuple[Mapping[str, float], list[float]]:
-        """Existing reading or estimate less the new one: its errors, and what faults do to it."""
+        """Existing reading or estimate minus the new one: its gradient, and effects of faults."""
         name, plant = sensor.existing, self.plant
         if sensor.is_estimate:
             return plant.gradients[name], [plant.effects[f].get(name, 0.0) for f in faults]
@@ -142,16 +141,16 @@ class Neighbourhood:
 
 
 def apart(gram: Array) -> Array:
-    """Standard deviations per unit of degree by which each fault differs from each other one.
+    """Distance of each fault from each other one, in standard deviations per unit of degree.
 
-    Row f, column g: fault f true, g the hypothesis at its best degree (not below 0). On the
-    diagonal the distance from no fault at all. `gram` has shape (..., faults, faults).
+    Row f, column g: f is the true fault, and g the hypothesis at its best degree (not below 0). The
+    diagonal holds distances from the fault-free plant. `gram` has shape (..., faults, faults).
     """
     own = np.diagonal(gram, axis1=-2, axis2=-1)
     along = np.maximum(gram, 0.0) ** 2 / np.where(own > 0, own, 1.0)[..., None, :]
     left = own[..., :, None] - along
     left.reshape(*own.shape[:-1], -1)[..., :: own.shape[-1] + 1] = own
-    # Rounding must not tell faults apart that move all residuals in one proportion.
+    # Rounding must not separate faults that move all residuals in the same proportion.
     left = np.where(left > ROUNDED_AWAY * own[..., :, None], left, 0.0)
     distance: Array = np.sqrt(left)
     return distance

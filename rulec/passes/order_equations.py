@@ -1,13 +1,13 @@
 """Pass 10, order equations: which readings a simulation predicts, and in which order it solves.
 
-Unknown are the flows of modules and the readings that are not inputs and follow from no state.
-Where there are more unknowns than equations, some readings are given instead, like inputs: flows
-count as unknown first, then at each turn the reading that moves the disagreement of the estimates
-most, at the reference point, in a way that no reading before could. So a power that one estimate
-hangs on is predicted, and a temperature that touches several lightly drives them.
+The unknowns are the flows of modules and the readings that are no inputs and follow from no state.
+If there are more unknowns than equations, some readings become given, like inputs. Flows come first
+as unknowns; then, in each turn, the reading that moves the disagreement of the estimates most at
+the reference point, in a direction that no earlier reading has. So a power on which one estimate
+depends strongly is predicted, and a temperature that affects several weakly is given.
 
-Each unknown is matched with an equation of its own; what then hangs together in a circle is one
-step, solved together, and the steps follow one another (block-triangular form).
+Each unknown is matched with an equation of its own. Unknowns that depend on each other form one
+step and are solved together; the steps follow one another (block-triangular form).
 
 Source: Dulmage and Mendelsohn 1958; Tarjan 1972.
 """
@@ -32,7 +32,7 @@ from rulec.passes.link import Network
 
 
 def order_equations(network: Network, assembly: Assembly, signatures: Signatures) -> Simulation:
-    """Find what is predicted, and order the equations. A plant may well be diagnosed only.
+    """Find the predicted readings and order the equations; some plants cannot be simulated.
 
     >>> from rulec.passes.pipeline import example
     >>> simulation = example("simulation").simulation
@@ -54,7 +54,7 @@ def order_equations(network: Network, assembly: Assembly, signatures: Signatures
 
 
 def _steps(system: _System, partner: Sequence[int | None]) -> Iterator[SimulationStep]:
-    """Equations that hold each other's unknowns are one step; its unknowns are their partners."""
+    """Steps in order: equations that depend on each other, and the unknowns matched to them."""
     graph = nx.DiGraph()
     graph.add_nodes_from(range(system.equations))
     for own, holders in zip(partner, system.holders, strict=True):
@@ -72,32 +72,33 @@ class _System:
 
     def __init__(self, network: Network, assembly: Assembly, signatures: Signatures) -> None:
         self.network, self.assembly, self.signatures = network, assembly, signatures
-        modules = self.network.plant.modules
-        self.observers = tuple(self.assembly.observers)
+        modules = network.plant.modules
+        self.observers = tuple(assembly.observers)
         self.module_of = [observer.partition(".")[0] for observer in self.observers]
         self.flows = tuple(m for m in modules if m in self.module_of)
-        self.balances = _balances_between(self.network, self.flows)
+        self.balances = _balances_between(network, self.flows)
         self.equations = len(self.observers) + len(self.balances)
-        reads = {name for gradient in self.assembly.gradients.values() for name in gradient}
+        reads = {name for gradient in assembly.gradients.values() for name in gradient}
         signals = {
             f"{m.name}.{s.name}": s for m in modules.values() for s in m.type.signals.values()
         }
         self.used: Mapping[str, Signal] = {k: s for k, s in signals.items() if k in reads}
         stored = {f"{m.name}.{name}" for m in modules.values() for name in m.type.readings}
-        # What follows from states is given to equations without time.
+        # Readings that follow from states are given in equations without time.
         self.readings = tuple(
             name for name, s in self.used.items() if not s.is_input and name not in stored
         )
         self.unknowns = (*self.flows, *self.readings)
+        self.number = {name: i for i, name in enumerate(self.unknowns)}
 
     @cached_property
     def holders(self) -> list[list[int]]:
-        """Per unknown the equations that hold it."""
+        """Per unknown the numbers of the equations that contain it."""
         found: dict[str, list[int]] = {name: [] for name in self.unknowns}
         for i, (observer, module) in enumerate(zip(self.observers, self.module_of, strict=True)):
             found[module].append(i)
             for name in self.assembly.gradients[observer]:
-                if name in self._reading_number:
+                if name in self.number:
                     found[name].append(i)
         for i, terms in enumerate(self.balance_terms, len(self.observers)):
             for flow in terms:
@@ -111,26 +112,18 @@ class _System:
             {self.flows[j]: float(row[j]) for j in np.flatnonzero(row)} for row in self.balances
         ]
 
-    @cached_property
-    def _flow_number(self) -> Mapping[str, int]:
-        return {name: i for i, name in enumerate(self.flows)}
-
-    @cached_property
-    def _reading_number(self) -> Mapping[str, int]:
-        return {name: i for i, name in enumerate(self.readings)}
-
     def matched(self, order: Sequence[int]) -> list[int | None]:
-        """Equation of each unknown, where those that come first in an order are served first."""
+        """Equation of each unknown; unknowns are matched in the given order."""
         partner: list[int | None] = [None] * len(self.unknowns)
         for unknown, own in zip(order, match([self.holders[i] for i in order]), strict=True):
             partner[unknown] = own
         return partner
 
     def step(self, equations: Sequence[int], unknowns: Sequence[str]) -> SimulationStep:
-        """What is solved together, its flows eliminated: they stand in all equations linearly."""
-        of_flow, of_reading = self._flow_number, self._reading_number
-        flows = sorted((n for n in unknowns if n in of_flow), key=of_flow.__getitem__)
-        readings = sorted((n for n in unknowns if n in of_reading), key=of_reading.__getitem__)
+        """A step with its flows eliminated, as these are linear in all equations."""
+        numbers = sorted(self.number[name] for name in unknowns)
+        flows = [self.unknowns[i] for i in numbers if i < len(self.flows)]
+        readings = [self.unknowns[i] for i in numbers if i >= len(self.flows)]
         sums = [self._sum(i) for i in equations]
         named = dict.fromkeys(flows)
         others = list(dict.fromkeys(name for part in sums for name in part if name not in named))
@@ -143,13 +136,13 @@ class _System:
         )
 
     def _sum(self, equation: int) -> dict[str, float]:
-        """An equation as a sum of estimates and flows that vanishes."""
+        """An equation as a sum of estimates and flows that equals zero."""
         if equation < len(self.observers):
             return {self.module_of[equation]: -1.0, self.observers[equation]: 1.0}
         return self.balance_terms[equation - len(self.observers)]
 
     def by_strength(self) -> list[int]:
-        """Numbers of the unknowns: flows, then readings, those that move the estimates most first.
+        """Numbers of the unknowns: flows, then readings, by descending effect on the estimates.
 
         Source: orthogonalisation with column pivoting (Businger and Golub 1965).
         """
@@ -158,7 +151,7 @@ class _System:
         rest = slopes[:, count:] - basis @ (basis.T @ slopes[:, count:])
         order: list[int] = []
         for _ in self.readings:
-            # Rounded: where two move equally much, the first counts on every machine.
+            # Rounded, so that of two equal effects the first is taken on every machine.
             sizes = np.round(np.linalg.norm(rest, axis=0), 9)
             sizes[order] = -1.0
             order.append(int(np.argmax(sizes)))
@@ -168,7 +161,7 @@ class _System:
         return [*range(count), *(count + i for i in order)]
 
     def _slopes(self) -> Array:
-        """Derivatives of the equations by the unknowns at the reference point, in their scales."""
+        """Scaled derivatives of the equations by the unknowns at the reference point."""
         gradients, reference = self.assembly.gradients, self.signatures.reference
         nodes = {
             f"{i}|{name}": gradients[o][name]
@@ -176,13 +169,12 @@ class _System:
             for name in self.readings
             if name in gradients[o]
         }
-        # Gradients are scaled with uncertainties; unit ones leave plain derivatives.
+        # Gradients are scaled by uncertainties; with units instead, they are plain derivatives.
         units = {f"u:{name}": 1.0 for name in reference}
         plan = self.assembly.graph.plan(nodes)
         values = plan.run({**reference, **units, PARAMETERS: 1.0, MODEL: 1.0})
         sizes = self._flow_sizes()
-        result = np.zeros((self.equations, len(self.unknowns)))
-        column = {name: i for i, name in enumerate(self.unknowns)}
+        result, column = np.zeros((self.equations, len(self.unknowns))), self.number
         for i, module in enumerate(self.module_of):
             result[i, column[module]] = -1.0
         result[len(self.observers) :, : len(self.flows)] = self.balances * sizes / sizes.max()
@@ -201,7 +193,7 @@ class _System:
         return np.where(flows > 0, flows, np.max(flows, initial=0.0) or 1.0)
 
     def over_determined(self, many: Sequence[int], unknowns: Sequence[int]) -> str:
-        """Say which equations are too many."""
+        """Explain which equations are too many."""
         observers = [self.observers[i] for i in many if i < len(self.observers)]
         readings = [self.unknowns[i] for i in unknowns if i >= len(self.flows)]
         free = f"only {', '.join(readings)} and the flows" if readings else "only the flows"
@@ -217,7 +209,7 @@ def _terms(names: Sequence[str], row: Array) -> dict[str, float]:
 
 
 def _balances_between(network: Network, flows: Sequence[str]) -> Array:
-    """Independent balances among the modules in `flows`; flows of all others are eliminated."""
+    """Independent balances among the modules in `flows`; all other flows are eliminated."""
     others = [m for m in network.plant.modules if m not in flows]
     column = {name: i for i, name in enumerate([*others, *flows])}
     matrix = np.zeros((len(network.balances), len(column)))

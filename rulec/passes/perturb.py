@@ -1,7 +1,7 @@
 """Plants of the same kind with parameters drawn from their uncertainties.
 
-A ruleset folds the values of parameters into constants. Every real plant differs from these. Such a
-plant is made by lowering its equations again with other values.
+A ruleset folds parameter values into constants, from which every real plant differs. A perturbed
+plant is made by lowering the equations again with other values.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def true_plan(models: Compilation, faults: Iterable[str], random: np.random.Gene
 
     Parameters
     ----------
-    models : what the pass `differentiate` made; its symbolic work serves every draw.
+    models : a compilation up to the pass `differentiate`, whose symbolic work serves all draws.
     faults : ids of all faults, as in the ruleset.
     """
     drawn = perturbed(models, random)
@@ -37,7 +37,7 @@ def perturbed(models: Compilation, random: np.random.Generator) -> Compilation:
 
 
 def _drawn(module: Module, random: np.random.Generator) -> Module:
-    """A module with parameters drawn from normal distributions, those of a block jointly."""
+    """A module with parameters drawn from normal distributions; those of a block jointly."""
     values = {p.name: p.value for p in module.parameters.values()}
     joint = {name for block in module.blocks for name in block.parameters}
     for block in module.blocks:

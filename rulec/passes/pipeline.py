@@ -1,8 +1,7 @@
 """The order of the passes.
 
-A pass is a function of the fields of the record that its parameters name; what it returns is one
-more field. It changes none of the others, but for the graph of the assembly, which gets the outputs
-of the rules.
+A pass is a function of the fields of the record that its parameters name, and returns one further
+field. It changes no other field, except that the rules add outputs to the graph of the assembly.
 """
 
 from __future__ import annotations
@@ -52,14 +51,17 @@ PASSES: Mapping[str, Callable[..., Any]] = {
 
 
 def run_passes(known: Compilation, until: str = "ruleset") -> Compilation:
-    """Run the passes that have not run, up to the one that fills a field.
+    """Run the passes that have not run, up to the one that fills the field `until`.
 
-    Raises `Refused` with all mistakes of the first bad one.
+    Raises `Refused` with all mistakes of the first pass that finds any.
     """
     with without_collector():
         for field, step in PASSES.items():
             if getattr(known, field) is None:
-                parts = {name: getattr(known, name) for name in _read_by(step)}
+                # A pass reads the fields named by its parameters without a default.
+                parameters = inspect.signature(step).parameters.values()
+                names = [p.name for p in parameters if p.default is inspect.Parameter.empty]
+                parts = {name: getattr(known, name) for name in names}
                 known = replace(known, **{field: step(**parts)})
                 if checks_are_on():
                     check_invariants(field, known)
@@ -68,15 +70,9 @@ def run_passes(known: Compilation, until: str = "ruleset") -> Compilation:
     return known
 
 
-def _read_by(step: Callable[..., Any]) -> list[str]:
-    """Fields that a pass reads: its parameters that have no default."""
-    parameters = inspect.signature(step).parameters.values()
-    return [p.name for p in parameters if p.default is inspect.Parameter.empty]
-
-
 @contextmanager
 def without_collector() -> Iterator[None]:
-    """No search for garbage: tables live to the end, and walking them takes a third of the time."""
+    """Disable garbage collection: tables live to the end, and traversing them costs a third."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -88,7 +84,7 @@ def without_collector() -> Iterator[None]:
 
 @functools.cache
 def example(until: str, plant: str = "abc") -> Compilation:
-    """A shipped plant, compiled up to a field: for the examples of the passes."""
+    """A shipped plant, compiled up to a field, for the examples of the passes."""
     return run_passes(Compilation(path=shipped("plants") / plant), until)
 
 

@@ -1,6 +1,6 @@
-"""Pass 11, put balances: what modules store, as one plan for the integrator.
+"""Pass 11, put balances: the balances of stored quantities, as one plan for the integrator.
 
-Faults that act on what a state moves are built in with a degree each, which is 0 without them.
+Faults that act on them are built in, each with a degree that is 0 without the fault.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from rulec.passes.store_faults import StoreFault, store_faults, with_faults
 
 @dataclass(frozen=True)
 class Balanced:
-    """The balances of what is stored, None where nothing is; `faults` are those that reach what is
-    measured there."""
+    """The balances of a plant, None if it stores nothing; `faults` are those they can show."""
 
     dynamics: Dynamics | None
     faults: tuple[StoreFault, ...] = ()
@@ -39,17 +38,16 @@ def put_balances(network: Network) -> Balanced:
     if not network.stores:
         return Balanced(None)
     plant = network.plant
-    every = {m.name: store_faults(m, plant.knowledge) for m in plant.modules.values()}
-    dynamics = dynamics_of(network, every)
-    seen = set(dynamics.faults)
-    faults = tuple(f for own in every.values() for f in own if f.id in seen)
-    return Balanced(dynamics, faults)
+    faults = {m.name: store_faults(m, plant.knowledge) for m in plant.modules.values()}
+    dynamics = dynamics_of(network, faults)
+    kept = set(dynamics.faults)
+    return Balanced(dynamics, tuple(f for own in faults.values() for f in own if f.id in kept))
 
 
 def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dynamics:
-    """The balances of a plant that stores, with faults by module built in.
+    """The balances of a plant that stores, with the faults of each module built in.
 
-    Raises `Refused` (KB115) for a flow in a circle.
+    Raises `Refused` (KB115) if a flow depends on itself.
     """
     plant = network.plant
     modules = plant.modules.values()
@@ -58,7 +56,6 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
         plan = lower_states(Lowering(network, amended, {}, network.ends))
     except Rejected as error:
         raise Refused([Diagnostic(plant.place, error.code, error.message, error.hint)]) from None
-    outputs = [name for name in plant.signals if f"shown:{name}" in plan.outputs]
     parameters = {parameter_id(m, p.name): p for m in modules for p in m.parameters.values()}
     used = {n: p for n, p in parameters.items() if n in plan.used_inputs}
     moved = plan.select(n for n in plan.outputs if n.partition(":")[0] not in ENDS).used_inputs
@@ -75,7 +72,7 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
             for s in m.type.states.values()
         ),
         inputs=tuple(name for name in plant.signals if name in plan.used_inputs),
-        outputs=tuple(outputs),
+        outputs=tuple(name for name in plant.signals if f"shown:{name}" in plan.outputs),
         faults=tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
         values={name: p.value for name, p in used.items()},
         uncertainties={name: p.u for name, p in used.items()},

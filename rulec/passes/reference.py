@@ -1,7 +1,7 @@
-"""The reference point: a fault-free operating point near the readings that the files name.
+"""The reference point: a fault-free operating point near the readings that the files state.
 
-Newton steps of least length, each reading in its own scale, until every observer of a module
-gives the same flow and the flows balance. Speeds and other inputs stay where they are.
+Newton steps of least length, each reading in its own scale, continue until all observers of a
+module give the same flow and the flows balance. Speeds and other inputs stay fixed.
 """
 
 from __future__ import annotations
@@ -34,10 +34,9 @@ def solve_reference(
 ) -> dict[str, float]:
     """Readings (SI) at which all residuals vanish.
 
-    What several modules see together, such as the loss of a mixer, is what makers can know least:
-    if their numbers do not fit together, smaller ones are tried.
-
-    Raises `Refused` (KB088) where no such point is found near the given readings.
+    Readings that several modules share, such as the loss of a mixer, are least known to makers: if
+    the numbers are inconsistent, smaller values of these are tried. Raises `Refused` (KB088) if no
+    such point is found near the given readings.
     """
     readings, free = _start(network, assembly)
     if not assembly.observers:
@@ -63,7 +62,7 @@ def _solved(
     readings: dict[str, float],
     free: list[str],
 ) -> dict[str, float] | None:
-    """Newton steps from some readings; None where they lead nowhere."""
+    """Newton steps from some readings; None if they do not converge."""
     observers = list(assembly.observers)
     scale = np.array([abs(readings[s]) or 1.0 for s in free])
     values = plan.run(_inputs(readings))
@@ -99,7 +98,7 @@ def _shared(assembly: Assembly) -> set[str]:
 
 
 def _agree(residuals: tuple[Residual, ...], assembly: Assembly, flows: Array) -> bool:
-    """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
+    """Whether all residuals vanish; if no reading may move, a zero step does not imply this."""
     q = dict(zip(assembly.observers, flows, strict=True))
     left = [abs(sum(s * q[o] for s, o in r.terms)) for r in residuals]
     return max(left, default=0.0) <= VANISHED_RESIDUAL * float(np.max(np.abs(flows), initial=0.0))
@@ -115,33 +114,28 @@ def _start(network: Network, assembly: Assembly) -> tuple[dict[str, float], list
             readings[key] = module.reference.get(signal.name, np.nan)
             if key in used:
                 if np.isnan(readings[key]):
-                    readings[key] = _middle(signal.lowest, signal.highest)
+                    low, high = signal.lowest, signal.highest
+                    readings[key] = 1.0 if low is None or high is None else (low + high) / 2
                 if not signal.is_input:
                     free.append(key)
     return readings, free
 
 
-def _middle(low: float | None, high: float | None) -> float:
-    return 1.0 if low is None or high is None else (low + high) / 2
-
-
 def _plan(assembly: Assembly, free: list[str]) -> tuple[Plan, dict[str, tuple[str, str]]]:
-    """Plan of all observers and their derivatives by the free readings."""
-    graph = assembly.graph
+    """Plan of all observers and their derivatives by the free readings, with names of these."""
     outputs = {f"q:{o}": node for o, node in assembly.observers.items()}
-    names = {}
-    movable = set(free)
+    names, movable = {}, set(free)
     for observer, gradient in assembly.gradients.items():
         for signal, node in gradient.items():
             if signal in movable:
                 name = f"s:{observer}:{signal}"
                 outputs[name] = node
                 names[name] = (observer, signal)
-    return graph.plan(outputs), names
+    return assembly.graph.plan(outputs), names
 
 
 def _inputs(readings: Mapping[str, float]) -> dict[str, float]:
-    """Readings with unit uncertainties: scaled derivatives become plain ones."""
+    """Readings with unit uncertainties, so that scaled derivatives become plain ones."""
     return {**readings, **{f"u:{s}": 1.0 for s in readings}, PARAMETERS: 1.0, MODEL: 1.0}
 
 
@@ -153,9 +147,9 @@ def _step(
     slopes: Mapping[tuple[str, str], float],
     scale: Array,
 ) -> Array:
-    """Least-length change of the free readings that makes all flows agree.
+    """Change of the free readings of least length that makes all flows agree.
 
-    Unknowns are the changes (scaled) and the flow of each module; the flows carry no cost.
+    Unknowns are the (scaled) changes and the flow of each module; flows have almost no cost.
     """
     modules = {name: i for i, name in enumerate(network.plant.modules)}
     column = {s: i for i, s in enumerate(free)}

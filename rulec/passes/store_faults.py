@@ -1,14 +1,13 @@
 """Faults of a plant that stores, built into its balances with a degree each.
 
-Balances run from what is stored to what sensors show, so a fault of a flow, of a law that rests on
-a state or of what is shown acts as its own law says. What settled modules have, a reading that is
-given or an observer, is undone as everywhere: there the equations start from readings.
+Balances run from states to what sensors show. So a fault of a flow, of a law that uses a state, or
+of what a sensor shows acts by its own law. Faults of given readings and of observers are undone, as
+in settled modules, because there the equations start from readings.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import sympy
@@ -23,8 +22,7 @@ from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import fault_names, law_of
 
 ORDER = ("definition", "observer", "signal", "reading", "end")
-"""Kinds of places in the order in which laws are built in: what flows is behind all laws of it."""
-
+"""Kinds of places in the order in which laws are built in; flows at ends follow all their laws."""
 
 Places = tuple[tuple[str, str], ...]
 """Places of a module type, as (kind, name)."""
@@ -32,7 +30,7 @@ Places = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class StoreFault:
-    """A fault of a module; `settled`: the equations without time have it as well."""
+    """A fault of a module; `settled` if the equations without time have it too."""
 
     id: str
     module: str
@@ -51,9 +49,8 @@ class StoreFault:
 def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     """All faults of a module, as changes of its type."""
     kind, still = module.type, module.type.settled()
-    named = dict(_named(kind, knowledge))
-    # What both know has the name that the settled equations give it.
-    named |= dict(_named(still, knowledge))
+    # Faults of both have the names that the settled equations give them.
+    named = _names(kind, knowledge) | _names(still, knowledge)
     result = []
     for (use, variant), name in named.items():
         fault, id_ = knowledge.fault_in(use), f"{module.name}.{name}"
@@ -75,21 +72,19 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
 def fault_change(
     fault: FaultType, variant: Variant, places: Places, law: Expression, degree: str
 ) -> Change:
-    """A fault as a change of its module type; `degree` is the plan input of its degree."""
+    """A fault as a change of its module type, with the plan input `degree`."""
     unit = Unit("1", 1.0, NONE)
     x = Parameter(name="x", value=0.0, unit=unit, title=variant.meaning, origin=fault.origin)
     return Change(places=places, law=law, parameters={"x": x}, ids={"x": degree})
 
 
-def _named(
-    kind: ModuleType, knowledge: Knowledge
-) -> Iterator[tuple[tuple[FaultUse, Variant], str]]:
-    for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
-        yield (use, variant), name
+def _names(kind: ModuleType, knowledge: Knowledge) -> dict[tuple[FaultUse, Variant], str]:
+    named = fault_names(kind.faults, knowledge, kind.signals)
+    return {(use, variant): name for use, variant, name in named}
 
 
 def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
-    """The type of a module with all of its faults built in; without degrees it is as before."""
+    """The type of a module with all of its faults built in, without effect at degree 0."""
     result = Amended(type=module.type)
     for fault in sorted(faults, key=lambda f: ORDER.index(f.change.places[0][0])):
         result = amend(result, fault.change)
@@ -99,14 +94,14 @@ def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
 def _acting(
     module: Module, fault: FaultType, variant: Variant, target: str
 ) -> tuple[Places, Expression]:
-    """The places that a fault changes, and the law that it has there."""
+    """The places that a fault changes, and its law there."""
     kind = module.type
     if fault.acts_on == "flow":
         components = kind.components()
         if target in components:
             return tuple(("observer", o) for o in components[target]), doing(variant)
         assert target in ENDS
-        # What leaves is set by what lies behind: that gets what the fault leaves of it.
+        # The modules downstream determine the outflow, so they get its faulty value.
         law = undoing(variant, "end") if target == OUTFLOW else doing(variant)
         return (("end", target),), law
     if fault.acts_on == "signal" and target in kind.readings:
@@ -118,9 +113,9 @@ def _acting(
 
 @functools.lru_cache(maxsize=100)
 def undoing(variant: Variant, acts_on: str) -> Expression:
-    """What should be there, over ``law`` (what is there) and the degree ``x``.
+    """The healthy value, over ``law`` (the faulty value) and the degree ``x``.
 
-    A flow fault takes away behind the observer, whose flow is what should be there.
+    A flow fault takes effect after the observer, whose flow is the healthy value.
     """
     if acts_on == "flow":
         return doing(variant)
@@ -132,6 +127,6 @@ def undoing(variant: Variant, acts_on: str) -> Expression:
 
 @functools.lru_cache(maxsize=100)
 def doing(variant: Variant) -> Expression:
-    """What is there, over ``law`` (what should be there) and the degree ``x``."""
+    """The faulty value, over ``law`` (the healthy value) and the degree ``x``."""
     x, law = (sympy.Symbol(name, real=True) for name in ("x", "law"))
     return parse(sympy.sstr(law_of(variant, law, x)))

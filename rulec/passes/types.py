@@ -1,4 +1,4 @@
-"""What the passes have found of a plant: one flat record."""
+"""The results of the passes for one plant, in one flat record."""
 
 from __future__ import annotations
 
