@@ -126,7 +126,6 @@ class _Part:
 
     @property
     def is_alone(self) -> bool:
-        """Whether it is one parameter with one statement."""
         return len(self.places) == 1 and len(self.stated) == 1
 
     def holding(self, at: Array) -> tuple[_Stated, float, Array]:

@@ -26,12 +26,14 @@ class FluidReader(Reader):
     def read(self) -> Fluid:
         """The fluid, in SI."""
         data, before = self.document.data, len(self.found)
-        lowest, highest = self._range()
+        valid = self.part(("valid", "T"))
+        unit = self.unit_of(TEMPERATURE, "temperature", "valid", "T", "unit")
+        self.check_range(valid["from"], valid["to"], "valid", "T", "to")
         fluid = Fluid(
             name=data["fluid"],
             title=data["title"],
-            lowest=lowest,
-            highest=highest,
+            lowest=unit.to_si(valid["from"]),
+            highest=unit.to_si(valid["to"]),
             coefficients={name: self._coefficient(name) for name in data["coefficients"]},
             definitions={name: self._definition(name) for name in data.get("definitions", {})},
             properties={name: self._property(name) for name in PROPERTIES},
@@ -42,12 +44,6 @@ class FluidReader(Reader):
             self._check_used(fluid)
             self._check_positive(fluid)
         return fluid
-
-    def _range(self) -> tuple[float, float]:
-        part = self.part(("valid", "T"))
-        unit = self.unit_of(TEMPERATURE, "temperature", "valid", "T", "unit")
-        self.check_range(part["from"], part["to"], "valid", "T", "to")
-        return unit.to_si(part["from"]), unit.to_si(part["to"])
 
     def _coefficient(self, name: str) -> float:
         unit = self.unit("coefficients", name, "unit")
@@ -118,7 +114,6 @@ class FluidReader(Reader):
 
 
 def _equations(fluid: Fluid) -> Iterator[tuple[Path_, Expression]]:
-    """All equations in order, with their paths in the file."""
     for name, expression in fluid.definitions.items():
         yield ("definitions", name, "is"), expression
     for name, part in fluid.properties.items():

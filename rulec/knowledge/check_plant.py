@@ -126,7 +126,6 @@ class _PlantReader(Reader):
         )
 
     def calibrate(self, modules: dict[str, Module], document: Document) -> dict[str, Module]:
-        """The modules with the values of a calibration file."""
         result, reader = dict(modules), self.reader_of(document)
         for name, part in document.data["modules"].items():
             path = ("modules", name)
@@ -310,7 +309,6 @@ def _has_signal(reader: Reader, path: Path_, kind: ModuleType) -> bool:
 
 
 def _calibrated(reader: Reader, path: Path_, part: Mapping[str, Any], module: Module) -> Module:
-    """A module with the values of its entry in a calibration file."""
     kind, source = module.type, f"calibration {reader.document.label}"
     parameters = {**module.parameters, **_values(reader, path, part, kind, source)}
     blocks = [

@@ -195,6 +195,5 @@ def unread(kind: ModuleType) -> Iterable[str]:
 
 
 def _quantities(kind: ModuleType, observers: Iterable[Observer]) -> set[str]:
-    """Quantities of the signals that some estimates use."""
     names = {name for part in observers for name in kind.names_through(part.expression)}
     return {signal.quantity for name, signal in kind.signals.items() if name in names}

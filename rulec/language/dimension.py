@@ -7,10 +7,9 @@ import functools
 from collections.abc import Mapping
 from fractions import Fraction
 
-from rulec.language.exponent import exponent_of
 from rulec.language.expression import GATHER, Expression, function_of, rejected_at
 from rulec.language.functions import FUNCTIONS, Gives
-from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, Dimension
+from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, Dimension, exponent_of
 
 
 def dimension(

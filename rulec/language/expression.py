@@ -19,9 +19,8 @@ from fractions import Fraction
 from typing import Any
 
 from rulec.language.diagnostics import did_you_mean
-from rulec.language.exponent import exponent_of
 from rulec.language.functions import FUNCTIONS
-from rulec.language.units import PROPERTIES
+from rulec.language.units import PROPERTIES, exponent_of
 from rulec.limits import MAX_CONSTANT, MAX_EQUATION_DEPTH, MAX_EQUATION_LENGTH, MAX_EXPONENT
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")

@@ -6,8 +6,8 @@ import ast
 import re
 from collections.abc import Mapping
 
-from rulec.language.exponent import exponent_of
 from rulec.language.expression import GATHER, Expression, function_of, parse
+from rulec.language.units import exponent_of
 
 
 def text_of(tree: ast.expr) -> str:

@@ -194,7 +194,6 @@ _TYPES = {
 
 
 def _type_hint(kind: Any, value: Any) -> str:
-    """Remedy for the slips that YAML invites."""
     if kind == "string" and isinstance(value, int | float):
         return "put it in quotes"
     if kind == "array" and not isinstance(value, dict | list):

@@ -9,9 +9,9 @@ from typing import Any
 
 import sympy
 
-from rulec.language.exponent import exponent_of
 from rulec.language.expression import GATHER, Expression, function_of
 from rulec.language.functions import FUNCTIONS, Absolute
+from rulec.language.units import exponent_of
 
 TEMPERATURE = sympy.Symbol("T", real=True)
 """The variable of a fluid's equations, K."""

@@ -1,4 +1,4 @@
-"""Units and their dimensions: a closed list of spellings, read from kb/units.yaml."""
+"""Units, dimensions and fixed exponents; unit spellings are a closed list, read from kb/units.yaml."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rulec.language.exponent import exponent_of
-from rulec.limits import MAX_DENOMINATOR, MAX_UNIT_LENGTH, MAX_UNIT_POWER
+from rulec.limits import MAX_CONSTANT, MAX_DENOMINATOR, MAX_UNIT_LENGTH, MAX_UNIT_POWER
 
 BASES = ("m", "kg", "s", "K", "A")
 
@@ -169,6 +168,26 @@ def _power(base: str, exponent: Fraction) -> str:
     if exponent == 1:
         return base
     return f"{base}**{exponent}" if exponent.denominator == 1 else f"{base}**({exponent})"
+
+
+def exponent_of(node: ast.expr) -> Fraction | None:
+    """Value of a numeric exponent: 2, -1, 0.5, 1/2, (7/4).
+
+    >>> exponent_of(ast.parse("-1/3", mode="eval").body)
+    Fraction(-1, 3)
+    """
+    match node:
+        case ast.Constant(value=bool()):
+            return None
+        case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_CONSTANT:
+            return Fraction(value).limit_denominator(MAX_DENOMINATOR)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            inner = exponent_of(operand)
+            return None if inner is None else -inner
+        case ast.BinOp(op=ast.Div(), left=left, right=right):
+            top, bottom = exponent_of(left), exponent_of(right)
+            return None if top is None or not bottom else top / bottom
+    return None
 
 
 def unit_table(data: Mapping[str, Any]) -> UnitTable:

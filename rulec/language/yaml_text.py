@@ -55,7 +55,6 @@ def lines(data: Mapping[str, Any], depth: int = 1) -> Iterator[str]:
 
 
 def _aligned(entries: Mapping[str, Any]) -> Iterator[str]:
-    """Entries one per line, with aligned values."""
     width = max(len(key) for key in entries) + 1
     for key, value in entries.items():
         yield f"  {key + ':':<{width}} {flow(value)}"

@@ -206,5 +206,4 @@ def _text(hypothesis: Hypothesis, cell: Signature) -> str:
 
 
 def _with(text: str, names: Mapping[str, str]) -> str:
-    """Replace g and D by names."""
     return re.sub(r"\b[gD]\b", lambda m: names.get(m[0], m[0]), text)

@@ -271,7 +271,6 @@ def _target(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> Target:
-    """Differentiate all observers by a target."""
     own, over = opened(kind, name, symbols, observers)
     value = written_out(kind, symbols, {})[name]
     driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)

@@ -99,7 +99,10 @@ def emit(
         plan=assembly.graph.plan(),
         undo=assembly.undo.plan(),
         dynamics=balanced.dynamics,
-        knowledge=_knowledge(plant),
+        knowledge=tuple(
+            contract.KnowledgeSpec(name=layer.name, version=layer.version, digest=digest)
+            for layer, digest in (plant.layers if len(plant.layers) > 1 else ())
+        ),
         unbalanced=tuple(
             contract.Junction(b.outlets, b.inlets)
             for b in junctions(plant)
@@ -150,16 +153,6 @@ def _regimes(plant: Plant, assembly: Assembly) -> Iterator[contract.RegimeSpec]:
                 ),
                 origin=_origin(regime.origin),
             )
-
-
-def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:
-    """Folders of knowledge, if there are several."""
-    if len(plant.layers) < 2:
-        return ()
-    return tuple(
-        contract.KnowledgeSpec(name=layer.name, version=layer.version, digest=digest)
-        for layer, digest in plant.layers
-    )
 
 
 def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> contract.SignalSpec:
@@ -283,7 +276,6 @@ def _fault(
 def _liquid(
     plant: Plant, assembly: Assembly, residuals: tuple[Residual, ...], signatures: Signatures
 ) -> Iterator[contract.LiquidSpec]:
-    """All changes of the liquid that affect several modules."""
     known = liquids_of(plant.knowledge) if assembly.liquid else ()
     slopes = _liquid_slopes(assembly, signatures) if assembly.liquid else {}
     for fault in known:
@@ -366,7 +358,6 @@ def _liquid_cells(
 
 @functools.cache
 def _sign_of(variant: Variant) -> int:
-    """Sign of the change of the property."""
     x = sympy.Symbol("x", real=True)
     change = sympy.diff(law_of(variant, sympy.S.One, x), x).subs(x, 0)
     return 1 if change > 0 else -1

@@ -18,9 +18,8 @@ from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.module_type import ENDS, Fluid
 from rulec.knowledge.plant import Module
-from rulec.language.exponent import exponent_of
 from rulec.language.expression import GATHER, Rejected, function_of
-from rulec.language.units import PROPERTIES
+from rulec.language.units import PROPERTIES, exponent_of
 from rulec.passes.amend import Amended
 from rulec.passes.end_flows import WAY, EndFlows
 from rulec.passes.link import Network
@@ -216,7 +215,6 @@ class _Scope:
         return self._shifted("balance", name, node, self._graph.add)
 
     def shown(self, name: str) -> Node:
-        """What a sensor shows."""
         node = lower_tree(self._graph, self._amended.type.readings[name].expression.tree, self)
         return self._shifted("reading", name, node, self._graph.add)
 
@@ -282,8 +280,6 @@ def lower_property(fluid: Fluid, name: str) -> Plan:
 
 
 class _FluidNames:
-    """Names in the equations of a fluid at a temperature."""
-
     def __init__(self, graph: Graph, fluid: Fluid, temperature: Node) -> None:
         self._graph = graph
         self._known = {"T": temperature}

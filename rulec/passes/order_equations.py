@@ -193,7 +193,6 @@ class _System:
         return np.where(flows > 0, flows, np.max(flows, initial=0.0) or 1.0)
 
     def over_determined(self, many: Sequence[int], unknowns: Sequence[int]) -> str:
-        """Explain which equations are too many."""
         observers = [self.observers[i] for i in many if i < len(self.observers)]
         readings = [self.unknowns[i] for i in unknowns if i >= len(self.flows)]
         free = f"only {', '.join(readings)} and the flows" if readings else "only the flows"
