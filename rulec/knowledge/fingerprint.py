@@ -46,7 +46,7 @@ def print_of_text(plant: Path) -> str:
     return _hash((_tool(), os.path.realpath(plant), begin_of(plant, MAX_FILE_BYTES + 1)))
 
 
-def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool = False) -> str:
+def print_of_all(plant: Path, named: Mapping[str, list[str]], whole: bool) -> str:
     """Hash of a plant file, of all files that it names, and of all its knowledge.
 
     `whole` adds all other YAML beside it, which `rulec check` reads. Raises OSError or `Refused` if

@@ -84,7 +84,7 @@ class Layer:
         return Path(relative).as_posix()
 
 
-def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
+def layers_of(plant: Path, named: Sequence[tuple[str, Place]]) -> tuple[Layer, ...]:
     """Layers of the plant in a folder; `named` are the folders that its file names, with places.
 
     Raises `Refused` if a folder or a package is missing or holds no knowledge (KB001), or leads out

@@ -18,7 +18,14 @@ from typing import Any
 import yaml
 from rulec_runtime.output.open_file import begin_of
 
-from rulec.language.diagnostics import Diagnostic, Place, is_ours, no_file_of_ours, split_lines
+from rulec.language.diagnostics import (
+    Diagnostic,
+    Place,
+    Refused,
+    is_ours,
+    no_file_of_ours,
+    split_lines,
+)
 from rulec.limits import (
     KEPT_DOCUMENTS,
     MAX_FILE_BYTES,
@@ -130,10 +137,10 @@ def _parsed(name: str, text: str) -> tuple[Document | None, Sequence[Diagnostic]
         message = f"not YAML: there is a control character ({ord(bad[0]):#04x})"
         return None, [Diagnostic(place, "KB004", message, "delete it")]
     try:
-        _refuse_events(text)
+        _refuse_events(name, text)
         node = yaml.compose(text, Loader=_Loader)
-    except _Unwanted as unwanted:
-        return None, [unwanted.at(name)]
+    except Refused as refused:
+        return None, refused.diagnostics
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         return None, [_syntax(name, text, error)]
     if node is None:
@@ -146,40 +153,29 @@ def _parsed(name: str, text: str) -> tuple[Document | None, Sequence[Diagnostic]
     return Document(name, _label(name), data, builder.values, builder.keys), []
 
 
-class _Unwanted(Exception):
-    """A construct that is legal in YAML but refused in a knowledge file."""
-
-    def __init__(self, mark: Any, length: int, code: str, message: str, hint: str) -> None:
-        self.mark, self.length, self.code = mark, length, code
-        self.message, self.hint = message, hint
-
-    def at(self, name: str) -> Diagnostic:
-        return Diagnostic(_at(name, self.mark, self.length), self.code, self.message, self.hint)
-
-
-def _refuse_events(text: str) -> None:
-    """Refuse before composing: an alias bomb must not even be built."""
+def _refuse_events(name: str, text: str) -> None:
+    """Refuse some legal constructs before composing: an alias bomb must not even be built."""
     documents = depth = 0
     for event in yaml.parse(text, Loader=_Loader):
         mark = event.start_mark
         anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
         if anchor:
-            hint = "write the value out: each number stands where it is used"
             message = "anchors and aliases are refused"
-            raise _Unwanted(mark, len(anchor) + 1, "KB007", message, hint)
+            hint = "write the value out: each number stands where it is used"
+            raise Refused([Diagnostic(_at(name, mark, len(anchor) + 1), "KB007", message, hint)])
         if tag:
             short = tag.replace("tag:yaml.org,2002:", "!!")
-            message = f"the tag '{short}' is refused"
-            raise _Unwanted(mark, len(short), "KB008", message, "write plain text or a number")
+            message, hint = f"the tag '{short}' is refused", "write plain text or a number"
+            raise Refused([Diagnostic(_at(name, mark, len(short)), "KB008", message, hint)])
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:
-                message = "a second document starts here"
-                raise _Unwanted(mark, 3, "KB009", message, "put it into a file of its own")
+                message, hint = "a second document starts here", "put it into a file of its own"
+                raise Refused([Diagnostic(_at(name, mark, 3), "KB009", message, hint)])
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_NESTING:
-                raise _Unwanted(mark, 1, "KB010", *_TOO_DEEP)
+                raise Refused([Diagnostic(_at(name, mark), "KB010", *_TOO_DEEP)])
         if isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 

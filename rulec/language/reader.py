@@ -51,13 +51,13 @@ class Reader:
         self.found.append(Diagnostic(self.document.place(*path), code, message, hint, second))
 
     def report_key(
-        self, path: Path_, code: str, message: str, hint: str = "", second: Place | None = None
+        self, path: Path_, code: str, message: str, hint: str, second: Place | None = None
     ) -> None:
         """Report a mistake in the key at a path, or in its content."""
         self.found.append(Diagnostic(self.document.key(*path), code, message, hint, second))
 
     def report_word(
-        self, path: Path_, column: int, word: str, code: str, message: str, hint: str = ""
+        self, path: Path_, column: int, word: str, code: str, message: str, hint: str
     ) -> None:
         """Report a mistake in one word of the text at a path; `column` counts from 0."""
         self.report_error(path, Rejected(code, column, message, hint, max(1, len(word))))

@@ -1,4 +1,4 @@
-"""Units, dimensions and fixed exponents; unit spellings are a closed list, read from kb/units.yaml."""
+"""Units, dimensions and fixed exponents; the spellings of units are those of kb/units.yaml."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
-from rulec.passes.liquid import Moved, liquid_id, moved_by
+from rulec.passes.liquid import liquid_id, moved_by
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -30,6 +30,9 @@ EXCESS = sympy.Symbol("D", real=True)
 """The faulty value, and its excess over the healthy one, in the rule of a degree."""
 
 Gradient = Mapping[str, sympy.Expr]
+
+Moves = Mapping[tuple[str, str], Sequence[Callable[[sympy.Expr], sympy.Expr]]]
+"""Per place the functions from its plain value to its value in a changed liquid."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +73,7 @@ class DegreeRule:
     text: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class TypeFault:
     """A fault variant of a module type.
 
@@ -311,20 +314,7 @@ def _faults(
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.fault_in(use)
         affects = _affected(kind, fault, use.target, symbols, observers)
-        yield _type_fault(name, fault, variant, use.target, affects)
-
-
-def _type_fault(
-    name: str, fault: FaultType, variant: Variant, target: str, affects: tuple[str, ...]
-) -> TypeFault:
-    return TypeFault(
-        id=name,
-        fault=fault,
-        variant=variant,
-        target=target,
-        affects=affects,
-        rule=_rule(fault, variant),
-    )
+        yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
 
 
 def _unlisted(
@@ -347,7 +337,7 @@ def _unlisted(
             for variant in fault.variants:
                 own = for_signal(variant, kind.signals[target], knowledge.units)
                 name = f"{stem}.{variant.name}" if variant.name else stem
-                yield _type_fault(name, fault, own, target, affects)
+                yield TypeFault(name, fault, own, target, affects, _rule(fault, own))
 
 
 def unlisted_uses(kind: ModuleType, knowledge: Knowledge) -> Iterator[FaultUse]:
@@ -435,10 +425,10 @@ def _undone(
     undone = _undone_over(kind, faults, base, symbols, {})
     degrees = {f.id: degree_symbol(f.id) for f in faults}
     gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
-    moved = _moved(kind, symbols, liquids)
+    moves = _moves(kind, symbols, liquids)
     ids = (liquid_id(f.liquid, v.name) for f in liquids if f.liquid for v in f.variants)
     of_liquid = {i: degree_symbol(i) for i in ids}
-    in_liquid = _undone_over(kind, faults, base, symbols, moved) if moved else {}
+    in_liquid = _undone_over(kind, faults, base, symbols, moves) if moves else {}
     in_liquid = {o: e for o, e in in_liquid.items() if e.free_symbols & {*of_liquid.values()}}
     readings: dict[str, sympy.Expr] = {}
     for fault in unlisted:
@@ -464,19 +454,26 @@ def _undone_over(
     faults: tuple[TypeFault, ...],
     base: Mapping[str, sympy.Expr],
     symbols: Mapping[str, sympy.Symbol],
-    moved: Mapping[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]],
+    moves: Moves,
 ) -> dict[str, sympy.Expr]:
-    """Observers over `base` with faults undone, and with the places `moved` by the liquid."""
-    known = {n: moved.get(("parameter", n), _same)(e) for n, e in base.items()}
+    """Observers over `base` with faults undone, and with the places moved by the liquid."""
+
+    def moved(place: str, name: str, plain: sympy.Expr) -> sympy.Expr:
+        for move in moves.get((place, name), ()):
+            plain = move(plain)
+        return plain
+
+    known = {n: moved("parameter", n, e) for n, e in base.items()}
     replaced: dict[str, sympy.Expr] = {}
     for name in kind.definitions:
-        if ("definition", name) in moved:
-            replaced[name] = moved["definition", name](written_out(kind, known, replaced)[name])
+        if ("definition", name) in moves:
+            plain = written_out(kind, known, replaced)[name]
+            replaced[name] = moved("definition", name, plain)
         for fault in faults:
             if fault.fault.acts_on == "definition" and fault.target == name:
                 replaced[name] = _undo(fault, written_out(kind, known, replaced)[name])
     undone = _observers(kind, known, replaced)
-    undone = {o: moved.get(("observer", o), _same)(e) for o, e in undone.items()}
+    undone = {o: moved("observer", o, e) for o, e in undone.items()}
     for fault in faults:
         if fault.fault.acts_on == "flow":
             x = degree_symbol(fault.id)
@@ -485,18 +482,13 @@ def _undone_over(
     return undone
 
 
-def _same(value: sympy.Expr) -> sympy.Expr:
-    return value
-
-
-def _moved(
+def _moves(
     kind: ModuleType, symbols: Mapping[str, sympy.Symbol], liquids: Sequence[FaultType]
-) -> dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]]:
-    """Per place a function from its plain value to its value in the changed liquid."""
+) -> Moves:
     table, observers = written_out(kind, symbols, {}), _observers(kind, symbols, {})
     values = {("definition", n): table[n] for n in kind.definitions}
     values |= {("observer", n): e for n, e in observers.items()}
-    found: dict[tuple[str, str], Callable[[sympy.Expr], sympy.Expr]] = {}
+    found: dict[tuple[str, str], list[Callable[[sympy.Expr], sympy.Expr]]] = {}
     for fault in liquids:
         assert fault.liquid is not None, "checked when the fault was read"
         ratio = sympy.S.One
@@ -505,19 +497,9 @@ def _moved(
             ratio *= law_of(variant, sympy.S.One, x)
         opening = partial(opened, kind, symbols=symbols, observers=observers)
         for part in moved_by(fault.liquid, kind, symbols, values, opening):
-            before = found.get(part.place, _same)
-            found[part.place] = partial(_then, before, part, symbols, ratio)
+            law = partial(part.law, symbols=symbols, ratio=ratio)
+            found.setdefault(part.place, []).append(law)
     return found
-
-
-def _then(
-    before: Callable[[sympy.Expr], sympy.Expr],
-    part: Moved,
-    symbols: Mapping[str, sympy.Symbol],
-    ratio: sympy.Expr,
-    plain: sympy.Expr,
-) -> sympy.Expr:
-    return part.law(before(plain), symbols, ratio)
 
 
 def degree_symbol(fault: str) -> sympy.Symbol:

@@ -75,7 +75,7 @@ def emit(
             name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
             for name, u in plant.knowledge.units.units.items()
         },
-        observers=_observers(plant, assembly, signatures),
+        observers=tuple(_observers(plant, assembly, signatures)),
         junctions=tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
         residuals=tuple(
             contract.ResidualSpec(
@@ -180,30 +180,23 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
 
 def _observers(
     plant: Plant, assembly: Assembly, signatures: Signatures
-) -> tuple[contract.ObserverSpec, ...]:
+) -> Iterator[contract.ObserverSpec]:
     signals = set(plant.signals)
-    result = []
     for module in plant.modules.values():
         for observer in module.type.observers.values():
             key = f"{module.name}.{observer.name}"
-            guards = assembly.guards[key]
-            result.append(
-                contract.ObserverSpec(
-                    id=key,
-                    module=module.name,
-                    component=observer.component,
-                    equation=f"{key} = {observer.expression}",
-                    signals=tuple(sorted(n for n in assembly.gradients[key] if n in signals)),
-                    guards=tuple(
-                        contract.Guard(f"guard:{key}:{i}", text)
-                        for i, (text, _) in enumerate(guards)
-                    ),
-                    misfit=module.misfit.get(observer.name, 0.0),
-                    reference=rounded(signatures.flows[key], DIGITS),
-                    origin=_origin(observer.origin),
-                )
+            texts = enumerate(text for text, _ in assembly.guards[key])
+            yield contract.ObserverSpec(
+                id=key,
+                module=module.name,
+                component=observer.component,
+                equation=f"{key} = {observer.expression}",
+                signals=tuple(sorted(n for n in assembly.gradients[key] if n in signals)),
+                guards=tuple(contract.Guard(f"guard:{key}:{i}", text) for i, text in texts),
+                misfit=module.misfit.get(observer.name, 0.0),
+                reference=rounded(signatures.flows[key], DIGITS),
+                origin=_origin(observer.origin),
             )
-    return tuple(result)
 
 
 def _settled(h: Hypothesis) -> contract.FaultSpec:
@@ -276,9 +269,16 @@ def _fault(
 def _liquid(
     plant: Plant, assembly: Assembly, residuals: tuple[Residual, ...], signatures: Signatures
 ) -> Iterator[contract.LiquidSpec]:
-    known = liquids_of(plant.knowledge) if assembly.liquid else ()
-    slopes = _liquid_slopes(assembly, signatures) if assembly.liquid else {}
-    for fault in known:
+    if not assembly.liquid:
+        return
+    slopes = _liquid_slopes(assembly, signatures)
+    thermometers = tuple(
+        f"{m.name}.{s.name}"
+        for m in plant.modules.values()
+        for s in m.type.signals.values()
+        if s.quantity == THERMOMETER
+    )
+    for fault in liquids_of(plant.knowledge):
         assert fault.liquid is not None, "checked when the fault was read"
         for variant in fault.variants:
             id_ = liquid_id(fault.liquid, variant.name)
@@ -289,12 +289,7 @@ def _liquid(
                     sign=_sign_of(variant),
                     per_kelvin=fault.liquid.per_kelvin,
                     factor=fault.liquid.factor,
-                    thermometers=tuple(
-                        f"{m.name}.{s.name}"
-                        for m in plant.modules.values()
-                        for s in m.type.signals.values()
-                        if s.quantity == THERMOMETER
-                    ),
+                    thermometers=thermometers,
                 )
 
 
