@@ -10,8 +10,6 @@ from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 
 Node = int
 
-_LEAVES = frozenset({"input", "constant"})
-
 
 class Graph:
     """A growing set of numbered operations; `plan` freezes it."""
@@ -195,7 +193,7 @@ class Graph:
         while node >= 0:
             found.append(node)
             name, a, b = self._kinds[node]
-            if name not in _LEAVES:
+            if name not in ("input", "constant"):
                 marks[a] = 1
                 if name not in UNARY:
                     marks[b] = 1

@@ -62,11 +62,11 @@ class EquationReader(Reader):
         gathered = {name: self.provided.get(name, UNKNOWN) for name in module.gathers}
         for path, expression in module.equations_at():
             group, name, key = path[0], str(path[1]), str(path[2])
-            for asked, column in expression.gathered():
-                if asked not in self.provided:
-                    message = f"no module type provides '{asked}'"
-                    hint = did_you_mean(asked, self.provided)
-                    self.report_word(path, column, asked, "KB056", message, hint)
+            for used, column in expression.gathered():
+                if used not in self.provided:
+                    message = f"no module type provides '{used}'"
+                    hint = did_you_mean(used, self.provided)
+                    self.report_word(path, column, used, "KB056", message, hint)
             own = self.dimension(path, expression, known, gathered)
             wanted, code = VOLUME_FLOW, "KB057"
             if group == "definitions":
@@ -102,12 +102,12 @@ class EquationReader(Reader):
         names = (*module.signals, *module.parameters, *module.states, *ENDS)
         table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
         gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
-        asked = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
+        used = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
         for path, expression in module.equations_at():
             if path[0] not in ("definitions", "observers"):
                 continue
             try:
-                table[str(path[1])] = to_sympy(expression, table, gathered, asked)
+                table[str(path[1])] = to_sympy(expression, table, gathered, used)
             except ValueError:
                 message = "min() or max() gets something that is no real number"
                 hint = "is there a root of something below 0, or a division by 0?"

@@ -159,8 +159,8 @@ class _PlantReader(Reader):
                 there = replace(module, fluid=known[fluid])
                 result[name] = fill(there, known[fluid]) if module.type.asks else there
             elif fluid is None and module.type.asks:
-                asked = " and ".join(module.type.asks)
-                message = f"'{module.type.name}' asks for {asked}, but no fluid is named"
+                used = " and ".join(module.type.asks)
+                message = f"'{module.type.name}' asks for {used}, but no fluid is named"
                 hint = "add 'fluid: ...' to the plant; " + did_you_mean("", self.fluids)
                 self.report(("modules", name, "type"), "KB066", message, hint)
         return result

@@ -27,7 +27,7 @@ from rulec.knowledge.read_layers import (
     KNOWLEDGE,
     LayerDocuments,
     conforms,
-    counted,
+    in_use,
     open_document,
     read_layers,
 )
@@ -61,10 +61,10 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
         columns = _read_attached(plant, file, ("columns",), found)
     calibrations = tuple(_read_calibrations(plant, file, found))
     adjacency = _read_adjacency(plant, file, found)
-    held = read_layers(layers, read_document, wanted, effects=effects)
+    contents = read_layers(layers, read_document, wanted, effects=effects)
     naming = [d for d in (plant, columns, *calibrations) if d is not None]
     own = {"plant": plant, "columns": columns, "calibrations": calibrations, "adjacency": adjacency}
-    return _sources(layers, held, counted(held, naming), found, **own)
+    return _sources(layers, contents, in_use(contents, naming), found, **own)
 
 
 def read_all(plant: Path | None) -> Sources:
@@ -81,8 +81,8 @@ def read_all(plant: Path | None) -> Sources:
         if document is None:
             raise Refused(found)
         layers = layers_of(file.parent, _named(document))
-    held = read_layers(layers, read_document)
-    return _sources(layers, held, held, found)
+    contents = read_layers(layers, read_document)
+    return _sources(layers, contents, contents, found)
 
 
 def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], list[Diagnostic]]:
@@ -111,8 +111,8 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
         except Refused as refused:
             found += refused.diagnostics
             continue
-        held = read_layers(layers, once, given=[file for file, _ in given])
-        by_kind = _merged(held, held, found)
+        contents = read_layers(layers, once, given=[file for file, _ in given])
+        by_kind = _merged(contents, contents, found)
         for _, document in given:
             kind = kind_of(document) or ""
             by_kind[kind] = (*by_kind.get(kind, ()), document)
@@ -128,8 +128,8 @@ def read_type(name: str, near: Path) -> tuple[Document, Sources]:
     Raises `Refused`, or `Misused` if there is no such type.
     """
     layers = layers_around(near)
-    held = read_layers(layers, read_document, {"module": {name}, "fluid": set()}, effects=False)
-    sources = _sources(layers, held, held, [])
+    contents = read_layers(layers, read_document, {"module": {name}, "fluid": set()}, effects=False)
+    sources = _sources(layers, contents, contents, [])
     named = [d for d in sources.by_kind.get("module", ()) if d.data["module"] == name]
     if not named:
         hint = did_you_mean(name, sources.names("module"))
@@ -183,19 +183,18 @@ def _named_beside(file: Path) -> list[tuple[str, Place]]:
 
 
 def _merged(
-    held: Sequence[LayerDocuments], counting: Iterable[LayerDocuments], found: list[Diagnostic]
+    contents: Sequence[LayerDocuments], used: Sequence[LayerDocuments], found: list[Diagnostic]
 ) -> dict[str, tuple[Document, ...]]:
     """Documents of the layers that apply, by kind; of the other layers only those for names.
 
     The shipped layer comes first: if two names clash, the one nearer to the plant is reported.
     """
     result: dict[str, list[Document]] = {}
-    taken = list(counting)
-    for part in reversed(held):
-        if part in taken:
+    for part in reversed(contents):
+        if part in used:
             found += part.mistakes
         for kind, documents in part.by_kind.items():
-            if part in taken:
+            if part in used:
                 result.setdefault(kind, []).extend(documents)
             elif kind in ("provider", "other"):
                 result.setdefault("other", []).extend(documents)
@@ -204,18 +203,18 @@ def _merged(
 
 def _sources(
     layers: tuple[Layer, ...],
-    held: Sequence[LayerDocuments],
-    counting: Iterable[LayerDocuments],
+    contents: Sequence[LayerDocuments],
+    used: Sequence[LayerDocuments],
     found: list[Diagnostic],
     **own: Any,
 ) -> Sources:
     """Sources from the documents of layers and a plant's own; raises `Refused` with mistakes."""
-    by_kind = _merged(held, counting, found)
+    by_kind = _merged(contents, used, found)
     if found:
         raise Refused(found)
     layer_of = {
         document.path: part.layer
-        for part in held
+        for part in contents
         for documents in part.by_kind.values()
         for document in documents
     }
@@ -236,10 +235,10 @@ def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
 
 
 def _read(
-    file: Path, kind: str | None, found: list[Diagnostic], asked: Place | None = None
+    file: Path, kind: str | None, found: list[Diagnostic], named_at: Place | None = None
 ) -> Document | None:
     """Read one file and check its schema; mistakes are added to `found`."""
-    document = open_document(file, kind, found, read_document, asked)
+    document = open_document(file, kind, found, read_document, named_at)
     return document if document is not None and conforms(document, found) else None
 
 

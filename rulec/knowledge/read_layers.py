@@ -74,24 +74,24 @@ def read_layers(
     done = {os.path.realpath(file) for file in given}
     result = []
     for layer in layers:
-        held = LayerDocuments(layer)
+        content = LayerDocuments(layer)
         for file in layer.files:
             real = os.path.realpath(file)
             if real not in done and (effects or not has_line(file, _EFFECT)):
-                _add(held, file, read, wanted)
+                _add(content, file, read, wanted)
             done.add(real)
-        result.append(held)
+        result.append(content)
     return result
 
 
-def counted(held: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[LayerDocuments]:
+def in_use(contents: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[LayerDocuments]:
     """Layers that apply to a plant: all but the installed packages it does not use.
 
     A package applies if the plant (its documents are `naming`), or a layer that applies, uses one
     of its names, so that installing a package does not change other plants. A package with effects
     applies wherever effects are read.
     """
-    parts = list(held)
+    parts = list(contents)
     taken = [p for p in parts if p.layer.kind != PACKAGE or p.by_kind.get("effect")]
     waiting = [p for p in parts if p not in taken]
     if not waiting:
@@ -106,10 +106,10 @@ def counted(held: Iterable[LayerDocuments], naming: Iterable[Document]) -> list[
     return [p for p in parts if p not in waiting]
 
 
-def _words_of(held: LayerDocuments) -> set[str]:
+def _words_of(content: LayerDocuments) -> set[str]:
     """Names used in its files; in shared layers, only in the modules and fluids of the plant."""
-    kinds = held.by_kind.keys() if held.layer.is_own else ("module", "fluid")
-    documents = (d for kind in kinds for d in held.by_kind.get(kind, ()) if kind != "other")
+    kinds = content.by_kind.keys() if content.layer.is_own else ("module", "fluid")
+    documents = (d for kind in kinds for d in content.by_kind.get(kind, ()) if kind != "other")
     return {word for document in documents for word in _words(document.data)}
 
 
@@ -127,29 +127,29 @@ def _words(data: Any) -> Iterator[str]:
 
 
 def _add(
-    held: LayerDocuments, file: Path, read: Open, wanted: Mapping[str, set[str]] | None
+    content: LayerDocuments, file: Path, read: Open, wanted: Mapping[str, set[str]] | None
 ) -> None:
-    beside = held.layer.folder.parent if held.layer.kind == OWN else held.layer.folder
-    if held.layer.is_own and not is_near(file, beside):
-        held.mistakes.append(leads_out(Place(file.as_posix())))
+    beside = content.layer.folder.parent if content.layer.kind == OWN else content.layer.folder
+    if content.layer.is_own and not is_near(file, beside):
+        content.mistakes.append(leads_out(Place(file.as_posix())))
         return
-    if wanted is not None and not held.layer.is_own and (named := _unused(file, wanted)):
-        held.by_kind.setdefault("other", []).append(unread_document(file, named))
+    if wanted is not None and not content.layer.is_own and (named := _unused(file, wanted)):
+        content.by_kind.setdefault("other", []).append(unread_document(file, named))
         return
-    document = open_document(file, None, held.mistakes, read)
+    document = open_document(file, None, content.mistakes, read)
     if document is None:
         return
-    if not held.layer.is_whole:
-        inside = file.relative_to(held.layer.folder).as_posix()
-        document = replace(document, label=f"{held.layer.name}/{inside}")
+    if not content.layer.is_whole:
+        inside = file.relative_to(content.layer.folder).as_posix()
+        document = replace(document, label=f"{content.layer.name}/{inside}")
     kind = kind_of(document) or ""
-    mistakes = held.mistakes
+    mistakes = content.mistakes
     if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
         kind, mistakes = "provider", []
     if kind == "provider" and "provides" not in document.data:
-        held.by_kind.setdefault("other", []).append(document)
+        content.by_kind.setdefault("other", []).append(document)
     elif conforms(document, mistakes):
-        held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
+        content.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
 
 
 def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
@@ -165,9 +165,9 @@ def _unused(file: Path, wanted: Mapping[str, set[str]]) -> dict[str, str]:
 
 
 def open_document(
-    file: Path, kind: str | None, found: list[Diagnostic], read: Open, asked: Place | None = None
+    file: Path, kind: str | None, found: list[Diagnostic], read: Open, named_at: Place | None = None
 ) -> Document | None:
-    """Read one file of the given kind, or of any; `asked` is the place that names it."""
+    """Read one file of the given kind, or of any; `named_at` is the place that names it."""
     document, mistakes = read(file)
     found.extend(mistakes)
     if document is None:
@@ -179,10 +179,10 @@ def open_document(
     near = nearest(first[0], KINDS) if first else None
     place = document.key(*first)
     if actual is None:
-        found.append(no_file_of_ours(place, near if near not in first else None, asked))
+        found.append(no_file_of_ours(place, near if near not in first else None, named_at))
         return None
     message, hint = f"this is not a {kind} file", f"its first key should be '{kind}'"
-    found.append(Diagnostic(place, "KB012", message, hint, asked))
+    found.append(Diagnostic(place, "KB012", message, hint, named_at))
     return None
 
 

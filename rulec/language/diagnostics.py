@@ -91,11 +91,11 @@ def is_ours(text: str) -> bool:
 
 
 def no_file_of_ours(
-    place: Place, near: str | None = None, asked: Place | None = None
+    place: Place, near: str | None = None, second: Place | None = None
 ) -> Diagnostic:
-    """A file is not of this tool; `near` is the key that was meant, `asked` what refers to it."""
+    """A file is not of this tool; `near` is the key that was meant, `second` what names the file."""
     hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
-    return Diagnostic(place, "KB012", "this is not a file of this tool", hint, asked)
+    return Diagnostic(place, "KB012", "this is not a file of this tool", hint, second)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

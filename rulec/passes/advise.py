@@ -56,7 +56,7 @@ class Adviser:
         hood = self._hood(faults)
         return () if hood is None else degrees_at(apart(hood.gram(faults)))
 
-    def alike(self) -> Iterable[tuple[str, str]]:
+    def close_pairs(self) -> Iterable[tuple[str, str]]:
         """Pairs within or beside a module that a small degree detects but does not isolate."""
         for key in dict.fromkeys(self._key(pair) for pair in self._neighbours()):
             hood = self._hood_of(key)

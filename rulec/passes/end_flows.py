@@ -83,8 +83,7 @@ def _edges(
                     known[f"{name}|{end}"] = KnownFlow(name, "end", end)
             continue
         edges[name] = (tail, head)
-        law = law_of(kind)
-        if law:
+        if law := law_of(kind):
             known[name] = KnownFlow(name, "observer", law)
     return edges, known
 

@@ -109,9 +109,9 @@ def _simulation(known: Compilation) -> Iterator[str]:
 def _ruleset(known: Compilation) -> Iterator[str]:
     """The plan has all outputs that the runtime needs."""
     outputs = known.ruleset.plan.outputs
-    asked = [f"q:{o.id}" for o in known.ruleset.observers]
-    asked += [f"{kind}:{r.id}" for r in known.ruleset.residuals for kind in ("R", "u")]
-    missing = [name for name in asked if name not in outputs]
+    needed = [f"q:{o.id}" for o in known.ruleset.observers]
+    needed += [f"{kind}:{r.id}" for r in known.ruleset.residuals for kind in ("R", "u")]
+    missing = [name for name in needed if name not in outputs]
     if missing:
         yield f"no output {', '.join(missing)}"
 

@@ -67,9 +67,9 @@ def moved_by(
 
     `values` holds definitions and observers, by (kind, name), over the local `symbols`.
     """
-    asks = factor_name(kind.fluid, liquid.property) if kind.fluid else ""
-    if asks in symbols:
-        yield Moved(("parameter", asks), None, "")
+    factor = factor_name(kind.fluid, liquid.property) if kind.fluid else ""
+    if factor in symbols:
+        yield Moved(("parameter", factor), None, "")
     for move in liquid.moves:
         found = list(_fitting(move, kind, symbols, opened))
         inner = {part.name for part in found if isinstance(part, Definition)}
@@ -77,7 +77,7 @@ def moved_by(
             uses = kind.names_through(part.expression)
             place = ("observer" if isinstance(part, Observer) else "definition", part.name)
             value = values[place]
-            known = asks in symbols and symbols[asks] in value.free_symbols
+            known = factor in symbols and symbols[factor] in value.free_symbols
             by = "" if uses & inner or known else _by(move, kind, symbols, value, uses)
             if by:
                 yield Moved(place, move, by)
