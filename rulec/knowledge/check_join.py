@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from rulec.knowledge.effect import PLAIN, Driver, EffectLaw, EffectState, Join
@@ -34,8 +34,8 @@ class JoinReader(Reader):
 
     drivers: Mapping[str, Driver]
     known: Mapping[str, Dimension]
-    states: Mapping[str, EffectState] = field(default_factory=dict)
-    of_place: Mapping[str, Dimension] = field(default_factory=dict)
+    states: Mapping[str, EffectState]
+    of_place: Mapping[str, Dimension]
 
     def read(self, i: int) -> Iterator[Join]:
         """The joins of one entry, one for each quantity."""

@@ -93,7 +93,7 @@ def is_ours(text: str) -> bool:
 def no_file_of_ours(
     place: Place, near: str | None = None, second: Place | None = None
 ) -> Diagnostic:
-    """A file is not of this tool; `near` is the key that was meant, `second` what names the file."""
+    """A file is not of this tool; `near` is the key that was meant, `second` what names it."""
     hint = f"did you mean '{near}'?" if near else "first key: " + ", ".join(KINDS)
     return Diagnostic(place, "KB012", "this is not a file of this tool", hint, second)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from operator import attrgetter
 
 import sympy
 from rulec_runtime.contract.ruleset import MISFIT
@@ -109,11 +108,11 @@ def assemble(
     for part in parts.values():
         part.lower_observers(observers, gradients, guards)
     readers = _readers(parts.values())
-    hypotheses, unlisted = (
-        tuple(h for part in parts.values() for h in _hypotheses(part, faults(part.model), readers))
-        for faults in (attrgetter("faults"), attrgetter("unlisted"))
-    )
-    unlisted = tuple(h for h in unlisted if h.affects)
+    hypotheses: list[Hypothesis] = []
+    unlisted: list[Hypothesis] = []
+    for part in parts.values():
+        hypotheses += _hypotheses(part, part.model.faults, readers)
+        unlisted += _hypotheses(part, part.model.unlisted, readers)
     targets: dict[str, TargetNodes] = {}
     for part in parts.values():
         part.lower_targets(targets)
@@ -126,8 +125,8 @@ def assemble(
         gradients=gradients,
         guards=guards,
         targets=targets,
-        hypotheses=hypotheses,
-        unlisted=unlisted,
+        hypotheses=tuple(hypotheses),
+        unlisted=tuple(h for h in unlisted if h.affects),
         residual_nodes=nodes,
         residual_gradients=residual_gradients,
         residual_variances=variances,

@@ -174,15 +174,16 @@ class _System:
         plan = self.assembly.graph.plan(nodes)
         values = plan.run({**reference, **units, PARAMETERS: 1.0, MODEL: 1.0})
         sizes = self._flow_sizes()
-        result, column = np.zeros((self.equations, len(self.unknowns))), self.number
+        result = np.zeros((self.equations, len(self.unknowns)))
         for i, module in enumerate(self.module_of):
-            result[i, column[module]] = -1.0
+            result[i, self.number[module]] = -1.0
         result[len(self.observers) :, : len(self.flows)] = self.balances * sizes / sizes.max()
         for key, value in values.items():
             observer, _, name = key.partition("|")
             signal, row = self.used[name], int(observer)
             shown = abs(reference[name] - signal.unit.offset) or signal.full_scale or 1.0
-            result[row, column[name]] = value[0] * shown / sizes[column[self.module_of[row]]]
+            flow = sizes[self.number[self.module_of[row]]]
+            result[row, self.number[name]] = value[0] * shown / flow
         return np.nan_to_num(result)
 
     def _flow_sizes(self) -> Array:
