@@ -131,10 +131,7 @@ RULES: Mapping[str, Rule] = {
 }
 """The operations, as `evaluate` in `integrator.py` has them."""
 
-DECLARED = (
-    "declare double @llvm.sqrt.f64(double)",
-    "declare double @llvm.fabs.f64(double)",
-)
+DECLARED = ("declare double @llvm.sqrt.f64(double)", "declare double @llvm.fabs.f64(double)")
 
 CALLED = frozenset({"pow", "exp", "log", "tanh"})
 """Operations that are functions at an address; the derivative of `pow` needs `log` beside it."""

@@ -17,11 +17,7 @@ from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, isolate, quantile
 from rulec_runtime.diagnosis.steady.many import at_once, has_many
 from rulec_runtime.diagnosis.steady.observe import Observed, estimate
-from rulec_runtime.diagnosis.steady.points import (
-    Points,
-    one_after_the_other,
-    points_of_stretches,
-)
+from rulec_runtime.diagnosis.steady.points import Points, one_after_the_other, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, once

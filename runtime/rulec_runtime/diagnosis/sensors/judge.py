@@ -35,11 +35,7 @@ from rulec_runtime.recordings.when import ENDED, TO_THE_END
 Found = tuple[SensorFinding, slice]
 """A finding with its samples."""
 
-WHY = {
-    "dead": "dead at zero",
-    "stuck": "stuck at one value",
-    "range": "outside the sensor's range",
-}
+WHY = {"dead": "dead at zero", "stuck": "stuck at one value", "range": "outside the sensor's range"}
 """By name of a condition: why a reading is not used, in a few words."""
 
 

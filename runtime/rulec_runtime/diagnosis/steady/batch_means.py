@@ -42,10 +42,7 @@ class Halves:
 def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> Halves:
     """Cut every stretch in the middle."""
     middle = stretches.first + stretches.lengths // 2
-    early, late = (
-        Stretches(stretches.first, middle),
-        Stretches(middle, stretches.last),
-    )
+    early, late = (Stretches(stretches.first, middle), Stretches(middle, stretches.last))
     before, after = (means_of_stretches(recording, ruleset, part) for part in (early, late))
     excess = stretches.lengths**2 / (early.lengths * late.lengths)
 

@@ -144,12 +144,7 @@ def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
         wide = float(np.sqrt(fit.distance / freedom))
     posterior, unprejudiced = probability.tolist()
     return Hypothesis(
-        fit.faults,
-        fit.degrees,
-        tuple(wide * u for u in fit.u),
-        posterior,
-        unprejudiced,
-        fit.when,
+        fit.faults, fit.degrees, tuple(wide * u for u in fit.u), posterior, unprejudiced, fit.when
     )
 
 

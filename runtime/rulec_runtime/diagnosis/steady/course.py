@@ -366,11 +366,7 @@ class Stack:
 
 
 def stack_of(
-    ruleset: Ruleset,
-    observed: Observed,
-    points: np.ndarray,
-    end: float,
-    named: list[int],
+    ruleset: Ruleset, observed: Observed, points: np.ndarray, end: float, named: list[int]
 ) -> Stack | None:
     """Points of a part stacked, of many some; None where they are too few. Of a large part only
     what tells of the `named` faults."""

@@ -10,12 +10,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.baseline import (
-    SHIFTED,
-    Baselines,
-    against,
-    nothing_learned,
-)
+from rulec_runtime.diagnosis.steady.baseline import SHIFTED, Baselines, against, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
@@ -175,11 +170,7 @@ def _seen(
 
 
 def _wandering(
-    ruleset: Ruleset,
-    plain: Observed,
-    halves: Halves | None,
-    observers: np.ndarray,
-    chosen: slice,
+    ruleset: Ruleset, plain: Observed, halves: Halves | None, observers: np.ndarray, chosen: slice
 ) -> Observed:
     """Estimates with what they do within a stretch, as far as its halves are known."""
     if halves is None:

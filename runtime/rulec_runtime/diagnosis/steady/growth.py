@@ -112,10 +112,7 @@ def _reaches(
         ahead = level - course.now[0]
         pause = time - course.steps[-1][0]
         return Reaches(
-            degree=level,
-            earliest=time,
-            latest=time + ahead / rate[1] + pause,
-            open_end=False,
+            degree=level, earliest=time, latest=time + ahead / rate[1] + pause, open_end=False
         )
     later, middle, u = course.ahead
     soon, sure = (middle + sign * limits.COVERAGE * u >= level for sign in (1.0, -1.0))

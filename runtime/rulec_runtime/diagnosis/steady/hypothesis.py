@@ -13,12 +13,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.batches import of_points
-from rulec_runtime.diagnosis.steady.chi_square import (
-    ChiSquare,
-    Metric,
-    Weighing,
-    inverse_of,
-)
+from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.recordings.scratch import let_go
 

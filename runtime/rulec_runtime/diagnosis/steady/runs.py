@@ -60,11 +60,7 @@ def _cannot_see(
 
 
 def _continues(
-    verdicts: list[Verdict],
-    isolation: Isolation,
-    members: list[int],
-    point: int,
-    slow: Set[int],
+    verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int, slow: Set[int]
 ) -> bool:
     first, here = verdicts[members[0]], verdicts[point]
     if first.kind != here.kind or len(first.faults) != len(here.faults):

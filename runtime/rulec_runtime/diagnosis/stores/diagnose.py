@@ -130,12 +130,7 @@ def _finding(
 
 
 def _edge(
-    model: Model,
-    windows: Windows,
-    sound: Judged,
-    faulty: Judged,
-    fault: str,
-    degree: float,
+    model: Model, windows: Windows, sound: Judged, faulty: Judged, fault: str, degree: float
 ) -> float:
     """The time between a sound window and a faulty one at which a fault of a degree sets in.
 
