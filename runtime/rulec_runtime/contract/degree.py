@@ -1,11 +1,11 @@
-"""How the degree of a fault is written: a share, or a size in the unit of the reading."""
+"""How the degree of a fault is written: as a share, or as a size in the unit of the reading."""
 
 from __future__ import annotations
 
 from rulec_runtime.contract.ruleset import FaultSpec
 
 LARGE = 10.0
-"""A share beyond this is told as over it: nothing is left to compare it with."""
+"""Above this a share is written as ``>10``: it has nothing left to be compared with."""
 
 
 def degree_in_words(fault: FaultSpec, value: float) -> str:
@@ -24,7 +24,7 @@ def degree_in_figures(fault: FaultSpec, low: float, high: float | None = None) -
 def smallest_degree(fault: FaultSpec, value: float, beyond: str = ">") -> str:
     """For a cell of the matrix: ``0.12``, ``>10``, or ``0.43 K``.
 
-    Beyond the range of its sensor no reading can be off.
+    No reading can be off by more than the range of its sensor.
     """
     if fault.unit:
         if value > fault.highest:

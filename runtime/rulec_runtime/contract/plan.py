@@ -1,7 +1,7 @@
 """A plan: array operations as data, and the interpreter that runs them.
 
-Values are numbered: first the inputs, then the constants, then one per operation. A plan is part
-of the ruleset contract, so the compiler uses this very interpreter for its reference point.
+Values are numbered: first the inputs, then the constants, then one per operation. A plan is part of
+the ruleset contract, so the compiler uses this interpreter for its reference point too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rulec_runtime.contract.plan_kernel import PlanKernel
 Array = NDArray[np.float64]
 
 CHUNK = 16384
-"""Samples at a time: fewer make numpy's calls dear, more leave the cache."""
+"""Samples at a time: with fewer, numpy's calls dominate; with more, the data leave the cache."""
 
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "add": np.add,
@@ -42,14 +42,14 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 UNARY = frozenset({"neg", "sqrt", "abs", "sign", "exp", "log", "tanh"})
 
 ABSENT = np.asarray(np.nan)
-"""Value of an input that is not given."""
+"""Value of a missing input."""
 
 Operation = tuple[str, int, int]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Operations ``(name, a, b)`` on numbered values; `b` is ignored by unary ones.
+    """Operations ``(name, a, b)`` on numbered values; unary ones ignore `b`.
 
     `outputs` maps a name to the number of its value.
     """
@@ -65,20 +65,21 @@ class Plan:
         return len(self.inputs) + len(self.constants)
 
     def select(self, outputs: Iterable[str]) -> Plan:
-        """Keep what the named outputs need; unknown names raise KeyError.
+        """Keep what the named outputs need; raises KeyError for unknown names.
 
-        The same names give the same plan, so that how to run it is worked out once.
+        The same names give the same plan object, so its schedule is worked out once.
         """
         names = tuple(outputs)
         return kept_plan(self._selections, names, lambda: self.selected(names))
 
     def narrowed(self) -> Plan:
-        """The same plan with those inputs and constants alone that it reads."""
+        """The same plan without the inputs and constants that it does not read."""
         used = self._used
         first = len(self.inputs)
         inputs = [i for i in range(first) if i in used]
         constants = [i for i in range(first, self.first_operation) if i in used]
-        kept = [*inputs, *constants, *range(self.first_operation, self._end)]
+        end = self.first_operation + len(self.operations)
+        kept = [*inputs, *constants, *range(self.first_operation, end)]
         place = {i: j for j, i in enumerate(kept)}
         return Plan(
             tuple(self.inputs[i] for i in inputs),
@@ -89,16 +90,12 @@ class Plan:
             {name: place[i] for name, i in self.outputs.items()},
         )
 
-    @property
-    def _end(self) -> int:
-        return self.first_operation + len(self.operations)
-
     @cached_property
     def _selections(self) -> dict[tuple[str, ...], Plan]:
         return {}
 
     def selected(self, outputs: Iterable[str]) -> Plan:
-        """The same, worked out anew."""
+        """As `select`, but always a new plan."""
         kept = {name: self.outputs[name] for name in outputs}
         needed = self._needed(kept.values())
         renumber = {i: i for i in range(self.first_operation)}
@@ -111,9 +108,9 @@ class Plan:
         return Plan(self.inputs, self.constants, tuple(operations), outputs_)
 
     def _needed(self, roots: Iterable[int]) -> list[int]:
-        """Operations that the roots need, one root after the other, each behind its operands.
+        """Operations that the roots need, one root after the other, each after its operands.
 
-        In this order few values are alive at a time.
+        This order keeps few values alive at a time.
         """
         order: list[int] = []
         seen: set[int] = set()
@@ -131,12 +128,12 @@ class Plan:
 
     @cached_property
     def used_inputs(self) -> frozenset[str]:
-        """Names of the inputs that some operation or output reads."""
+        """Names of the inputs that an operation or output reads."""
         return frozenset(name for i, name in enumerate(self.inputs) if i in self._used)
 
     @cached_property
     def _used(self) -> frozenset[int]:
-        """Numbers of the values that some operation or output reads."""
+        """Numbers of the values that an operation or output reads."""
         used = set(self.outputs.values())
         for name, a, b in self.operations:
             used.add(a)
@@ -156,9 +153,9 @@ class Plan:
         Parameters
         ----------
         values : per input name an array, shape (n,), or a number; SI. Absent inputs count as NaN.
-        out : per output name an array to write to, shape (n,). Fresh memory costs more than the
-            calculation, so a long recording is best run block by block into the same arrays. They
-            share no memory with `values`.
+        out : per output name an array to write to, shape (n,), that shares no memory with `values`.
+            Fresh memory costs more than the calculation, so run a long recording block by block
+            into the same arrays.
 
         Returns
         -------
@@ -189,9 +186,9 @@ class Plan:
         return results
 
     def _fixed(self, given: Sequence[Array], schedule: _Schedule) -> list[Any]:
-        """All values that need no chunks; inputs as they are, constants and scalar operations.
+        """All values that need no chunks: inputs as they are, constants and scalar operations.
 
-        Numbers are arrays without dimension: those are cheaper to hand to numpy than floats.
+        Numbers are arrays without dimension: numpy takes them faster than floats.
         """
         values: list[Any] = [*given, *self._constants]
         values += [None] * len(self.operations)
@@ -204,7 +201,7 @@ class Plan:
         return [np.asarray(c) for c in self.constants]
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
-        """Split operations into scalar ones and array steps; buffers are reused after last use."""
+        """Split operations into scalars and array steps; a buffer is reused after its last use."""
         is_array = [*varying, *[False] * (len(self.constants) + len(self.operations))]
         order = [
             (i, *self.operations[i - self.first_operation])
@@ -242,7 +239,7 @@ class Plan:
 
 
 def kept_plan(plans: dict[Any, Plan], key: Any, made: Callable[[], Plan]) -> Plan:
-    """The plan that is kept by a key, or a new one; of many, those asked for last are kept."""
+    """The plan kept under a key, or a new one; the least recently used plans are dropped."""
     found = plans.pop(key, None) or made()
     while len(plans) >= limits.PLANS_KEPT:
         del plans[next(iter(plans))]
@@ -254,9 +251,9 @@ def kept_plan(plans: dict[Any, Plan], key: Any, made: Callable[[], Plan]) -> Pla
 class _Schedule:
     """How to run a plan once it is known which inputs are arrays.
 
-    `scalars` work on numbers alone and run once, `steps` on chunks. The value of a step goes to
+    `scalars` work on numbers alone and run once, `steps` run on chunks. The value of a step goes to
     a row of the buffer (`rows`) or straight into an output (`targets`). `kernel` does all steps at
-    once, where that pays.
+    once where that pays.
     """
 
     scalars: tuple[Step, ...]
@@ -271,7 +268,7 @@ class _Schedule:
 def _run_steps(
     schedule: _Schedule, fixed: Sequence[Any], out: Mapping[str, Array] | None, n: int
 ) -> dict[str, Array]:
-    """Run the array steps chunk by chunk, so that the buffers stay in the cache; their targets."""
+    """Run the array steps chunk by chunk, so that the buffers stay in the cache."""
     names = schedule.targets.values()
     results = {name: np.empty(n) if out is None else out[name] for name in names}
     store = np.empty((schedule.count, min(n, CHUNK)))

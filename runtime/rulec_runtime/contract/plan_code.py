@@ -1,8 +1,8 @@
 """A plan's array operations as code for LLVM: one loop over samples, values stay in registers.
 
-The code is made from numbers of operations and of values alone, never from a text of the ruleset.
-It does what numpy does, operation by operation and to the last bit; operations that numpy has a
-function of its own for (exp, log, tanh, pow) stay with numpy, between two loops.
+The code is made from numbers of operations and values, never from text in the ruleset. It gives
+numpy's results to the last bit, operation by operation; operations for which numpy has its own
+function (exp, log, tanh, pow) stay with numpy, between two loops.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _plain(operation: str) -> Rule:
 
 
 def _either(comparison: str) -> Rule:
-    """The first operand where it compares so, or is no number; of two zeros the second."""
+    """The first operand if the comparison holds or it is NaN, else the second."""
 
     def rule(code: Code, x: str, y: str) -> str:
         found = code.choose(code.calc(comparison, x, y, WIDE), x, y, WIDE)
@@ -64,12 +64,12 @@ RULES: Mapping[Callable[..., Any], Rule] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """In which parts steps are done, and where values stand.
+    """The parts in which steps run, and the places of values.
 
     A part is one loop over samples, or one operation of numpy. `numbers` are values without
     samples, in the order in which the code reads them. `inputs`, `targets` and `rows` are values
-    with samples: what is given, what the caller wants, and what one part leaves for another;
-    `place` numbers them in this order, but rows are used again after their last use.
+    with samples: those given, those wanted by the caller, and those that one part leaves for
+    another; `place` numbers them in this order, but rows are reused after their last use.
     """
 
     parts: tuple[tuple[Step, ...], ...]
@@ -81,12 +81,12 @@ class Layout:
 
     @property
     def arrays(self) -> int:
-        """How many arrays there are before the rows."""
+        """Number of arrays before the rows."""
         return len(self.inputs) + len(self.targets)
 
 
 def layout_of(steps: Sequence[Step], inputs: Sequence[int], targets: Sequence[int]) -> Layout:
-    """Lay out steps that stand behind what they read; `inputs` are the values with samples."""
+    """Lay out steps, each of which follows what it reads; `inputs` are the values with samples."""
     parts = _parts(steps)
     made = {step[3]: part for part, own in enumerate(parts) for step in own}
     last: dict[int, int] = {}
@@ -120,7 +120,7 @@ def layout_of(steps: Sequence[Step], inputs: Sequence[int], targets: Sequence[in
 
 
 def _parts(steps: Sequence[Step]) -> tuple[tuple[Step, ...], ...]:
-    """Loops and operations of numpy in turn; long loops are cut, as LLVM takes longer for them."""
+    """Loops and operations of numpy in turn; long loops are split, as LLVM compiles them slowly."""
     level: dict[int, int] = {}
     keyed = []
     for step in steps:
@@ -146,8 +146,8 @@ def is_loop(part: Sequence[Step]) -> bool:
 def code_of(layout: Layout, name: str) -> str:
     """Functions ``<name>_<part>(at, numbers, low, high)`` for samples from low to high.
 
-    `at` has the address of every array, for rows of the sample `low`; samples are a multiple of
-    `LANES`.
+    `at` holds the address of every array; rows begin at the sample `low`. The number of samples is
+    a multiple of `LANES`.
     """
     functions = [
         _function(layout, part, f"@{name}_{i}")
@@ -163,7 +163,7 @@ def _function(layout: Layout, part: Sequence[Step], name: str) -> str:
     there: dict[int, str] = {}
 
     def address(value: int) -> tuple[str, str]:
-        """Where an array begins, and which of its samples it is."""
+        """The address of an array, and the index of its samples."""
         place = layout.place[value]
         base = code.put(f"getelementptr ptr, ptr %at, i64 {place}")
         column = "%column" if place < layout.arrays else "%inside"

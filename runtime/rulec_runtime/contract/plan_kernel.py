@@ -1,8 +1,8 @@
-"""Machine code of a plan: made once it pays, kept for the next start, the same numbers as numpy.
+"""Machine code of a plan: made once it pays, kept for the next start, same numbers as numpy.
 
-What it costs is told by the work done so far: code that an earlier start kept is loaded soon, new
-code is made when numpy has worked about as long as making it takes. So no run is much longer than
-without, and long ones are several times faster.
+The work done so far decides: code kept by an earlier start is loaded early; new code is made when
+numpy has worked about as long as making it takes. So no run takes much longer than without, and
+long ones are several times faster.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Function = Callable[[int, int, int, int], None]
 
 _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
 _IN_USE: dict[str, tuple[Function, ...]] = {}
-"""By name: code that this process has loaded, which stays as long as the process."""
+"""By name: code that this process has loaded, for as long as it lives."""
 
 
 class PlanKernel:
@@ -45,22 +45,21 @@ class PlanKernel:
     def __init__(
         self, steps: Sequence[Step], inputs: Sequence[int], targets: Mapping[int, str]
     ) -> None:
-        self._given = steps, inputs, targets
         self._steps, self._inputs, self._targets = steps, inputs, targets
         self._work = 0
-        self._looked = self._refused = False
+        self._tried = self._refused = False
         self._functions: tuple[Function, ...] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy begins anew: machine code belongs to one process."""
-        return PlanKernel, self._given
+        """A copy starts anew: machine code belongs to one process."""
+        return PlanKernel, (self._steps, self._inputs, self._targets)
 
     def run(
         self, fixed: Sequence[Any], out: Mapping[str, Array] | None, n: int
     ) -> dict[str, Array] | None:
         """Targets by name, shape (n,), written to `out` if given; None where numpy has to do it.
 
-        `fixed` are values as numpy has them before the first step: arrays of `n` samples, numbers.
+        `fixed` are values before the first step: arrays of `n` samples, and numbers.
         """
         self._work += len(self._steps) * (n + limits.PLAN_CALL)
         if self._functions is None:
@@ -80,14 +79,14 @@ class PlanKernel:
         arrays = [*map(np.ascontiguousarray, given), *made]
         at = np.array([a.__array_interface__["data"][0] for a in arrays], dtype=np.int64)
         if (np.abs(at[: len(given), None] - at[len(given) :]) < arrays[0].nbytes).any():
-            return None  # what is given would be written over
+            return None  # the outputs would overwrite the inputs
         self._run_tiles(arrays, at, numbers, n)
         return dict(zip(self._targets.values(), made, strict=True))
 
     def _run_few(
         self, given: Sequence[Array], out: Mapping[str, Array] | None, numbers: Array, n: int
     ) -> dict[str, Array]:
-        """Few samples, in two tables that are a little wider: one address is cheaper than many."""
+        """Run few samples, padded in two tables: one address is cheaper than many."""
         width = -(-n // LANES) * LANES
         inputs, made = np.ones((len(given), width)), np.empty((len(self._targets), width))
         for row, array in zip(inputs, given, strict=True):
@@ -110,17 +109,17 @@ class PlanKernel:
         tile = n // LANES * LANES
         if len(layout.parts) > 1:
             tile = min(tile, limits.PLAN_TILE)
-        # Rows whose beginnings lie a power of two apart would drive each other out of the cache.
+        # Rows that begin a power of two apart would evict each other from the cache.
         rows = np.empty((layout.rows, tile + LINE))
         arrays, at = [*arrays, *rows], np.concatenate((at, _rows(rows)))
-        # The last tile may overlap the one before: it finds the same numbers.
+        # The last tile may overlap the one before: it gives the same numbers.
         for low in (*range(0, n - tile, tile), n - tile):
             self._run_tile(arrays, at, numbers, low, low + tile)
 
     def _run_tile(
         self, arrays: Sequence[Array], at: NDArray[np.int64], numbers: Array, low: int, high: int
     ) -> None:
-        """All parts, for samples few enough to stay in the cache."""
+        """Run all parts on samples few enough to stay in the cache."""
         layout = self._layout
         assert self._functions is not None
         functions = iter(self._functions)
@@ -145,22 +144,22 @@ class PlanKernel:
         return layout_of(self._steps, self._inputs, list(self._targets))
 
     def _worth(self) -> tuple[Function, ...] | None:
-        """The functions, if the work so far is worth to have them."""
+        """The functions, if the work so far justifies them."""
         if self._refused or self._work < limits.KEPT_CODE_WORTH or not there_is_llvm():
             return None
         make = self._work > limits.PLAN_CODE_WORTH * len(self._steps) + limits.KEPT_CODE_WORTH
-        if self._looked and not make:
+        if self._tried and not make:
             return None
-        self._looked = True
+        self._tried = True
         try:
             return _functions(self._steps, self._layout, make)
-        except (ImportError, OSError, RuntimeError):  # an LLVM that knows no such machine
+        except (ImportError, OSError, RuntimeError):  # this LLVM does not know the machine
             self._refused = True
             return None
 
 
 def _functions(steps: Sequence[Step], layout: Layout, make: bool) -> tuple[Function, ...] | None:
-    """Functions of all loops: those in use, those that were kept, or new ones if `make`."""
+    """Functions of all loops: those in use, those kept, or new ones if `make`."""
     key = _key(steps, layout)
     name = f"plan_{key}"
     with ONE_AT_A_TIME:
@@ -178,7 +177,7 @@ def _functions(steps: Sequence[Step], layout: Layout, make: bool) -> tuple[Funct
 
 
 def _key(steps: Sequence[Step], layout: Layout) -> str:
-    """Hash of all that the code depends on: operations, this machine, and who writes it."""
+    """Hash of all that the code depends on: operations, this machine, and the code generator."""
     operations = [(f.__name__, a, b, value) for f, a, b, value in steps]
     what = (operations, layout.inputs, layout.targets, limits.PLAN_LOOP, _writer(), made_for())
     return hashlib.sha256(repr(what).encode()).hexdigest()

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,30 +22,27 @@ Size = TypeVar("Size", float, Array)
 
 FORMAT_VERSION = 3
 
-
 MISFIT = "~"
-"""Mark behind an observer's id: its own misfit as an input of gradients."""
+"""Suffix of an observer's id: its own misfit as an input of gradients."""
 
 UNCERTAINTIES = ("full scale", "reading", "value")
-"""What the systematic uncertainty of a sensor is a share of, or a value."""
-
+"""The systematic uncertainty of a sensor is a share of one of these, or a value."""
 
 USUAL = "usual"
-"""How often a fault comes of which nothing is said; the words are those of `FREQUENCY_ODDS`."""
-
+"""Default frequency of a fault; `FREQUENCY_ODDS` lists all of them."""
 
 SELDOM = {"seldom": True}
-"""Mark of a field that stands in a file only where it has another value than its default."""
+"""Mark of a field that is written to a file only if it differs from its default."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SignalSpec:
     """A measured value: SI = reading * factor + offset.
 
-    `kind` and `standard` give the systematic standard uncertainty (a share of full scale or of
-    the reading, or a value in SI). `valid_from`, `valid_to` bound the range in which the equations
-    were calibrated; below `minimum` nothing is judged. `between` samples a given reading keeps its
-    value (``hold``) or runs straight to the next (``line``).
+    `kind` and `standard` give the systematic standard uncertainty (a share of full scale or of the
+    reading, or a value in SI). `valid_from`, `valid_to` bound the range in which the equations were
+    calibrated; below `minimum` nothing is judged. `between` samples an input reading keeps its
+    value (``hold``) or is interpolated linearly (``line``).
     """
 
     id: str
@@ -66,12 +64,12 @@ class SignalSpec:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """What its sensor can show, SI; without bound where nothing is known of it."""
+        """Range of the sensor, SI; unbounded where unknown."""
         low, high = self.lowest, self.highest
         return -math.inf if low is None else low, math.inf if high is None else high
 
     def shown(self, value: Size) -> Size:
-        """A value, SI, or several, as the sensor shows it, in its own unit."""
+        """A value, or several, SI, in the sensor's own unit."""
         return (value - self.offset) / self.factor
 
 
@@ -87,7 +85,7 @@ class ColumnMap:
 
 @dataclass(frozen=True)
 class UnitSpec:
-    """A unit a recording may be written in; `dimension` are exponents of m, kg, s, K, A."""
+    """A unit of recordings; `dimension` are exponents of m, kg, s, K, A."""
 
     factor: float
     offset: float
@@ -96,7 +94,7 @@ class UnitSpec:
 
 @dataclass(frozen=True)
 class Guard:
-    """A plan output that must be positive, and how to say so."""
+    """A plan output that must be positive, and its name in messages."""
 
     output: str
     text: str
@@ -119,7 +117,7 @@ class ObserverSpec:
 
 @dataclass(frozen=True)
 class Junction:
-    """Flows balance here: those that leave `outlets` enter `inlets`."""
+    """Flows balance here: those out of `outlets` go into `inlets`."""
 
     outlets: tuple[str, ...]
     inlets: tuple[str, ...]
@@ -148,13 +146,13 @@ class ResidualSpec:
 class FaultSpec:
     """A hypothesis.
 
-    `affects` lists the observers that it makes wrong, `scales` the signals in what it scales: only
-    these may leave the calibrated range because of the fault. `in_sensor` says that the reading
-    itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
-    With a `unit` the degree is a size that is added to the reading; else it is a share.
-    `frequency` says how often it comes beside other faults, as `frequency_origin` has it. Nobody
-    would believe a degree from `absurd` on, where that is below `highest`. An `unlisted` one
-    may be in any reading of its class: no module lists it, and no rule gives its degree.
+    `affects` lists the observers that it biases, `scales` the signals in what it scales: only these
+    may leave the calibrated range because of the fault. `in_sensor`: the reading itself is scaled,
+    errors and all; else the quantity, and so the errors of its estimates. With a `unit` the degree
+    is a size added to the reading; else it is a share. `frequency` is how often it occurs relative
+    to other faults, by `frequency_origin`. A degree of `absurd` or more is not credible, if that is
+    below `highest`. An `unlisted` fault may be in any reading of its class: no module lists it, and
+    no rule gives its degree.
     """
 
     id: str
@@ -180,19 +178,18 @@ class FaultSpec:
 
     @property
     def credible(self) -> float:
-        """Degree below which one is believed; at the end of its range whatever is wrong piles
-        up."""
+        """Degrees below this are credible; at the end of the range any mismatch piles up."""
         end = self.highest * (1.0 - limits.END_OF_RANGE)
         return end if self.absurd is None else min(end, self.absurd)
 
     @property
     def scale(self) -> float:
-        """Degrees over this are shares: of what it acts on, or of the range of its sensor."""
+        """Degree over this is a share: of what the fault acts on, or of its sensor's range."""
         return self.highest if self.unit else 1.0
 
     @property
     def odds(self) -> float:
-        """Prior odds of it, over a listed fault that comes as usual."""
+        """Prior odds relative to a listed fault of usual frequency."""
         listed = limits.UNLISTED_ODDS if self.unlisted else 1.0
         return listed * limits.FREQUENCY_ODDS[self.frequency]
 
@@ -202,8 +199,8 @@ class Cell:
     """A non-zero entry of the fault-symptom matrix at the reference point.
 
     `gain` is dR/dg (g: what the fault scales), `sensitivity` dR/dx in m3/s per unit of degree,
-    `detectable` the degree at which the residual leaves its threshold. `forms` lists the rule
-    forms that the plan holds as ``x:<form>:<fault>:<residual>``: none of an unlisted fault.
+    `detectable` the degree at which the residual leaves its threshold. `forms` lists the rule forms
+    that the plan holds as ``x:<form>:<fault>:<residual>``; an unlisted fault has none.
     """
 
     fault: str
@@ -227,11 +224,11 @@ class AdvisedSensor:
 
 @dataclass(frozen=True)
 class AmbiguousGroup:
-    """Faults that are hard or impossible to tell apart, and the sensors that would help.
+    """Faults that are hard or impossible to distinguish, and the sensors that would help.
 
-    `degrees`, per fault, are those from which on it is told from the others at one operating
-    point (None: never; empty: not known); `sensors` is empty where they are told apart anyway, or
-    no sensor would help.
+    `degrees`, per fault, are those from which on it is distinguishable at one operating point
+    (None: never; empty: not known). `sensors` is empty where the faults are distinguishable anyway,
+    or no sensor would help.
     """
 
     faults: tuple[str, ...]
@@ -254,10 +251,10 @@ class ParameterSpec:
 
 @dataclass(frozen=True)
 class SimulationStep:
-    """Readings that follow together from given ones and from earlier steps.
+    """Readings that follow together from the given ones and from earlier steps.
 
-    `zeros` are signed sums that vanish, as many as `readings`; `flows` gives each flow that is
-    found here as a signed sum. Terms are estimates, by observer id, and flows of earlier steps, by
+    `zeros` are signed sums that vanish, as many as `readings`; `flows` gives each flow found in
+    this step as a signed sum. Terms are estimates, by observer id, and flows of earlier steps, by
     module.
     """
 
@@ -270,7 +267,7 @@ class SimulationStep:
 class Simulation:
     """How readings are predicted: step by step from those `given`.
 
-    Where the plant cannot be simulated, `refused` says why.
+    `refused` says why the plant cannot be simulated.
     """
 
     given: tuple[str, ...]
@@ -294,10 +291,10 @@ class Dynamics:
     """Balances of a plant that stores.
 
     The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
-    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``; it gives
-    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead
-    times ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those
-    of `values`, SI, without their correlations.
+    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``. It gives
+    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead times
+    ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those of
+    `values`, SI, without their correlations.
     """
 
     states: tuple[StateSpec, ...]
@@ -311,7 +308,7 @@ class Dynamics:
 
 @dataclass(frozen=True, kw_only=True)
 class LiquidSpec:
-    """A change of the liquid: a fault of no module, which makes estimates of several wrong at once.
+    """A change of the liquid: a fault of no module that biases estimates of several at once.
 
     `cells` are as those of other faults, without rules. Where `per_kelvin` (1/K, known to a
     `factor`) is not 0, the property follows the temperature; `thermometers` are the signals that
@@ -328,10 +325,11 @@ class LiquidSpec:
 
 @dataclass(frozen=True)
 class RegimeCondition:
-    """A condition of a regime, `text` as its author wrote it.
+    """A condition of a regime, with its author's `text`.
 
-    With a `signal` its reading is not below its minimum (`above`), or below it. Else the plan's
-    output ``margin:<margin>`` is positive beyond ``u_margin:<margin>``, its standard uncertainty.
+    With a `signal`, its reading is at or above its minimum (`above`), or below it. Else the plan's
+    output ``margin:<margin>`` is significantly positive; its standard uncertainty is
+    ``u_margin:<margin>``.
     """
 
     text: str
@@ -342,7 +340,7 @@ class RegimeCondition:
 
 @dataclass(frozen=True, kw_only=True)
 class RegimeSpec:
-    """A way in which a module runs that its laws for delivering do not cover, such as dry; all
+    """A way of running, such as dry, that the delivery laws of a module do not cover; all
     conditions must hold."""
 
     id: str
@@ -359,7 +357,7 @@ class RegimeSpec:
 class KnowledgeSpec:
     """A folder of knowledge that the ruleset is made from.
 
-    `version` is that of the installed package, or empty; `digest` the hash of what was taken.
+    `version` is that of the installed package, or empty; `digest` the hash of what was used.
     """
 
     name: str
@@ -371,12 +369,12 @@ class KnowledgeSpec:
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant.
 
-    `knowledge` is empty where it comes from one folder alone. `unbalanced` are junctions at modules
-    that store: what meets there is connected, and no flows balance. `unlisted` are errors that a
-    reading may have whatever its module lists, with cells of their own: causes beside `faults`.
-    `liquid` are changes of the liquid; `undo` gives the observers that they move as ``ql:``, and
-    slopes by their degrees as ``dql:``. The ruleset of a part has them among its `faults`, as
-    ``q:`` and ``dq:``.
+    `knowledge` is empty if a single folder is the source. `unbalanced` are junctions at modules
+    that store: they connect, but flows need not balance. `unlisted` are errors that a reading may
+    have beyond those its module lists, with cells of their own: causes beside `faults`. `liquid`
+    are changes of the liquid; `undo` gives the observers that they move as ``ql:``, and slopes by
+    their degrees as ``dql:``. The ruleset of a part has them among its `faults`, as ``q:`` and
+    ``dq:``.
     """
 
     format_version: int
@@ -411,24 +409,23 @@ class Ruleset:
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
-        """Those that are listed, and the others."""
+        """Listed faults, unlisted ones, and changes of the liquid."""
         liquid = (change.fault for change in self.liquid)
         return {f.id: f for f in (*self.faults, *self.unlisted, *liquid)}
 
     @cached_property
     def is_listed(self) -> np.ndarray:
-        """Which faults some module lists, flags of the shape (faults,)."""
+        """Flags of the faults that some module lists, shape (faults,)."""
         return np.array([not f.unlisted for f in self.faults], dtype=bool)
 
     @cached_property
     def doubted(self) -> Array:
-        """Logarithm of the prior odds of the faults that no module lists, 0 of the others, shape
-        (faults,)."""
+        """Log prior odds of unlisted faults, 0 for the others, shape (faults,)."""
         return np.where(self.is_listed, 0.0, np.log(self.odds))
 
     @cached_property
     def moved_by_reading(self) -> Mapping[str, frozenset[str]]:
-        """Residuals that some unlisted error of a reading moves, by the signal."""
+        """Per signal, the residuals that some unlisted error of its reading moves."""
         cells: dict[str, set[str]] = {}
         for cell in self.unlisted_cells:
             (signal,) = self.fault_by_id[cell.fault].scales
@@ -436,7 +433,7 @@ class Ruleset:
         return {signal: frozenset(moved) for signal, moved in cells.items()}
 
     def with_unlisted(self) -> Ruleset:
-        """The same ruleset with all that may be wrong among its faults, the listed ones first."""
+        """The same ruleset with unlisted faults among its faults, the listed ones first."""
         return dataclasses.replace(
             self,
             faults=(*self.faults, *self.unlisted),
@@ -456,13 +453,13 @@ class Ruleset:
 
     @cached_property
     def read(self) -> frozenset[str]:
-        """Signals that some equation reads or predicts."""
+        """Signals that an equation reads or predicts."""
         dynamic = self.dynamics
         return self.observed.union(dynamic.inputs + dynamic.outputs if dynamic else ())
 
     @cached_property
     def observed(self) -> frozenset[str]:
-        """Signals that some estimate of a flow reads."""
+        """Signals that an estimate of a flow reads."""
         return frozenset(s for o in self.observers for s in o.signals)
 
     @cached_property
@@ -489,31 +486,24 @@ class Ruleset:
 
     def undone(self, observers: tuple[str, ...], faults: tuple[str, ...]) -> Plan:
         """Plan of flows with faults undone (``q:``), and their slopes by the degrees (``dq:``)."""
-
-        def made() -> Plan:
-            names = [f"q:{o}" for o in observers]
-            return self._of_undo([*names, *(f"dq:{o}:{f}" for o in observers for f in faults)])
-
-        return kept_plan(self._undone, (observers, faults), made)
+        flows = (f"q:{o}" for o in observers)
+        slopes = (f"dq:{o}:{f}" for o in observers for f in faults)
+        return self._plan_of_undo((observers, faults), chain(flows, slopes))
 
     def undone_slopes(self, observers: tuple[str, ...]) -> Plan:
-        """Plan of the slopes (``dq:``) of the flows of observers by each degree that moves them."""
+        """Plan of the slopes (``dq:``) of observers' flows by each degree that moves them."""
+        own = frozenset(observers)
+        slopes = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own)
+        return self._plan_of_undo(observers, slopes)
 
-        def made() -> Plan:
-            own = frozenset(observers)
-            return self._of_undo(
-                f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in own
-            )
-
-        return kept_plan(self._undone, observers, made)
-
-    def _of_undo(self, names: Iterable[str]) -> Plan:
-        """Those of some outputs of `undo` that there are."""
-        return self.undo.selected(n for n in names if n in self.undo.outputs).narrowed()
+    def _plan_of_undo(self, key: Any, names: Iterable[str]) -> Plan:
+        """The plan kept under a key, or a new one of the names that `undo` has."""
+        known = (n for n in names if n in self.undo.outputs)
+        return kept_plan(self._undone, key, lambda: self.undo.selected(known).narrowed())
 
     @cached_property
     def kept(self) -> dict[str, Any]:
-        """What those who read it have worked out of it once, by names of their own."""
+        """Derived results that are worked out once, by names of their users."""
         return {}
 
     @cached_property
@@ -526,21 +516,18 @@ class Ruleset:
 
     @cached_property
     def _text(self) -> str:
-        # Who compiles a plant keeps it for the next start, and writes it.
-        data = _fields(self)
-        return _write({**data, DIGEST: digest_of(data, _fields)})
+        """One line per table row: diffs of golden files stay readable.
 
-
-def _write(data: dict[str, Any]) -> str:
-    """One line per table row: diffs of golden files stay readable."""
-    lines = []
-    for key, value in data.items():
-        if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
-            rows = ",\n".join("  " + _dump(row) for row in value)
-            lines.append(f"{json.dumps(key)}: [\n{rows}\n]")
-        else:
-            lines.append(f"{json.dumps(key)}: {_dump(value)}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+        It is kept, as a compiled plant is both written and cached for the next start.
+        """
+        data, lines = _fields(self), []
+        for key, value in {**data, DIGEST: digest_of(data, _fields)}.items():
+            if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+                rows = ",\n".join("  " + _dump(row) for row in value)
+                lines.append(f"{json.dumps(key)}: [\n{rows}\n]")
+            else:
+                lines.append(f"{json.dumps(key)}: {_dump(value)}")
+        return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _dump(value: Any) -> str:

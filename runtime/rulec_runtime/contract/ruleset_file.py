@@ -1,7 +1,7 @@
-"""Read a ruleset file, and refuse what is none, of another version, or damaged.
+"""Read a ruleset file; refuse other files, other versions and damaged ones.
 
-A ruleset decides what an operator is told, so it is taken as it was compiled or not at all: its
-digest shows every change. Types and references are checked as well, whoever made the digest.
+A ruleset decides what an operator is told, so it is used as compiled or not at all: its digest
+reveals every change. Types and references are checked as well, whoever made the digest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime import limits
-from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
 from rulec_runtime.output.refusal import Refusal
@@ -69,7 +69,7 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
 
 
 def _dangling(ruleset: Ruleset) -> Iterator[str]:
-    """References to what the ruleset does not hold, and names it holds twice."""
+    """References to what the ruleset does not hold, and duplicate names."""
     tables = {
         "signal": [s.id for s in ruleset.signals],
         "observer": [o.id for o in ruleset.observers],
@@ -98,7 +98,7 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
 
 
 def _disordered(simulation: Simulation) -> Iterator[str]:
-    """Steps of the simulation that cannot be taken one behind the other."""
+    """Steps of the simulation that cannot run in this order."""
     found: set[str] = set()
     for number, step in enumerate(simulation.steps, 1):
         if len(step.zeros) != len(step.readings):
@@ -112,7 +112,7 @@ def _disordered(simulation: Simulation) -> Iterator[str]:
 
 
 def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
-    """Everything that one part of a ruleset says of another, as (kind, name)."""
+    """All references from one part of a ruleset to another, as (kind, name)."""
     for signal in ruleset.signals:
         yield "kind of uncertainty", signal.kind
     for column in ruleset.columns:
@@ -159,10 +159,11 @@ def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def _verify(plan: Plan, name: str) -> None:
-    """A plan may only read what stands before it."""
+    """A plan may only read what comes before it."""
     start = plan.first_operation
-    for i, operation in enumerate(plan.operations, start):
-        if not _legal(operation, i):
+    for i, (operation, a, b) in enumerate(plan.operations, start):
+        known = operation in OPERATIONS
+        if not (known and 0 <= a < i and (operation in UNARY or 0 <= b < i)):
             raise RulesetRefused(f"{name}: damaged plan at operation {i - start}; compile again")
     end = start + len(plan.operations)
     if not all(type(i) is int and 0 <= i < end for i in plan.outputs.values()):
@@ -171,15 +172,9 @@ def _verify(plan: Plan, name: str) -> None:
         raise RulesetRefused(f"{name}: damaged plan constants; compile again")
 
 
-def _legal(operation: Operation, number: int) -> bool:
-    """Is this an operation that reads only values with smaller numbers?"""
-    name, a, b = operation
-    return name in OPERATIONS and 0 <= a < number and (name in UNARY or 0 <= b < number)
-
-
 @functools.cache
 def _builder(kind: Any) -> Callable[[Any], Any]:
-    """What turns JSON data into `kind`: types are looked at once, not at every value."""
+    """A function that turns JSON data into `kind`; types are inspected once, not per value."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
         return _group_builder(kind)
@@ -233,7 +228,7 @@ def _row_builder(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
 
     def build(data: Any) -> Any:
         _expect(data, list, "a list")
-        # Plans have hundreds of thousands of rows: those of plain values are looked at at once.
+        # Plans have hundreds of thousands of rows: rows of plain values are checked in one go.
         if (*map(type, data),) == plain:
             return tuple(data)
         if len(data) != len(builders):

@@ -1,4 +1,4 @@
-"""When a residual counts as moved: the one place where that is decided."""
+"""When a residual counts as moved: the only place that decides this."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Size = TypeVar("Size", float, Array)
 def threshold_of(u: Size) -> Size:
     """Threshold of a residual with standard uncertainty `u`, or of several; in the unit of `u`.
 
-    A degree with standard uncertainty `u` is seen from there on.
+    A degree with standard uncertainty `u` is detectable from there on.
 
     >>> threshold_of(0.5)
     1.5
@@ -22,7 +22,7 @@ def threshold_of(u: Size) -> Size:
 
 
 def sign_of(value: float, u: float) -> str:
-    """Which way a residual with standard uncertainty `u` has moved: `+`, `-`, or `0` if not at all.
+    """Sign of a residual with standard uncertainty `u`: `+`, `-`, or `0` within its threshold.
 
     >>> sign_of(-2.0, 0.5), sign_of(1.5, 0.5)
     ('-', '0')

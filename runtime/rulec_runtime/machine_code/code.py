@@ -1,4 +1,4 @@
-"""Code for LLVM, line by line: numbers of places alone, never a text of a file."""
+"""Code for LLVM, line by line: made from numbers alone, never from a file's text."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import struct
 from collections.abc import Callable
 
 LANES = 4
-"""Numbers at a time: a register of AVX2 holds so many."""
+"""Numbers at a time: an AVX2 register holds so many."""
 
 LINE = 8
-"""Numbers in a line of the cache."""
+"""Numbers in a cache line."""
 
 WIDE = f"<{LANES} x double>"
 
@@ -22,25 +22,25 @@ class Code:
         self._count = 0
 
     def put(self, what: str) -> str:
-        """A line with a result; its name."""
+        """Add a line with a result; its name."""
         self._count += 1
         self.lines.append(f"  %r{self._count} = {what}")
         return f"%r{self._count}"
 
     def do(self, what: str) -> None:
-        """A line without a result."""
+        """Add a line without a result."""
         self.lines.append(f"  {what}")
 
     def at(self, base: str, index: int | str) -> str:
-        """The address of a number of an array."""
+        """The address of an element of an array."""
         return self.put(f"getelementptr double, ptr {base}, i64 {index}")
 
     def load(self, base: str, index: int | str, kind: str = "double") -> str:
-        """A number of an array, or `LANES` of them."""
+        """An element of an array, or `LANES` of them."""
         return self.put(f"load {kind}, ptr {self.at(base, index)}, align 8")
 
     def store(self, value: str, base: str, index: int | str, kind: str = "double") -> None:
-        """Write a number, or `LANES` of them."""
+        """Write an element, or `LANES` of them."""
         self.do(f"store {kind} {value}, ptr {self.at(base, index)}, align 8")
 
     def wide(self, value: str) -> str:
@@ -65,13 +65,13 @@ class Code:
         return self.put(f"call double inttoptr (i64 {function} to ptr)({given})")
 
     def moved(self, base: str, scale: str, by: str | None, kind: str = "double") -> str:
-        """`base` and a multiple of something, which None has none of."""
+        """`base` plus `scale` times `by`; `base` alone if `by` is None."""
         if by is None:
             return base
         return self.calc("fadd", base, self.calc("fmul", scale, by, kind), kind)
 
     def by_columns(self, end: int | str, body: Callable[[], None], begin: int | str = 0) -> None:
-        """A loop over columns, `LANES` at a time; the last one that a function may have."""
+        """A loop over columns, `LANES` at a time; the only and last one of a function."""
         self.do("br label %columns")
         self.lines.append("columns:")
         self.do(f"%column = phi i64 [ {begin}, %start ], [ %next_column, %columns ]")
@@ -89,5 +89,5 @@ class Code:
 
 
 def number(value: float) -> str:
-    """A number as LLVM writes it: its bits."""
+    """A number in LLVM's notation: its bits."""
     return f"0x{int.from_bytes(struct.pack('>d', value)):016X}"

@@ -1,4 +1,4 @@
-"""LLVM, as numba brings it: what turns code into machine code and runs it in this process."""
+"""numba's LLVM: turns code into machine code and runs it in this process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rulec_runtime import limits
 
 _NUMBERS = itertools.count()
 ONE_AT_A_TIME = threading.RLock()
-"""Held while something is made: LLVM's engine is one for all threads."""
+"""Held while something is made: all threads share LLVM's engine."""
 
 
 @cache
@@ -23,9 +23,9 @@ def there_is_llvm() -> bool:
 
 
 def made(name: str, code: str) -> int:
-    """The address of a function, made for this machine; it stays as long as the process.
+    """The address of a function, made for this machine; it lives as long as the process.
 
-    What it was made from is let go: a function takes 30 kB, with that it would be 0.8 MB.
+    The source is released: a function takes 30 kB, with its source 0.8 MB.
     """
     import llvmlite.binding as llvm
 
@@ -45,7 +45,7 @@ def made(name: str, code: str) -> int:
 def object_of(code: str) -> bytes:
     """Machine code as bytes, which another start on such a machine may load.
 
-    LLVM is asked for more here than by `made`: what is kept is paid for once.
+    LLVM optimises more here than for `made`: kept code is paid for once.
     """
     import llvmlite.binding as llvm
 
@@ -54,9 +54,9 @@ def object_of(code: str) -> bytes:
 
 
 def loaded(data: bytes, names: Sequence[str]) -> tuple[int, ...]:
-    """Addresses of functions in what `object_of` gave; their names must be new to this process.
+    """Addresses of functions in the result of `object_of`; their names must be new to this process.
 
-    Raises RuntimeError or OSError where it is no machine code, or has no such functions.
+    Raises RuntimeError or OSError if it is no machine code, or lacks these functions.
     """
     import llvmlite.binding as llvm
 
@@ -72,7 +72,7 @@ def loaded(data: bytes, names: Sequence[str]) -> tuple[int, ...]:
 
 @cache
 def made_for() -> str:
-    """What machine code depends on beside its source: versions, and the kind of this machine."""
+    """What machine code depends on besides its source: versions, and the kind of this machine."""
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -90,16 +90,15 @@ def _features() -> str:
 def _engine() -> Any:
     """An engine for this machine.
 
-    LLVM is asked for little: what it finds beyond takes longer than it saves.
+    LLVM optimises little: more would take longer than it saves.
     """
     import llvmlite.binding as llvm
 
-    machine = _machine(0)
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine(0))
 
 
 def _machine(effort: int) -> Any:
-    """A description of this machine; an engine keeps the one that it gets."""
+    """A description of this machine; an engine keeps its own."""
     import llvmlite.binding as llvm
 
     _begun()

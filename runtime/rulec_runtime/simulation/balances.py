@@ -17,15 +17,16 @@ __all__ = ["TIME", "Balances", "Course", "RanAway"]
 
 
 class RanAway(Exception):
-    """A state grew beyond all bounds; the parameters make no sense."""
+    """A state grew beyond all bounds: the parameters make no sense."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What balances give over a recording.
+    """Solution of balances over a recording.
 
     `shown` holds outputs, shape (samples, outputs), `slopes` their derivatives by the seeds, shape
-    (samples, outputs, seeds), `states` the states, shape (samples, states). `steps` were taken.
+    (samples, outputs, seeds), `states` the states, shape (samples, states). `steps` counts the
+    steps taken.
     """
 
     shown: Array
@@ -38,7 +39,7 @@ class Course:
 class Balances:
     """A plan with states and readings by id, and the readings that are given.
 
-    `outputs` are names of outputs of the plan, as ``shown:lower.y``.
+    `outputs` are names of outputs of the plan, such as ``shown:lower.y``.
     """
 
     plan: Plan
@@ -67,19 +68,17 @@ class Balances:
         values: Mapping[str, float],
         seeds: Sequence[str] = (),
     ) -> Course:
-        """Integrate from the first sample to the last.
+        """Integrate from the first sample to the last; raises `RanAway`.
 
         Parameters
         ----------
         time : shape (n,), s, rising.
         inputs : shape (n, inputs), SI, all finite.
-        held : per input, whether it keeps its value up to the next sample; else it is interpolated.
+        held : per input, whether it keeps its value until the next sample; else it is interpolated.
         values : per parameter a value, SI; absent ones count as 0.
         seeds : parameters by which the outputs are differentiated.
-
-        Raises `RanAway`.
         """
-        # To load the integrator's compiler takes longer than to read a plant.
+        # Loading the integrator's compiler takes longer than reading a plant.
         from rulec_runtime.simulation.integrator import PIECES, integrate
 
         tape, _ = self._tape
@@ -103,12 +102,12 @@ class Balances:
         )
         if steps < 0:
             raise RanAway
-        # The explicit method takes fewer, but where a state grows by itself.
+        # The explicit method takes fewer, unless a state grows by itself.
         self._kernels.count(columns, steps, implicit=steps > PIECES * n)
         return Course(shown, slopes, states, steps)
 
     def _filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:
-        """Values and slopes with all that stays the same over a run filled in."""
+        """Values and slopes, with everything that is constant over a run filled in."""
         from rulec_runtime.simulation.integrator import LANES, evaluate
 
         (tape, size), plan = self._tape, self._plan

@@ -1,8 +1,7 @@
-"""Where the compiled integrator is kept: compiling it takes 25 s, and no start should pay twice.
+"""Where the compiled integrator is kept: compiling takes 25 s, and no start should pay that twice.
 
-numba keeps it beside the source or in the user's cache folder. Where neither can be written, as
-in an installation of another user without a home, a folder of this user among the temporary files
-does.
+numba keeps it beside the source or in the user's cache folder. Where neither is writable, as for an
+installation of another user without a home, a private folder among the temporary files is used.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ from pathlib import Path
 from rulec_runtime.output.terminal import say_aside
 
 CHOSEN = "NUMBA_CACHE_DIR"
-"""Environment variable by which numba is told a folder."""
+"""Environment variable that sets numba's folder."""
 
 
 def can_be_kept(source: str) -> bool:
-    """Whether the code compiled from a source file can be kept; if not, it is said, once."""
+    """Whether the code compiled from a source file can be kept; if not, warn once."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     named = os.environ.get(CHOSEN)
     usual = [Path(named)] if named else []
@@ -47,7 +46,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _own_folder() -> Path | None:
-    """A folder among the temporary files that is this user's alone: code is loaded from it."""
+    """A folder among the temporary files, private to this user: code is loaded from it."""
     if not hasattr(os, "getuid"):
         return None
     try:

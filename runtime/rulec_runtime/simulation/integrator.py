@@ -1,15 +1,14 @@
 """The integrator: compiled by numba once, for all plants.
 
-A plan is data (see `contract.plan`), which an interpreter reads: an analysis may try hundreds of
-variants of a model without compiling any. For variants that come often there is machine code
-(`kernel.py`), which does the same and gives the same numbers. Derivatives by chosen parameters are
-carried along exactly (forward mode).
+A plan is data (see `contract.plan`) that an interpreter reads: an analysis may try hundreds of
+variants of a model without compiling any. Frequent variants get machine code (`kernel.py`), which
+gives the same numbers. Derivatives by chosen parameters are carried along exactly (forward mode).
 
-Source: Runge and Kutta's method of fourth order with a fixed step per sample, cut in a few pieces
-where the fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2); where
-that would not do, as at a rim that liquid runs over, the linearly implicit method of second order
-with one Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step;
-its steps are cut until the method of first order within it agrees.
+Source: Runge and Kutta's method of fourth order with a fixed step per sample, split into a few
+pieces where the fastest mode in the stages demands it (Hairer, Noersett, Wanner 1993, IV.2). Where
+that is not enough, as at an overflow edge, the linearly implicit method of second order with one
+Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step; its
+steps are split until the embedded method of first order agrees.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ try:
     from rulec_runtime.simulation import kernel_call
 
     LANES = kernel_call.LANES
-except ImportError:  # an operator's station may do without numba: slow, but the same numbers
+except ImportError:  # numba is optional at an operator's station: slow, but the same numbers
     KEPT, LANES = False, 1
 
     def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
@@ -38,59 +37,59 @@ except ImportError:  # an operator's station may do without numba: slow, but the
         return lambda function: function
 
 
-"""Columns of slopes come in multiples of `LANES`: kernels work on so many at a time."""
+# Columns of slopes come in multiples of `LANES`: kernels work on so many at a time.
 
 LIVELY = 1.0
-"""Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
-up to 2.8. Origin: numerical."""
+"""Step times rate of the fastest mode beyond which a step is split; Runge-Kutta is stable up to
+2.8. Origin: numerical."""
 
 EXACT = 1e-7
-"""Error of a step, as a share of each state's largest value so far, beyond which it is cut. Origin:
-numerical."""
+"""Error of a step, as a share of each state's largest value so far, beyond which it is split.
+Origin: numerical."""
 
 PIECES = 4
-"""Pieces of a sample's step at most; what is faster still is stepped implicitly. Origin:
+"""Most pieces of a sample's explicit step; faster modes are stepped implicitly. Origin:
 numerical."""
 
 GROWN = 256
-"""Pieces at most where a state grows by itself. Origin: numerical."""
+"""Most pieces where a state grows by itself. Origin: numerical."""
 
 ROUGH = 3e-4
-"""How far the two orders of the implicit method may be apart, as a share of each state's largest
-value so far; a step on whose way a rim begins is cut until they agree. Origin: numerical."""
+"""Largest difference of the two orders of the implicit method, as a share of each state's largest
+value so far; a step that crosses an edge is split until they agree. Origin: numerical."""
 
 SMOOTH = 3.0
-"""Times the bend in the middle of a step by which the last stage may bend without a rim. Origin:
-assumed."""
+"""Without an edge the last stage bends at most so many times as much as the middle of the step.
+Origin: assumed."""
 
 FINEST = 256
-"""Pieces of a sample's step at most, stepped implicitly. Origin: numerical."""
+"""Most pieces of a sample's implicit step. Origin: numerical."""
 
 GAMMA = 1.0 - math.sqrt(0.5)
-"""Parameter of the implicit method at which it damps the fastest modes altogether. Origin: source,
+"""Parameter of the implicit method at which it damps the fastest modes completely. Origin: source,
 Verwer, Spee, Blom, Hundsdorfer 1999."""
 
 TINY = 1e-14
-"""Roots and logarithms see at least this: a tank that runs empty has no infinite slope. Origin:
-numerical."""
+"""Lower bound of the arguments of roots and logarithms: a tank that runs empty has no infinite
+slope. Origin: numerical."""
 
 STEEPEST = 300.0
-"""Exponents count up to this: beyond, numbers overflow. Origin: numerical."""
+"""Upper bound of exponents: beyond, numbers overflow. Origin: numerical."""
 
 HUGE = 1e150
 """A state beyond this ran away. Origin: numerical."""
 
 AT_REST = 1e-18
-"""Square of a mode's share of what there is, below which it stands still. Origin: numerical."""
+"""Square of a mode's share of the state below which it counts as at rest. Origin: numerical."""
 
 UNCOUNTED: dict[str, Any] = {"_nrt": False}
-"""numba's option for code that allocates nothing: it need not count who holds an array."""
+"""numba's option for code that allocates nothing: no reference counts of arrays."""
 
 STAGES = (4, 2)
 NODES = np.array([[0.0, 0.5, 0.5, 1.0], [0.0, 1.0, 0.0, 0.0]])
 WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
-"""Tableaus of Runge and Kutta's method and of ROS2: how many stages, at which share of the step
-each is, and how much each counts in the explicit one; there each starts from the one before."""
+"""Tableaus of Runge and Kutta's method and of ROS2: number of stages, position of each in the step,
+and weights of the explicit method, in which each stage starts from the one before."""
 
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
@@ -106,8 +105,8 @@ def evaluate(
 ) -> None:
     """Run the operations from number `begin` on, values and their slopes, in place.
 
-    `codes` are places in `contract.plan.OPERATIONS`. What has no value (a root below zero, a
-    division by zero) counts as if at the edge.
+    `codes` are places in `contract.plan.OPERATIONS`. Undefined values (a root below zero, a
+    division by zero) are those at the edge of the domain.
     """
     for i in range(begin, codes.shape[0]):
         code, a, b, out = codes[i], left[i], right[i], first + i
@@ -167,7 +166,7 @@ def evaluate(
             v = math.tanh(x)
             da = 1.0 - v * v
         else:
-            v = math.nan  # an operation that stands in no branch here has no value
+            v = math.nan  # an unknown operation has no value
         values[out] = v
         if code < 7:
             for k in range(width):
@@ -184,7 +183,7 @@ def _interpret(tape: Tape, values: np.ndarray, slopes: np.ndarray) -> None:
 
 
 class Machine(NamedTuple):
-    """Balances that run: their operations, machine code of these, and where values stand.
+    """Balances at work: their operations, machine code of these, and their values.
 
     `values`, shape (values,), and `slopes`, shape (values, columns), have a row per value of the
     plan.
@@ -197,8 +196,8 @@ class Machine(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What is given at each sample: times, s, `inputs`, shape (n, inputs), and whether each input
-    is `held` up to the next sample."""
+    """Data at each sample: times, s, `inputs`, shape (n, inputs), and whether each input is `held`
+    until the next sample."""
 
     held: np.ndarray
     time: np.ndarray
@@ -207,7 +206,7 @@ class Given(NamedTuple):
 
 @compiled(inline="always")
 def _run(machine: Machine) -> None:
-    """Run the moving operations, by machine code where there is some."""
+    """Run the moving operations, by machine code if there is any."""
     tape, kernel, values, slopes = machine
     if kernel.evaluate != 0:
         kernel_call.evaluate(kernel.evaluate, values, slopes)
@@ -217,10 +216,8 @@ def _run(machine: Machine) -> None:
 
 @compiled(inline="always")
 def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
-    """Bring a small matrix to triangular form, in place (Gauss, with pivots).
-
-    `shares` and `pivots` are filled: what was taken of each row, and which rows were exchanged.
-    """
+    """Triangular form of a small matrix, in place (Gauss, with pivots); fills `shares` and
+    `pivots`, the multipliers and exchanged rows."""
     n = matrix.shape[0]
     for i in range(n):
         pivot = i
@@ -245,7 +242,7 @@ def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
 def _solve(
     matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray, right_side: np.ndarray
 ) -> None:
-    """Solve for all columns, in place, what `_factor` brought to triangular form."""
+    """Solve for all columns, in place, with the triangular form of `_factor`."""
     n, width = right_side.shape
     for i in range(n):
         pivot = pivots[i]
@@ -278,9 +275,9 @@ def _given(given: Given, j: int, sample: int, share: float) -> float:
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _follow(machine: Machine, history: Past, when: float, count: int) -> None:
-    """States with a dead time are what they followed so much earlier, in a line between nodes.
+    """Set states with a dead time to what they followed that much earlier, linear between nodes.
 
-    The first `count` nodes are known; before the first and behind the last the past stands still.
+    The first `count` nodes are known; outside these the past is constant.
     """
     tape, _, values, slopes = machine
     late, nodes, past, past_slopes = history[:4]
@@ -341,7 +338,7 @@ def _place(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
 
 @compiled(inline="always")
 def _confine(machine: Machine, end: int, x: np.ndarray, dx: np.ndarray) -> bool:
-    """Keep states within their limits, as far as these have slots below `end`; was one moved?"""
+    """Keep states within their limits, if these have slots below `end`; whether one was moved."""
     tape, _, values, slopes = machine
     moved = False
     for i in range(x.shape[0]):
@@ -385,8 +382,8 @@ def _seen_by_stages(
 ) -> tuple[float, float, float, float]:
     """What the stages of an explicit step show.
 
-    The rate of the fastest mode, how much of it there is, whether it grows by itself (positive),
-    and how far a rim within the step bends it.
+    The rate of the fastest mode, its size, whether it grows by itself (positive), and how far an
+    edge within the step bends it.
     """
     above, below, turn, bent = 0.0, 0.0, 0.0, 0.0
     for i in range(peak.shape[0]):
@@ -395,12 +392,12 @@ def _seen_by_stages(
             above += ((k[2, i] - k[1, i]) / share) ** 2
             below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
             turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
-        # Where a rim begins within a step, the last stage may be the first to see it; a smooth
-        # mode bends there as much as between the two in the middle.
+        # The last stage may be the first to show an edge within a step; a smooth mode bends there
+        # as much as between the two in the middle.
         bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
         bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
         bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
-    # Where nothing moves, rounding would look like a fast mode.
+    # At rest, rounding would look like a fast mode.
     if below > AT_REST:
         return math.sqrt(above / below), math.sqrt(below), turn, bent
     return 0.0, math.sqrt(below), 0.0, bent
@@ -410,8 +407,8 @@ def _seen_by_stages(
 def _next_pieces(
     pieces: int, lively: bool, error: float, bent: float, growing: bool
 ) -> tuple[bool, bool, int]:
-    """Whether a sample's step is taken again, whether implicitly, and in how many pieces."""
-    # What grows by itself must not be damped: it is followed until it runs away.
+    """Whether a sample's step is repeated, whether implicitly, and in how many pieces."""
+    # A growing mode must not be damped: it is followed until it runs away.
     most = GROWN if growing else PIECES
     switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
     more = (lively and pieces < most) or ((error > EXACT or bent > ROUGH) and pieces < PIECES)
@@ -420,11 +417,11 @@ def _next_pieces(
 
 
 class Room(NamedTuple):
-    """What a run works with; arrays of one size for all its steps.
+    """Work arrays of a run, the same for all its steps.
 
-    `x`, `dx` are the states and their slopes, `old`, `d_old` as they were at the last sample,
-    `peak` the largest values so far; `k`, `dk` the rates per stage, `given` inputs and clock per
-    stage. `matrix` to `jacobian` serve the implicit method.
+    `x`, `dx` are the states and their slopes, `old`, `d_old` those at the last sample, `peak` the
+    largest values so far; `k`, `dk` the rates per stage, `given` inputs and clock per stage.
+    `matrix` to `jacobian` serve the implicit method.
     """
 
     x: np.ndarray
@@ -446,8 +443,8 @@ class Past(NamedTuple):
     """What states with a dead time followed.
 
     `late` numbers these states. At `nodes` (times, s) they followed `values`, shape (nodes, late),
-    with `slopes`: as it began, then one mean per step, in its middle, where the mean of what is
-    held from sample to sample lies. `mean` and `mean_slopes` are those of the step that is taken.
+    with `slopes`: first the start, then one mean per step, at its middle, where the mean of inputs
+    that are held lies. `mean` and `mean_slopes` are those of the current step.
     """
 
     late: np.ndarray
@@ -498,7 +495,7 @@ def _past(tape: Tape, time: np.ndarray, room: Room) -> Past:
 
 @compiled(inline="always")
 def _begin(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
-    """States where they start; one may start where another one's start puts it."""
+    """Set states to their start; one may depend on the start of another."""
     tape, _, values, slopes = machine
     for _ in range(x.shape[0]):
         _place(machine, x, dx)
@@ -518,7 +515,7 @@ def _put(
     mean: np.ndarray,
     mean_slopes: np.ndarray,
 ) -> None:
-    """Put the mean of a step at a node of the past, or nothing yet."""
+    """Put the mean of a step at a node of the past; zero if not `known` yet."""
     for j in range(mean.shape[1]):
         past[node, j] = mean[0, j] if known else 0.0
         for c in range(mean_slopes.shape[2]):
@@ -527,7 +524,7 @@ def _put(
 
 @compiled(inline="always")
 def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: int) -> bool:
-    """All values at a sample, states within their limits; are these the rates to go on with?"""
+    """All values at a sample, states within their limits; whether the rates are still valid."""
     tape, _, values, slopes = machine
     x, dx, slots, late = room.x, room.dx, tape.states, past.late
     n, lates, moved = time.shape[0], past.late.shape[0], False
@@ -536,7 +533,7 @@ def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: in
         _run(machine)
         moved = False
         if lates and s < n - 1:
-            # Before the step is done, what is followed now stands for its mean.
+            # Until the step is done, the present value replaces its mean.
             past.nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
             _put(past.values, past.slopes, s + 1, False, past.mean, past.mean_slopes)
             _aim(machine, late, 1.0, past.values, past.slopes, s + 1)
@@ -556,7 +553,6 @@ def _at_sample(machine: Machine, room: Room, past: Past, time: np.ndarray, s: in
 
 @compiled(inline="always")
 def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
-    """Is a stage the first of a sample's step, or the last?"""
     return (p == 0 and stage == 0) or (p == pieces - 1 and stage == stages - 1)
 
 
@@ -564,8 +560,8 @@ def _is_end(p: int, pieces: int, stage: int, stages: int) -> bool:
 def _to_stage(
     machine: Machine, room: Room, past: Past, move: tuple[int, float], when: tuple[float, int]
 ) -> None:
-    """Values where a stage is; `move` is the stage whose rates lead there, and how far; `when` the
-    time, and how many nodes of the past are known."""
+    """Values at a stage; `move` is the stage whose rates lead there, and how far; `when` the time,
+    and the number of known nodes of the past."""
     tape, _, values, slopes = machine
     k, dk, slots = room.k, room.dk, tape.states
     for i in range(slots.shape[0]):
@@ -588,7 +584,7 @@ def _explicit(
     piece: tuple[int, int],
     fresh: bool,
 ) -> None:
-    """One piece by Runge and Kutta's method; where `fresh`, its first rates are there."""
+    """One piece by Runge and Kutta's method; if `fresh`, its first rates are known."""
     tape, kernel, values, slopes = machine
     time = given.time
     x, dx, k, dk, rates, late = room.x, room.dx, room.k, room.dk, tape.rates, past.late
@@ -660,7 +656,7 @@ def _implicit(
                 _interpret(tape, values, room.jacobian)
             rate = _linearised(room.jacobian, rates, tape.afters, step, room.matrix)
             _factor(room.matrix, room.shares, room.pivots)
-        # With the Jacobian come the values.
+        # The Jacobian gives the values as well.
         if stage > 0 or slopes.shape[1] > 0:
             _run(machine)
         if late.shape[0] and _is_end(p, pieces, stage, STAGES[1]):
@@ -705,10 +701,10 @@ def _step(
     stiff: bool,
     pieces: int,
 ) -> tuple[int, bool, int]:
-    """From one sample to the next: explicitly in even pieces, implicitly in pieces as long as each
-    may be, as what is given jumps at a sample and soon after that all is smooth.
+    """From one sample to the next: explicitly in equal pieces, or implicitly in pieces of adaptive
+    length, as inputs jump at a sample and the solution soon becomes smooth.
 
-    Returns how many steps were taken, and by which method and in how many pieces to go on.
+    Returns the number of steps taken, and the method and number of pieces to go on with.
     """
     tape, time = machine.tape, given.time
     x, k, peak, lates = room.x, room.k, room.peak, past.late.shape[0]
@@ -719,7 +715,7 @@ def _step(
     at, size = 0, FINEST // pieces
     rate, error, bent, growing = 0.0, 0.0, 0.0, False
     while at < FINEST:
-        # What is late follows the mean of a whole step.
+        # States with a dead time follow the mean of a whole step.
         if at == 0 or (stiff and lates == 0):
             _copy(x, room.dx, room.old, room.d_old)
         if lates and at == 0:
@@ -734,7 +730,7 @@ def _step(
         rate = max(rate, fastest)
         fresh = False
         taken += 1
-        # Fixed limits hold within a step too; moving ones are seen at the next sample.
+        # Fixed limits hold within a step too; moving ones are checked at the next sample.
         _confine(machine, tape.first + tape.begin, x, room.dx)
         if stiff:
             again = error > ROUGH and size > 1
@@ -798,7 +794,7 @@ def _over_samples(
 ) -> int:
     """From sample to sample; returns what `integrate` does.
 
-    To count who holds which array, at every line that hands one on, takes longer than a step does.
+    Reference counting of arrays, at every line that passes one on, takes longer than a step.
     """
     tape, _, values, slopes = machine
     n, taken, pieces, stiff = given.time.shape[0], 0, 1, False
@@ -841,10 +837,10 @@ def integrate(
     Parameters
     ----------
     kernel : machine code of the tape for as many columns as `slopes` has, or none.
-    held : per input, whether it keeps its value up to the next sample; others are interpolated.
+    held : per input, whether it keeps its value until the next sample; others are interpolated.
     inputs : shape (n, inputs).
-    values, slopes : one row per value of the plan, parameters, constants and what follows from
-        them alone (operations before `tape.begin`) filled in; (values,) and (values, columns),
+    values, slopes : one row per value of the plan, filled in for parameters, constants and what
+        follows from them alone (operations before `tape.begin`); (values,) and (values, columns),
         columns a multiple of `LANES`, those beyond width 0.
     outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
     """

@@ -1,7 +1,7 @@
-"""Machine code of a tape: made by numba's own LLVM, some hundredths of a second a tape.
+"""Machine code of a tape, by numba's own LLVM; making it takes some hundredths of a second.
 
-A tape that is integrated a few times is read by the interpreter; code is made for one that comes
-often. Results are the same, so it does not matter when.
+The interpreter reads a tape that is integrated a few times; frequent ones get code. The results are
+the same, so the moment does not matter.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from rulec_runtime.simulation.kernel_rules import Numbers
 from rulec_runtime.simulation.tape import Kernel, Tape
 
 Key = tuple[str, int]
-"""A function of `kernel_code`, and for how many columns."""
+"""A function of `kernel_code`, and the number of columns."""
 
 
 class Kernels:
-    """The kernels of one tape; each function is made when it has been worth it.
+    """The kernels of one tape; each function is made once it pays.
 
-    `flat` are slots whose slopes are zero whatever the parameters.
+    `flat` are slots whose slopes are zero for any parameters.
     """
 
     def __init__(self, tape: Tape, flat: Iterable[int]) -> None:
@@ -61,14 +61,22 @@ class Kernels:
         return self.made[key]
 
     def _code(self, name: str, columns: int) -> str:
-        numbers = _numbers(self._tape)
+        from rulec_runtime.simulation.integrator import NODES, STEEPEST, TINY, WEIGHTS
+
+        numbers = Numbers(
+            tiny=TINY,
+            steepest=STEEPEST,
+            nodes=tuple(NODES[0].tolist()),
+            weights=tuple(WEIGHTS.tolist()),
+            functions={name: _function(name).address for name in called(self._tape)},
+        )
         if name == JACOBIAN:
             return jacobian_code_of(self._tape, numbers)
         code_of = advance_code_of if name == ADVANCE else evaluate_code_of
         return code_of(self._tape, self._flat, columns, numbers)
 
     def count(self, columns: int, steps: int, implicit: bool) -> None:
-        """Steps were taken with so many columns, most of them implicit or not."""
+        """Count steps with so many columns, most of them implicit or not."""
         keys = [(EVALUATE, columns)]
         if implicit:
             keys.append((JACOBIAN, 0))
@@ -78,21 +86,9 @@ class Kernels:
             self._steps[key] = self._steps.get(key, 0) + steps
 
 
-def _numbers(tape: Tape) -> Numbers:
-    from rulec_runtime.simulation.integrator import NODES, STEEPEST, TINY, WEIGHTS
-
-    return Numbers(
-        tiny=TINY,
-        steepest=STEEPEST,
-        nodes=tuple(NODES[0].tolist()),
-        weights=tuple(WEIGHTS.tolist()),
-        functions={name: _function(name).address for name in called(tape)},
-    )
-
-
 @cache
 def _function(name: str) -> Any:
-    """A function as the interpreter has it: LLVM alone may know another, or none."""
+    """A function as the interpreter has it: LLVM alone may have another, or none."""
     from numba import cfunc
 
     def power(x: float, y: float) -> float:

@@ -13,13 +13,13 @@ from rulec_runtime.machine_code.code import LANES
 __all__ = ["LANES", "advance", "evaluate"]
 
 
-def _call(context: Any, builder: Any, kinds: Any, arguments: Any) -> Any:
-    """Call the function at the first argument; arrays are handed over as pointers."""
+def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Call the function at the first argument; arrays are passed as pointers."""
     given = [
         context.make_array(kind)(context, builder, argument).data
         if isinstance(kind, types.Array)
         else argument
-        for kind, argument in zip(kinds[1:], arguments[1:], strict=True)
+        for kind, argument in zip(signature.args[1:], arguments[1:], strict=True)
     ]
     kind = ir.FunctionType(ir.VoidType(), [value.type for value in given])
     builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), given)
@@ -28,22 +28,14 @@ def _call(context: Any, builder: Any, kinds: Any, arguments: Any) -> Any:
 
 def _evaluate(_: Any, address: Any, values: Any, slopes: Any) -> Any:
     """`kernel_code.EVALUATE` at an address."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _call(context, builder, signature.args, arguments)
-
-    return types.void(address, values, slopes), code
+    return types.void(address, values, slopes), _call
 
 
 def _advance(
     _: Any, address: Any, values: Any, slopes: Any, x: Any, dx: Any, k: Any, given: Any, step: Any
 ) -> Any:
     """`kernel_code.ADVANCE` at an address."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _call(context, builder, signature.args, arguments)
-
-    return types.void(address, values, slopes, x, dx, k, given, step), code
+    return types.void(address, values, slopes, x, dx, k, given, step), _call
 
 
 evaluate: Any = intrinsic(_evaluate)

@@ -1,12 +1,12 @@
-"""A tape written as code for LLVM: straight lines of arithmetic, no interpreter between them.
+"""A tape written as code for LLVM: straight lines of arithmetic, without an interpreter.
 
-The code is made from a tape alone: numbers of operations and of slots, never a name or a text that
-somebody wrote. It does the same operations in the same order as the interpreter in
-`integrator.py`, so results are the same to the last bit; it leaves out what nobody reads, and
-terms whose derivative is zero whatever the parameters are.
+The code is made from a tape alone: numbers of operations and slots, never a name or text from a
+user. It does the same operations in the same order as the interpreter in `integrator.py`, so
+results are the same to the last bit; it omits unused values, and terms whose derivative is zero for
+any parameters.
 
-Values come first, for all stages; with them the factors of all derivatives are known, and slopes
-are sums of products, `LANES` columns at a time.
+Values come first, for all stages; they give the factors of all derivatives, and slopes are sums of
+products, `LANES` columns at a time.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ EVALUATE = "evaluate"
 ADVANCE = "advance"
 """``(values, slopes, x, dx, k, given, step)``: stages two to four of Runge and Kutta's method.
 
-The first stage's rates stand in `values` and `slopes`. `k`, shape (4, states), is filled, `x` and
+The first stage's rates are in `values` and `slopes`. `k`, shape (4, states), is filled, `x` and
 `dx`, shape (states, columns), are moved. `given`, shape (4, inputs + 1), has inputs and clock per
 stage.
 """
 
 JACOBIAN = "jacobian"
-"""``(values, slopes)``: the same as `EVALUATE`, for slopes by the states alone; code of its own."""
+"""``(values, slopes)``: as `EVALUATE`, for slopes by the states alone."""
 
 NAMES = {code: name for name, code in CODES.items()}
 
 Factor = tuple[str, int] | str | None
-"""`ONE`, `MINUS`, where the factor stands (array and place), or None for zero."""
+"""`ONE`, `MINUS`, the place of the factor (array and index), or None for zero."""
 
 
 def evaluate_code_of(tape: Tape, flat: Iterable[int], columns: int, numbers: Numbers) -> str:
     """The code of a tape for `EVALUATE`.
 
-    `flat` are slots whose slopes are zero whatever the parameters: constants and what is given.
-    `columns` is a multiple of `LANES`, or 0 without slopes.
+    `flat` are slots whose slopes are zero for any parameters: constants and inputs. `columns` is a
+    multiple of `LANES`, or 0 without slopes.
     """
     zero, stored = _without_slopes(tape, flat), _watched(tape)
     lines = _Lines(tape, zero, columns, numbers, stored)
@@ -81,7 +81,7 @@ def called(tape: Tape) -> frozenset[str]:
 
 
 def _without_slopes(tape: Tape, flat: Iterable[int]) -> set[int]:
-    """Slots whose slopes are zero whatever the parameters."""
+    """Slots whose slopes are zero for any parameters."""
     zero = {int(slot) for slot in flat} | {int(slot) for slot in tape.inputs}
     zero -= {int(slot) for slot in tape.states}
     if tape.clock >= 0:
@@ -110,15 +110,12 @@ class _Lines:
                 stack += self._operands(slot)
         self._order = sorted(needed)
 
-    def _name(self, slot: int) -> str:
-        return NAMES[int(self.tape.codes[slot - self.tape.first])]
-
     def _operands(self, slot: int) -> tuple[int, int]:
         i = slot - self.tape.first
         return int(self.tape.left[i]), int(self.tape.right[i])
 
     def values(self, code: Code, known: Mapping[int, str]) -> tuple[_Got, _Factors]:
-        """Lines for all values; `known` are slots that stand elsewhere than in `values`."""
+        """Lines for all values; `known` are slots that are not in `values`."""
         there = dict(known)
         factors = _Factors()
 
@@ -128,7 +125,8 @@ class _Lines:
             return there[slot]
 
         for slot in self._order:
-            name, (a, b) = self._name(slot), self._operands(slot)
+            name = NAMES[int(self.tape.codes[slot - self.tape.first])]
+            a, b = self._operands(slot)
             by_left = bool(self.columns) and a not in self.zero
             by_right = bool(self.columns) and b not in self.zero and name not in UNARY
             found, left, right = RULES[name](
@@ -145,7 +143,7 @@ class _Lines:
     def slopes(
         self, code: Code, known: Mapping[int, str], factors: _Factors, frame: str
     ) -> _GotWide:
-        """Lines for slopes in the columns from `%column` on; what is None is zero."""
+        """Lines for slopes in the columns from `%column` on; None is zero."""
         there: dict[int, str | None] = {**dict.fromkeys(self.zero, None), **known}
 
         def slope(slot: int) -> str | None:
@@ -177,7 +175,7 @@ class _Lines:
         return slope
 
     def kept_slope(self, code: Code, slot: int) -> str | None:
-        """Slopes as they stand in `slopes`."""
+        """Slopes from the array `slopes`."""
         if slot in self.zero:
             return None
         return code.load(self.row(code, "%slopes", slot), "%column", WIDE)
@@ -192,14 +190,14 @@ _GotWide = Callable[[int], str | None]
 
 
 class _Factors:
-    """Where the factors of derivatives stand, per operation; `frame` are those to keep."""
+    """Places of the factors of derivatives, per operation; `frame` are those to keep."""
 
     def __init__(self) -> None:
         self.by: dict[int, tuple[Factor, Factor]] = {}
         self.frame: dict[str, int] = {}
 
     def place(self, factor: str | None, stays: Mapping[str, int]) -> Factor:
-        """Where a factor will stand; what stands in `values` needs no other place."""
+        """The place of a factor; what is in `values` needs no other."""
         if factor is None or factor in (ONE, MINUS):
             return factor
         if factor in stays:
@@ -207,7 +205,7 @@ class _Factors:
         return "frame", self.frame.setdefault(factor, len(self.frame))
 
     def keep(self, code: Code, begin: int) -> None:
-        """Lines that put factors into the frame, from a place on."""
+        """Lines that store factors in the frame, from a place on."""
         for factor, place in self.frame.items():
             code.store(factor, "%frame", begin + place)
 
@@ -231,7 +229,6 @@ def _evaluate(name: str, lines: _Lines, stored: list[int]) -> str:
 
 
 def _advance(lines: _Lines) -> str:
-    """The function `ADVANCE`: all values first, then slopes."""
     tape, numbers = lines.tape, lines.numbers
     states, rates = [[int(slot) for slot in slots] for slots in (tape.states, tape.rates)]
     given = [*(int(slot) for slot in tape.inputs), tape.clock]

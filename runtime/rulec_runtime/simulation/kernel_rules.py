@@ -1,4 +1,4 @@
-"""What each operation of a tape is as code for LLVM, its value and its derivatives.
+"""Each operation of a tape as code for LLVM: its value and its derivatives.
 
 They do what `evaluate` in `integrator.py` does, operation by operation.
 """
@@ -17,7 +17,7 @@ ONE, MINUS = "one", "minus"
 @dataclass(frozen=True)
 class Numbers:
     """Numbers of the integrator that the code needs: edges of functions, nodes and weights of the
-    stages; and the addresses of functions that LLVM has none of."""
+    stages; and addresses of functions that LLVM lacks."""
 
     tiny: float
     steepest: float
@@ -134,4 +134,4 @@ RULES: Mapping[str, Rule] = {
 DECLARED = ("declare double @llvm.sqrt.f64(double)", "declare double @llvm.fabs.f64(double)")
 
 CALLED = frozenset({"pow", "exp", "log", "tanh"})
-"""Operations that are functions at an address; the derivative of `pow` needs `log` beside it."""
+"""Operations that are functions at an address; the derivative of `pow` needs `log` too."""

@@ -1,4 +1,4 @@
-"""A plan in the form that the integrator reads: numbers of operations, and where what stands."""
+"""A plan in the form that the integrator reads: numbers of operations and of slots."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 TIME = "time"
 
 CODES = {name: code for code, name in enumerate(OPERATIONS)}
-"""Numbers of operations, as the integrator knows them."""
+"""Numbers of operations in the integrator."""
 
 Slots = NDArray[np.int64]
 
@@ -21,9 +21,9 @@ Slots = NDArray[np.int64]
 class Tape(NamedTuple):
     """Operations on numbered values: number, operands; the first result is value `first`.
 
-    What no state, input or time reaches is done once, before operation `begin`. `clock` is the
-    slot of time, or -1; `states` and `inputs` are slots that are written to. Per state the slots of
-    its start, rate, limits and dead time; the last three may be -1.
+    Operations that no state, input or time reaches run once, before operation `begin`. `clock` is
+    the slot of time, or -1; `states` and `inputs` are slots that are written to. Per state there
+    are the slots of its start, rate, limits and dead time; the last three may be -1.
     """
 
     first: int
@@ -43,7 +43,7 @@ class Tape(NamedTuple):
 
 
 class Kernel(NamedTuple):
-    """Addresses of machine code that does what a tape says, 0 where there is none."""
+    """Addresses of machine code of a tape, 0 where there is none."""
 
     evaluate: int
     advance: int
@@ -53,7 +53,7 @@ class Kernel(NamedTuple):
 def tape_of(
     plan: Plan, states: Sequence[str], inputs: Sequence[str], shown: Sequence[str]
 ) -> tuple[Tape, int]:
-    """The tape of a narrowed plan, and how many values it has."""
+    """The tape of a narrowed plan, and its number of values."""
     place = {name: i for i, name in enumerate(plan.inputs)}
     moving = {place[n] for n in (*states, *inputs, TIME) if n in place}
     first = plan.first_operation
