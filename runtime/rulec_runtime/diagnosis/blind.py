@@ -1,9 +1,8 @@
-"""What cannot be seen because readings are not there: which faults, since when, what brings them
-back.
+"""Faults that missing readings hide: which, since when, and what makes them detectable again.
 
-A reading is gone where its column is missing or empty, or where what stands there was found to be
-none (dead, stuck, out of range). Gaps shorter than a finding takes are none. What stands still by
-its own readings, below their minimum, would show nothing anyway: that is no blindness.
+A reading is missing where its column is missing or empty, or where its values were rejected (dead,
+stuck, out of range). Gaps shorter than a finding needs do not count. Neither do modules at
+standstill, with readings below their minimum: they would show nothing anyway.
 """
 
 from __future__ import annotations
@@ -26,14 +25,16 @@ from rulec_runtime.recordings.scratch import let_go
 from rulec_runtime.recordings.when import ENDED, TO_THE_END
 
 Runs = Sequence[tuple[int, int]]
-"""First rows and those behind the last."""
+"""Pairs of the first row and the row after the last."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Blind:
-    """Faults that could be seen with all readings and cannot, over a period; times in s.
+    """Faults that all readings together could show but the present ones cannot, over a period;
+    times in s.
 
-    `readings` are the fewest that bring them back, `because` says what is the matter with these.
+    `readings` is the smallest set that makes them detectable again, `because` why these are
+    missing.
     """
 
     faults: tuple[str, ...]
@@ -45,16 +46,16 @@ class Blind:
 
     @property
     def active(self) -> bool:
-        """Could they still not be seen at the end?"""
+        """Whether they were still hidden at the end."""
         return self.behind is not ENDED
 
     def but(self, seen: Set[str]) -> Blind:
-        """The same without faults that are seen by other means."""
+        """The same without faults that are detectable by other means."""
         return replace(self, faults=tuple(f for f in self.faults if f not in seen))
 
 
 def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
-    """What the readings of a recording, as far as they are sound, do not let see."""
+    """Faults that the sound readings of a recording cannot show."""
     lost = {name: runs for name, runs in _lost(recording, ruleset) if runs}
     if not lost:
         return ()
@@ -70,10 +71,11 @@ def blind_between(
     still: Mapping[str, Runs],
     why: Mapping[str, str],
 ) -> tuple[Blind, ...]:
-    """The same where it is known in which rows signals are lost, and in which below their minimum.
+    """The same, given the rows in which signals are lost, and those in which they are below
+    minimum.
 
-    `times` are the first and last ones of rows, s, shape (n,) each; `why` says what is the matter
-    with lost signals that were recorded.
+    `times` are the first and last times of rows, s, shape (n,) each; `why` gives the reason for
+    lost signals that were recorded.
     """
     (begin, end), count = times, len(times[0])
     periods: dict[tuple[int, int, tuple[str, ...]], set[str]] = {}
@@ -93,21 +95,21 @@ def blind_between(
 
 
 def coverage_of(ruleset: Ruleset, blind: Iterable[Blind], begin: float, end: float) -> float:
-    """Share of the time of all faults in which they could be seen, as far as readings go."""
+    """Share of the time of all faults in which the readings could show them."""
     whole = len(ruleset.faults) * (end - begin)
     hidden = sum(len(one.faults) * (one.until - one.since) for one in blind)
     return 1.0 - min(hidden / whole, 1.0) if whole > 0.0 else float(not hidden)
 
 
 Spell = tuple[str, int, int, tuple[str, ...]]
-"""A fault that cannot be seen, its first row and that behind the last, what brings it back."""
+"""A hidden fault, its first row and the row after the last, and the readings it needs."""
 
 
 def _spells(
     ruleset: Ruleset, count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
 ) -> Iterator[Spell]:
-    """Runs of rows in which a fault is never seen, from the first to the last one in which lost
-    readings hide it."""
+    """Runs of rows in which a fault is never detectable, between the first and last row in which
+    lost readings hide it."""
     visible = visible_of(ruleset)
     known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
     begun: dict[str, Spell] = {}
@@ -130,7 +132,8 @@ def _spells(
 
 
 def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
-    """Estimates that read a signal below its minimum; all of a module of which it is the input."""
+    """Estimates that read a signal below its minimum; all of a module if the signal is its
+    input."""
     modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
     return frozenset(
         o.id
@@ -142,7 +145,7 @@ def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
 def _segments(
     count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
 ) -> Iterator[tuple[int, int, frozenset[str], frozenset[str]]]:
-    """Rows in which the same signals are lost and the same ones low: first, behind last, these."""
+    """Rows with the same lost and the same low signals: first, after last, these signals."""
     changes: dict[int, list[tuple[int, str]]] = {0: [], count: []}
     for side, table in enumerate((lost, still)):
         for name, runs in table.items():
@@ -163,8 +166,8 @@ def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
 
 
 def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
-    """Signals that something reads, with the rows in which they have no reading. Where all columns
-    that are there come by a map, the plant does not have what this leaves out."""
+    """Signals in use, with the rows in which they have no reading. If all columns come by a map,
+    the plant does not have the signals that the map omits."""
     mapped = {column.signal for column in ruleset.columns}
     by_map = mapped >= recording.values.keys()
     for signal in ruleset.signals:
@@ -186,7 +189,7 @@ def _still(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]
 
 
 def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
-    """Rows of which most around are flagged, as far as they are as many as a finding takes."""
+    """Rows in which most neighbours are flagged, in runs as long as a finding needs."""
     beside, n = limits.PERSISTENCE - 1, len(values)
     if n < limits.PERSISTENCE:
         return ()
@@ -199,7 +202,7 @@ def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
         let_go(values)
         if not here.any():
             return np.zeros(high - low, dtype=bool)
-        # Beyond its ends a recording goes on as seen in a mirror.
+        # A recording is mirrored at its ends.
         here = np.pad(here, (beside - (low - first), beside - (last - high)), mode="reflect")
         count = np.concatenate([[0], np.cumsum(here)])
         most: np.ndarray = 2 * (count[width:] - count[:-width]) > width

@@ -32,7 +32,7 @@ from rulec_runtime.recordings.wall_clock import Calendar
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """What the recording says about the plant."""
+    """The diagnosis of a recording."""
 
     ruleset: Ruleset
     mode: str
@@ -52,7 +52,7 @@ class Diagnosis:
 
     @property
     def is_whole(self) -> bool:
-        """Was something judged, and every fault seen that could be?"""
+        """Whether something was judged and no readings hid a fault."""
         return self.judged > 0 and not self.blind
 
 
@@ -83,8 +83,7 @@ def assembled(
     notes: tuple[str, ...] = (),
     blind: tuple[Blind, ...] | None = None,
 ) -> Diagnosis:
-    """What sensors and physics say, put together and in order of time; `blind` where it is known
-    already."""
+    """The diagnosis by sensors and physics, in order of time; `blind` if it is known already."""
     recording = health.recording
     weather = [f for f in found.findings if is_ordinary(ruleset.liquid, f.fault.id, f.degree)]
     found = replace(found, findings=[f for f in found.findings if f not in weather])
@@ -115,8 +114,8 @@ def assembled(
 def _of_stores(
     recording: Recording, ruleset: Ruleset, mode: str
 ) -> tuple[int, Found, tuple[str, ...]]:
-    """The same of a plant that stores, with what the reader should know of it."""
-    # The integrator takes a second to load, and plants that store nothing do without it.
+    """The same for a plant that stores, with notes for the reader."""
+    # The integrator takes a second to load, and only plants that store need it.
     from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
     said = judge_stores(recording, ruleset)
@@ -128,7 +127,7 @@ def _of_stores(
 
 
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
-    """Number of judged samples, and what the settled stretches say."""
+    """Number of judged samples, and what the settled stretches show."""
     stretches, noise = judgeable(recording, ruleset, mode)
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])
@@ -142,7 +141,7 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
 def told_of(
     ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints]
 ) -> tuple[int, Found]:
-    """Number of judged samples, and what all parts of a plant say of settled stretches."""
+    """Number of judged samples, and what all parts of a plant show in settled stretches."""
     each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in seen]
     return together(ruleset, timeline, seen, each)
 
@@ -150,7 +149,7 @@ def told_of(
 def together(
     ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints], each: Sequence[Found]
 ) -> tuple[int, Found]:
-    """The same, where it is known what each part says."""
+    """The same, given the results of each part."""
     judged = np.any([part.isolation.judged for part in seen], axis=0)
     found = joined(each, latest_of(ruleset, timeline, seen))
     found = replace(
@@ -163,7 +162,7 @@ def together(
 
 
 def joined(each: Iterable[Found], latest: Latest | None) -> Found:
-    """What parts of a plant say, as what the plant says."""
+    """Results of the parts of a plant as one."""
     found = Found([], [], [], latest)
     for own in each:
         found.findings.extend(own.findings)
@@ -182,7 +181,7 @@ def restless(samples: int) -> str:
 
 
 def status_of(found: Found, judged: int, blind: Sequence[Blind] = ()) -> str:
-    """NE 107 letter of what physics says."""
+    """NE 107 letter by physics."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
     letters |= {r.regime.status for r in found.regimes}
     return worst(letters if judged and not blind else letters | {"C"})

@@ -1,8 +1,7 @@
-"""Judge what modules say of themselves, instead of their readings.
+"""Judge results of modules instead of their readings.
 
-Where the file holds mean readings as well, faults are undone in the equations of the ruleset, as
-in a recording. Where it does not, the slopes by the degrees stand for them, which holds for small
-faults alone.
+If the file holds mean readings as well, faults are undone in the equations of the ruleset, as in a
+recording. If not, they are undone by the slopes by degree, which holds for small faults only.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
     if missing:
         notes.append(FIRST_ORDER)
         undo = first_order(ruleset, results)
-        # Modules tell slopes by listed faults alone.
+        # Modules give slopes by listed faults only.
         ruleset = replace(ruleset, undo=undo, unlisted=(), unlisted_cells=())
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
@@ -76,7 +75,7 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
 
 
 def _blind(results: ModuleResults, ruleset: Ruleset, points: Points) -> tuple[Blind, ...]:
-    """What windows do not let see in which modules found readings unfit."""
+    """Faults hidden in windows in which modules rejected readings."""
     lost = {name: runs for name, flags in points.bad.items() if (runs := _runs(flags))}
     still = {
         s.id: _runs(results.readings[s.id] < s.minimum)
@@ -92,7 +91,7 @@ def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def points_of(results: ModuleResults, ruleset: Ruleset) -> Points:
-    """Uncertainties of readings, and the readings as far as the file has them."""
+    """Uncertainties of readings, and those readings that the file has."""
     values, u, systematic, bad, why, lag = {}, {}, {}, {}, {}, {}
     for signal in (s for s in ruleset.signals if s.id in ruleset.observed):
         name = signal.id
@@ -118,7 +117,7 @@ def observed_of(results: ModuleResults, ruleset: Ruleset, points: Points) -> Obs
     valid = np.array([results.flags(f"valid:{o.id}") for o in ruleset.observers])
     valid &= np.isfinite(flows)
     row = ruleset.observer_index
-    # What an estimate that may not be used depends on is no matter, and may be anything.
+    # Slopes of unusable estimates do not matter, and may be anything.
     slopes = {
         name: np.where(valid[row[name.split(":")[1]]], columns[name], 0.0)
         for name in slope_names(ruleset)
@@ -129,7 +128,7 @@ def observed_of(results: ModuleResults, ruleset: Ruleset, points: Points) -> Obs
 
 
 def halves_of_results(results: ModuleResults, ruleset: Ruleset) -> Halves:
-    """What the halves of windows differ by; nothing is known where modules do not say it."""
+    """Differences between the halves of windows; NaN if modules do not give them."""
     none = np.full(len(results), np.nan)
     apart = [results.columns.get(f"apart:{o.id}", none) for o in ruleset.observers]
     early = results.samples // 2
@@ -139,7 +138,7 @@ def halves_of_results(results: ModuleResults, ruleset: Ruleset) -> Halves:
 
 
 def timeline_of_results(results: ModuleResults) -> Timeline:
-    """When the windows were; what lies between them nobody judged."""
+    """Times of the windows; the time between them was not judged."""
     after = np.cumsum(results.samples[::-1])[::-1] - results.samples
     paused = np.zeros(len(results), dtype=bool)
     interval = np.median((results.until - results.since) / np.maximum(results.samples - 1, 1))

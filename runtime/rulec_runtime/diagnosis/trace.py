@@ -1,4 +1,4 @@
-"""A verdict for every sample, where a diagnosis speaks of whole stretches."""
+"""A verdict for every sample, where a diagnosis judges whole stretches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.steady.verdict import verdict_at
 from rulec_runtime.recordings.recording import Recording
 
 QUIET = ("ok", "cannot judge")
-"""Words that give way to what another block of estimates says."""
+"""Words that give way to those of other blocks of estimates."""
 
 
 def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
@@ -62,7 +62,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
 
 
 def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
-    """Faults that no module lists and some stretch names."""
+    """Unlisted faults that some stretch names."""
     for seen in known:
         faults = seen.part.ruleset.faults
         for point in np.flatnonzero(seen.isolation.deviating).tolist():
@@ -70,7 +70,7 @@ def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
 
 
 def _word(seen: Sequence[EvaluatedPoints], point: int) -> str:
-    """Verdicts of all parts as they stand in the trace: ids of faults, or what else there is."""
+    """Verdicts of all parts as written to the trace: ids of faults, or another word."""
     words = dict.fromkeys(_of_part(part, point) for part in seen)
     loud = [word for word in words if word not in QUIET]
     return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
@@ -84,8 +84,8 @@ def _of_part(seen: EvaluatedPoints, point: int) -> str:
 
 
 def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
-    """Every sample as the window in whose middle it is."""
-    # The integrator takes a second to load, and plants that store nothing do without it.
+    """Each sample has the verdict of the window with the nearest middle."""
+    # The integrator takes a second to load, and only plants that store need it.
     from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
     said = judge_stores(recording, ruleset)

@@ -1,8 +1,8 @@
-"""Which faults the readings of a plant can show, and which of them no more without some.
+"""Which faults the readings of a plant can show, and which become undetectable without some.
 
-What estimates, or balances, say of a fault near the reference point of the ruleset decides, by the
-same threshold as everywhere. A fault that the sheet's uncertainties hide at any degree counts as
-seen while it leaves a trace: what a recording teaches makes them smaller.
+The estimates, or balances, near the reference point of the ruleset decide, by the usual threshold.
+A fault that the sheet's uncertainties hide at any degree counts as detectable while it leaves a
+trace: recordings will lower these uncertainties.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ class Sighted(Protocol):
 
     def information(self, lost: Set[str], still: Set[str] = NONE) -> Array:
         """Products of the effects of all faults with each other, shape (faults, faults), in the
-        metric of errors, without some signals while some observers, by their ids, estimate
-        nothing; 0 where a fault leaves no trace."""
+        metric of errors, without lost signals and without the observers at standstill, by id; 0
+        where a fault leaves no trace."""
 
 
 @dataclass(frozen=True)
 class PartSighted:
-    """Estimates that check each other, at the reference point, with what they say of some faults.
+    """Estimates that check each other, at the reference point, and their reaction to some faults.
 
     `free` are the flows through their modules by those that are free, shape (observers, free);
     `covariance` is that of the estimates, (m3/s)^2; `slopes` are theirs by the degree of each
@@ -108,7 +108,8 @@ class Visible:
         return {fault: tuple(parts) for fault, parts in found.items()}
 
     def sees(self, fault: str, lost: Set[str] = NONE, still: Set[str] = NONE) -> bool:
-        """Can a fault be seen without some signals while some observers stand still?"""
+        """Whether a fault is detectable without some signals while some observers are at
+        standstill."""
         return any(_sees(one, fault, lost, still) for one in self.of_fault.get(fault, ()))
 
     def unseen(self, lost: Set[str], still: Set[str] = NONE) -> list[str]:
@@ -118,8 +119,8 @@ class Visible:
         return [f for f in asked if self.sees(f, NONE, still) and not self.sees(f, lost, still)]
 
     def brings_back(self, fault: str, lost: Set[str], still: Set[str] = NONE) -> tuple[str, ...]:
-        """The fewest of the lost signals with which a fault can be seen again; those of its own
-        module first. Where too many sets would have to be tried, a set of which all are needed."""
+        """The smallest set of lost signals that makes a fault detectable again; those of its own
+        module first. If there are too many sets to try, a set of which all are needed."""
         own = self.of_fault[fault]
         read = NONE.union(*(one.signals for one in own))
         module = fault.partition(".")[0]
@@ -144,14 +145,14 @@ class Visible:
 
 
 def _sees(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> bool:
-    """Is a degree seen that is within the range of a fault, or any where its sheet hides all?"""
+    """Whether a degree within the range of a fault is detectable, or any if its sheet hides all."""
     degree = _detectable(one, fault, lost & one.signals, still)
     sheet = _detectable(one, fault, NONE, NONE)
     return degree < (one.highest[fault] if sheet < one.highest[fault] else inf)
 
 
 def _detectable(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> float:
-    """Degree from which on a fault can be seen; infinite where it leaves no trace."""
+    """Smallest detectable degree of a fault; infinite if it leaves no trace."""
     place = [*one.highest].index(fault)
     known = float(one.information(lost, still)[place, place])
     return threshold_of(known**-0.5) if known > 0.0 else inf
@@ -160,23 +161,20 @@ def _detectable(one: Sighted, fault: str, lost: Set[str], still: Set[str]) -> fl
 def visible_of(ruleset: Ruleset) -> Visible:
     """What the readings of a plant can show; worked out once for a ruleset."""
     if "visible" not in ruleset.kept:
-        ruleset.kept["visible"] = Visible(tuple(_parts(ruleset)))
+        if ruleset.dynamics is None:
+            ruleset.kept["visible"] = Visible(tuple(settled_parts(ruleset)))
+        else:
+            # The integrator takes a second to load, and only plants that store need it.
+            from rulec_runtime.diagnosis.stores.sighted import sighted
+
+            ruleset.kept["visible"] = Visible((sighted(ruleset),))
     found: Visible = ruleset.kept["visible"]
     return found
 
 
-def _parts(ruleset: Ruleset) -> list[Sighted]:
-    if ruleset.dynamics is not None:
-        # The integrator takes a second to load, and plants that store nothing do without it.
-        from rulec_runtime.diagnosis.stores.sighted import sighted
-
-        return [sighted(ruleset)]
-    return [*settled_parts(ruleset)]
-
-
 def settled_parts(ruleset: Ruleset) -> list[PartSighted]:
-    """The parts of a plant that settles, at its reference point. In a large one the estimates that
-    are nearest to its module say of a fault whether it can be seen; farther ones are not asked."""
+    """The parts of a plant that settles, at its reference point. In a large one only the estimates
+    nearest to its module decide whether a fault is detectable."""
     points, found = reference_point(ruleset), []
     for part in parts_of(ruleset):
         own = part.ruleset
@@ -199,7 +197,7 @@ def settled_parts(ruleset: Ruleset) -> list[PartSighted]:
                 PartSighted(
                     observers=tuple(own.observers[i] for i in near),
                     faults=tuple(own.faults[i] for i in chosen),
-                    # No more columns than rows say as much.
+                    # As many columns as rows are enough.
                     free=np.transpose(np.linalg.qr(free[near].T, mode="r")),
                     covariance=covariance[np.ix_(near, near)],
                     slopes=slopes[near][:, chosen],
@@ -209,8 +207,7 @@ def settled_parts(ruleset: Ruleset) -> list[PartSighted]:
 
 
 def _nearest(ruleset: Ruleset, part: Part, module: str) -> np.ndarray:
-    """Estimates of a part nearest to a module, as flags: those of modules the fewest junctions
-    away."""
+    """Estimates of a part nearest to a module, as flags: those the fewest junctions away."""
     order, front = {module: None}, [module]
     own = [o.module for o in part.ruleset.observers]
     while front and sum(m in order for m in own) < limits.NEAREST_ESTIMATES:

@@ -1,1 +1,2 @@
-"""Sensor health: is a reading one at all? Judged before physics, for all that reads recordings."""
+"""Sensor health: is a reading valid? Judged before physics, for everything that reads
+recordings."""

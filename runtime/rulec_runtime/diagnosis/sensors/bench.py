@@ -1,4 +1,4 @@
-"""How well the estimates of a plant agree, with readings as recorded and with other ones."""
+"""How well the estimates of a plant agree, with readings as recorded and with other values."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ Tried = TypeVar("Tried")
 @dataclass(frozen=True)
 class Agreement:
     """Per stretch, shape (n,): chi-square of "no fault" over the `limit` of an alarm, and its
-    degrees of freedom; `valid` shape (observers, n). They are the `chosen` of all points that were
-    `read` at a time; `every` tells what the plan says of these."""
+    degrees of freedom; `valid` shape (observers, n). The stretches are the `chosen` of all points
+    that were `read` together, which `every` observes."""
 
     excess: Array
     limit: Array
@@ -47,7 +47,7 @@ class Agreement:
     chosen: slice
 
     def part(self, chosen: slice) -> Agreement:
-        """Some of all that was observed at a time."""
+        """Some of all that was observed together."""
         return Agreement(
             self.excess[chosen],
             self.limit[chosen],
@@ -60,25 +60,23 @@ class Agreement:
 
     @cached_property
     def observed(self) -> Observed:
-        """What the plan says of the stretches."""
+        """The plan's outputs for the stretches."""
         return self.every(self.chosen)
 
     @property
     def points(self) -> Points:
-        """The readings."""
         return self.read.at(self.chosen)
 
     @property
     def sound(self) -> np.ndarray:
-        """Stretches in which all that could be compared agrees."""
-        result: np.ndarray = (self.freedom > 0) & (self.excess <= 1.0)
-        return result
+        """Stretches in which everything comparable agrees."""
+        return np.asarray((self.freedom > 0) & (self.excess <= 1.0))
 
 
 @dataclass(frozen=True)
 class Explained:
     """Stretches that agree or that one and the same fault explains, shape (n,); which faults fit,
-    what chi-square they leave, their degrees and the uncertainty of these, shape (faults, n)."""
+    the chi-square they leave, their degrees and the uncertainty of these, shape (faults, n)."""
 
     stretches: np.ndarray
     fits: np.ndarray
@@ -98,24 +96,24 @@ class Bench:
 
     @cached_property
     def recorded(self) -> Agreement:
-        """As the readings stand."""
+        """For the readings as recorded."""
         return self.agreement(self.points)
 
     @cached_property
     def left_out(self) -> LeftOut:
-        """What any estimate adds to the disagreement of the readings as they stand."""
+        """What each estimate adds to the disagreement of the readings as recorded."""
         return left_out(self.ruleset, self.recorded.observed)
 
     @cached_property
     def widest_limit(self) -> float:
-        """Chi-square of an alarm if every estimate could be used."""
+        """Chi-square of an alarm if every estimate were usable."""
         every = np.ones(len(self.ruleset.observers), dtype=bool)
         freedom = len(residual_basis(self.ruleset, every))
         return chi_square_limit(freedom, self.quantile) if freedom else 0.0
 
     @property
     def quantile(self) -> float:
-        """That of an alarm in one of the stretches, of a normal distribution."""
+        """Normal quantile of an alarm in one of the stretches."""
         return quantile(alarm_chance(len(self.stretches)) / 2)
 
     @property
@@ -124,7 +122,7 @@ class Bench:
         return int(self.stretches.lengths.sum())
 
     def with_readings(self, values: Mapping[str, Array], noise: Mapping[str, float]) -> Points:
-        """The points with other means of some signals, and other noise of theirs."""
+        """The points with other means of some signals, and other noise of these."""
         changed = dict(self.points.values)
         u, systematic, bad = dict(self.points.u), dict(self.points.systematic), {**self.points.bad}
         for name, column in values.items():
@@ -141,7 +139,7 @@ class Bench:
         if not has_many(self.ruleset):
             observed = estimates.observed()
             return Agreement(*self._agreement(observed), observed.part, points, slice(0, n))
-        # Tables of so many estimates are made anew where they are asked for again.
+        # Tables of so many estimates are not kept, but made again on demand.
         size = at_once(self.ruleset)
         parts = [
             self._agreement(estimates.at(slice(low, low + size)).observed())
@@ -173,8 +171,8 @@ class Bench:
                 yield one, together.part(slice(i * n, (i + 1) * n))
 
     def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
-        """What is sound, and which faults fit where; unless `all_tried`, degrees and distances of
-        those alone that may fit."""
+        """Sound stretches, and which faults fit where; unless `all_tried`, degrees and distances of
+        faults that may fit only."""
         isolation = isolate(self.ruleset, found.observed, all_tried=all_tried, pairs=False)
         fits = isolation.probability > 0
         quiet = isolation.judged & ~isolation.deviating
@@ -184,22 +182,20 @@ class Bench:
 
     @cached_property
     def explained_as_recorded(self) -> Explained:
-        """The same for the readings as they stand."""
+        """The same for the readings as recorded."""
         return self.explained(self.recorded)
 
     @cached_property
     def rivals_as_recorded(self) -> Explained:
-        """Faults that fit the readings as they stand; of the others nothing is known."""
+        """Faults that fit the readings as recorded; the others are not evaluated."""
         return self.explained(self.recorded, all_tried=False)
 
     def readers(self, signal: str) -> np.ndarray:
         """Flags of the observers that read a signal."""
-        none = np.zeros(len(self.ruleset.observers), dtype=bool)
-        return self._readers.get(signal, none)
+        return self._readers.get(signal, np.zeros(len(self.ruleset.observers), dtype=bool))
 
     @cached_property
     def _readers(self) -> Mapping[str, np.ndarray]:
-        """The same of all signals that are read."""
         count = len(self.ruleset.observers)
         found: dict[str, np.ndarray] = {}
         for i, observer in enumerate(self.ruleset.observers):
@@ -210,7 +206,7 @@ class Bench:
 
 @once
 def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
-    """Settled stretches, as the diagnosis has them; None where there are none."""
+    """Settled stretches as in the diagnosis; None if there are none."""
     noise = noise_at_work(recording, ruleset)
     if is_point_table(recording, ruleset):
         stretches = each_row(recording)

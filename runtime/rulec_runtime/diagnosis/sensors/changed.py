@@ -1,7 +1,7 @@
-"""Chi-square of readings of which one or two are others, without a look at all the rest again.
+"""Chi-square with other values of one or two readings, without evaluating all the rest again.
 
-Another value of a reading changes the few estimates that read it, and what these may be off. The
-rest of a long plant stays as it is, and so does most of the inverse of its covariance.
+Another value of a reading changes the few estimates that read it, and their errors. The rest of a
+large plant is unchanged, and so is most of the inverse of its covariance.
 
 Source: matrix inversion lemma (Woodbury 1950); estimates that drop out, as in `left_out`.
 """
@@ -27,24 +27,24 @@ from rulec_runtime.diagnosis.steady.observe import (
 from rulec_runtime.diagnosis.steady.points import Points
 
 Errors = tuple[Gradients, Gradients, Gradients]
-"""Gradients of estimates by the noise of readings, by misfits and by what lasts."""
+"""Gradients of estimates by the noise of readings, by misfits and by lasting errors."""
 
 
 @dataclass(frozen=True)
 class Changed:
-    """What other readings change in a bench."""
+    """The changes that other readings make to a bench."""
 
     bench: Bench
     _plans: dict[str, Plan] = field(default_factory=dict)
 
     def outcome(self, points: Points, signals: Sequence[str]) -> Outcome:
-        """Of `points` in which these readings are others."""
+        """For `points` in which these readings are changed."""
         rows = np.flatnonzero(np.any([self.bench.readers(name) for name in signals], axis=0))
         flows, usable, errors = self._estimated(points, rows, signals)
         return Outcome(self, rows, flows, usable, errors)
 
     def chi(self, rows: np.ndarray, flows: Array, usable: np.ndarray, errors: Errors) -> Array:
-        """Chi-square, shape (n,), where some estimates are others, as `Outcome` has them."""
+        """Chi-square, shape (n,), with some estimates changed, as in `Outcome`."""
         recorded = self.bench.recorded
         before = recorded.valid[rows]
         both, dropped = before & usable, (before & ~usable).T
@@ -57,7 +57,7 @@ class Changed:
         left, pull, weight = self._moved(places, np.searchsorted(places, rows), step, change)
         if not dropped.any():
             return left
-        # What drops out may be anything.
+        # Estimates that drop out may have any value.
         block = np.where(dropped[:, :, None] & dropped[:, None], weight, 0.0)
         towards = np.where(dropped, pull, 0.0)
         back = np.linalg.pinv(block, rcond=limits.PSEUDO_INVERSE, hermitian=True)
@@ -67,11 +67,11 @@ class Changed:
     def _moved(
         self, places: np.ndarray, rows: np.ndarray, step: Array, change: Array
     ) -> tuple[Array, Array, Array]:
-        """Chi-square, shape (n,), with its halved first and second derivative by some estimates,
+        """Chi-square, shape (n,), with half its first and second derivative by some estimates,
         shapes (n, rows) and (n, rows, rows), when these are moved by a `step`, shape (n, rows).
 
-        `places` are those whose covariance with these changes, by `change`, shape
-        (n, rows, places); `rows` tells where among them those lie that are moved.
+        `places` are those whose covariance with these changes, by `change`, shape (n, rows,
+        places); `rows` are the places of the moved ones among them.
         """
         known = self.bench.left_out
         weight = known.weight[:, places[:, None], places]
@@ -102,7 +102,7 @@ class Changed:
     def _estimated(
         self, points: Points, rows: np.ndarray, signals: Sequence[str]
     ) -> tuple[Array, np.ndarray, Errors]:
-        """Flows of the observers that read some signals, m3/s, whether they can be used, both of
+        """Flows of the observers that read some signals, m3/s, whether they are usable, both of
         shape (rows, n), and their gradients."""
         ruleset, n = self.bench.ruleset, len(points)
         out: dict[str, Array] = {}
@@ -123,7 +123,7 @@ class Changed:
         return flows, usable, (scatter, misfits, lasting)
 
     def _plan(self, signal: str) -> Plan:
-        """What observers that read a signal say, and their slopes."""
+        """The estimates of observers that read a signal, and their slopes."""
         if signal not in self._plans:
             names = []
             for i in np.flatnonzero(self.bench.readers(signal)).tolist():
@@ -135,8 +135,8 @@ class Changed:
         return self._plans[signal]
 
     def _change(self, rows: np.ndarray, errors: Errors) -> Array:
-        """By how much the covariance of some estimates with all is another one, shape
-        (rows, observers, n), (m3/s)^2; zero where one of them could not be used."""
+        """Change of the covariance of some estimates with all, shape (rows, observers, n),
+        (m3/s)^2; zero where one of them was not usable."""
         recorded, n = self.bench.recorded, len(self.bench.stretches)
         place = np.full(len(recorded.valid), -1)
         place[rows] = range(len(rows))
@@ -186,7 +186,7 @@ class Changed:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What becomes of n stretches: `flows` of the observers in `rows`, m3/s, and whether they are
+    """The result in n stretches: `flows` of the observers in `rows`, m3/s, and whether they are
     `usable`, both of shape (rows, n), with their `errors`."""
 
     changed: Changed
@@ -197,36 +197,29 @@ class Outcome:
 
     @property
     def used(self) -> np.ndarray:
-        """Stretches, shape (n,), in which some estimate by the other readings can be used."""
-        return _anywhere(self.usable)
+        """Stretches, shape (n,), in which some estimate by the other readings is usable."""
+        return np.asarray(self.usable.any(axis=0))
 
     @property
     def more(self) -> np.ndarray:
-        """Those in which one can be used that could not be used before."""
-        return _anywhere(self.usable & ~self._before)
+        """Those in which one is usable that was not before."""
+        return np.asarray((self.usable & ~self._before).any(axis=0))
 
     @property
     def fewer(self) -> np.ndarray:
-        """Those in which one that others check cannot be used any more."""
+        """Those in which one that others check is no longer usable."""
         bench, rows = self.changed.bench, self.rows
         weight = bench.left_out.weight[:, rows, rows].T
         size = bench.recorded.observed.covariance[:, rows, rows].T
         with np.errstate(invalid="ignore"):
             checked = weight * size > limits.LINKED
-        return _anywhere(self._before & ~self.usable & checked)
+        return np.asarray((self._before & ~self.usable & checked).any(axis=0))
 
     @property
     def chi(self) -> Array:
-        """Chi-square with the other readings, shape (n,); not known where there are `more`."""
+        """Chi-square with the other readings, shape (n,); unknown where there are `more`."""
         return self.changed.chi(self.rows, self.flows, self.usable, self.errors)
 
     @property
     def _before(self) -> np.ndarray:
-        known: np.ndarray = self.changed.bench.recorded.valid[self.rows]
-        return known
-
-
-def _anywhere(flags: np.ndarray) -> np.ndarray:
-    """Whether one of some rows of flags, shape (rows, n), says so: shape (n,)."""
-    found: np.ndarray = np.any(flags, axis=0)
-    return found
+        return np.asarray(self.changed.bench.recorded.valid[self.rows])

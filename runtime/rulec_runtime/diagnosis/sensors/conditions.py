@@ -1,4 +1,4 @@
-"""What can be wrong with a reading as such, by NE 107, and what to do about it."""
+"""Conditions of an invalid reading, by NE 107, and what to do about them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from rulec_runtime.recordings.when import ENDED
 
 @dataclass(frozen=True)
 class Condition:
-    """A way in which a reading is none. `status` is the letter of NE 107: F where the device has
-    failed, C where what is recorded is not what the header says."""
+    """A way in which a reading is invalid. `status` is the letter of NE 107: F if the device has
+    failed, C if the record does not match its header."""
 
     name: str
     status: str
@@ -60,10 +60,10 @@ CLOCK = Condition(
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFinding:
-    """A reading that is none, over a period; times in s.
+    """An invalid reading over a period; times in s.
 
-    `signal` is empty where it is the clock. `text` names reading and reason. Where the rest is
-    judged as if the column were mended, `mended` says how; elsewhere its readings are taken out.
+    `signal` is empty for the clock. `text` names reading and reason. `mended` says how the column
+    was corrected for the rest of the diagnosis; if empty, its readings were removed.
     """
 
     condition: Condition
@@ -77,12 +77,12 @@ class SensorFinding:
 
     @property
     def id(self) -> str:
-        """As faults are called: place, then what is wrong there."""
+        """As for faults: place, then what is wrong there."""
         return f"{self.signal or 'time'}.{self.condition.name}"
 
     @property
     def active(self) -> bool:
-        """Was it still there at the end?"""
+        """Whether it lasted to the end."""
         return self.behind is not ENDED
 
     @property

@@ -1,9 +1,9 @@
-"""Readings at zero, or at their live zero, while the others say that liquid flows.
+"""Readings at zero, or at their live zero, while the others show that liquid flows.
 
-A pump that stands, a shut valve and an empty line read zero as well; so a reading is dead where the
+An idle pump, a shut valve and an empty line give zero as well. So a reading is dead only if the
 flow through its module, from estimates that do not need it, is far beyond its uncertainty, and no
-estimate by the reading says so as well. Where nothing else gives that flow, a reading that does not
-even show noise is dead while its pump runs.
+estimate by the reading agrees. If nothing else gives that flow, a reading that does not even show
+noise is dead while its pump runs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rulec_runtime.recordings.scratch import mapped
 def dead_readings(
     recording: Recording, ruleset: Ruleset, bench: Bench
 ) -> Iterator[tuple[SensorFinding, slice]]:
-    """Readings that are dead, each as a finding with its samples."""
+    """Dead readings, each as a finding with its samples."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not bench.readers(signal.id).any():
@@ -38,16 +38,16 @@ def dead_readings(
         flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]
         runs = dict.fromkeys(_run_around(zero, int(first)) for first in flowing)
         if len(runs) > limits.DIES:
-            continue  # what comes back again and again works: something in the plant does it
+            continue  # a reading that comes back again and again works: the plant causes it
         for first, last in runs:
             part = slice(first, last)
             yield dead_finding(signal, recording, part, "others say that liquid flows"), part
 
 
 def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Samples at which a reading is at zero, or at the low end of its range, or below.
+    """Samples at which a reading is at zero, at the low end of its range, or below.
 
-    Where a small part of its range is what it usually shows, that is not zero.
+    If its usual value is a small part of its range, that value does not count as zero.
     """
     low = signal.offset if signal.lowest is None else signal.lowest
     size = abs(signal.reference - signal.offset)
@@ -55,8 +55,7 @@ def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
         span, usual = signal.highest - signal.lowest, signal.reference - signal.lowest
         size = usual if 0.0 < usual <= limits.AT_ZERO * span else span
     with np.errstate(invalid="ignore"):
-        flags: np.ndarray = values <= low + limits.AT_ZERO * size
-    return flags
+        return np.asarray(values <= low + limits.AT_ZERO * size)
 
 
 def dead_finding(
@@ -83,7 +82,7 @@ def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:
 
 
 def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) -> np.ndarray:
-    """Stretches in which a reading is at zero, and liquid flows, shape (n,)."""
+    """Stretches in which a reading is at zero while liquid flows, shape (n,)."""
     stretches = bench.stretches
     inside = np.array(
         [zero[a:b].all() for a, b in zip(stretches.first, stretches.last, strict=True)], dtype=bool
@@ -105,8 +104,8 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
 
 
 def _shows(bench: Bench, signal: SignalSpec, point: int, flow: float, u: float) -> bool:
-    """Does an estimate by a reading say rather what the others say, a flow in m3/s, than what zero
-    in its stead would say? A small part of its range may be what it has to show."""
+    """Whether an estimate by a reading is closer to the flow by the others, m3/s, than to the
+    estimate with zero in its place. A small part of its range may be all that it should show."""
     ruleset, observed = bench.ruleset, bench.recorded.observed
     own = np.flatnonzero(bench.readers(signal.id) & observed.valid[:, point])
     names = [f"q:{ruleset.observers[i].id}" for i in own]
@@ -123,7 +122,7 @@ def _shows(bench: Bench, signal: SignalSpec, point: int, flow: float, u: float) 
 
 
 def _one_value(signal: SignalSpec, values: Array) -> bool:
-    """Is a reading always the same while it is at zero?"""
+    """Whether a reading is constant while it is at zero."""
     levels: set[float] = set()
     for part in parts_of(values, partial(at_zero, signal)):
         levels.update(np.unique(part)[:2].tolist())
@@ -133,9 +132,11 @@ def _one_value(signal: SignalSpec, values: Array) -> bool:
 
 
 def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[float, float] | None:
-    """Flow through a module and its uncertainty, m3/s, by estimates that need not a signal."""
+    """Flow through a module and its uncertainty, m3/s, by estimates that do not need a signal."""
     observed = bench.recorded.observed
-    usable = observed.valid[:, point] & ~bench.readers(signal) & _in_range(bench, point)
+    outside = {name for name, flags in observed.extrapolated.items() if flags[point]}
+    inside = [outside.isdisjoint(o.signals) for o in bench.ruleset.observers]
+    usable = observed.valid[:, point] & ~bench.readers(signal) & np.array(inside, dtype=bool)
     if not usable.any():
         return None
     table = free_flows(bench.ruleset)
@@ -154,16 +155,8 @@ def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[f
     return flow, float(np.sqrt(max(gain @ covariance @ gain, 0.0)))
 
 
-def _in_range(bench: Bench, point: int) -> np.ndarray:
-    """Flags of observers whose readings are all in the range in which they were calibrated."""
-    flags = bench.recorded.observed.extrapolated
-    outside = {name for name, where in flags.items() if where[point]}
-    observers = bench.ruleset.observers
-    return np.array([not outside & set(o.signals) for o in observers], dtype=bool)
-
-
 def _runs(bench: Bench, module: str, point: int) -> bool:
-    """Does what is given say that a module runs?"""
+    """Whether the inputs show that a module runs."""
     given = [
         s
         for s in bench.ruleset.signals

@@ -1,9 +1,9 @@
-"""Readings that never move from the first sample on, while the others say that they should.
+"""Readings that never move from the first sample on, while the others show that they should.
 
-A set value is held, a coarse display shows the same for long, and a fault moves other readings
-beside one that stands. So such a reading is freed: with the value that suits the others best, at
-each operating point, all estimates must agree; that value must move by far more than the sensor's
-uncertainty; and no one fault of the plant may explain the recording as it stands as well.
+A set value is held, a coarse display is constant for long, and a fault moves other readings beside
+one that is constant. So the value of such a reading is fitted to the others at each operating
+point: with it all estimates must agree; it must move by far more than the sensor's uncertainty; and
+no single fault of the plant may explain the recording as well.
 
 Source: own derivation.
 """
@@ -37,7 +37,8 @@ class Freed:
 
 def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[SignalSpec]:
     """Signals whose readings are frozen from the first sample to the last."""
-    never = [s for s in ruleset.signals if _still(recording, s.id)]
+    recorded = (s for s in ruleset.signals if s.id in recording.values)
+    never = [s for s in recorded if never_moves(recording.values[s.id])]
     used = ruleset.observed
     if len(used & set(recording.values)) - len(used & {s.id for s in never}) < limits.FEWEST_MOVING:
         return  # a recording without noise: computed, not measured
@@ -45,7 +46,7 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
         here = bench.recorded.freedom > 1
         known = np.array([_only(recording, signal.id)])
         if not bench.readers(signal.id).any() or at_zero(signal, known).all():
-            continue  # at zero a reading stands still by itself; whether it is dead was asked
+            continue  # at zero a reading is constant anyway; dead ones were found before
         if _has_noise_elsewhere(recording, ruleset, bench, signal) or (
             here.any() and _should_move(bench, signal, here)
         ):
@@ -55,7 +56,7 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
 def _has_noise_elsewhere(
     recording: Recording, ruleset: Ruleset, bench: Bench, signal: SignalSpec
 ) -> bool:
-    """Does the same sensor at another place show noise, far beyond this one's last digit?"""
+    """Whether the same sensor elsewhere shows noise far beyond this one's last digit."""
     if signal.is_input:
         return False
     digit = last_digit(signal.shown(_only(recording, signal.id))) * abs(signal.factor)
@@ -76,15 +77,10 @@ def _only(recording: Recording, name: str) -> float:
     return value
 
 
-def _still(recording: Recording, name: str) -> bool:
-    values = recording.values.get(name)
-    return values is not None and never_moves(values)
-
-
 def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
     if (~bench.recorded.sound)[here].mean() < limits.DISAGREES_SOMEWHERE:
         return False
-    # Whatever value it had, the estimates that do not read it would stay as they are.
+    # No value of the reading changes the estimates that do not read it.
     least = bench.left_out.least(bench.readers(signal.id))
     if (least <= bench.widest_limit)[here].mean() < limits.NEARLY_ALL:
         return False
@@ -100,14 +96,14 @@ def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
     if max(moves, off) < max(limits.SHOULD_MOVE * u, limits.SHOULD_MOVE_DIGITS * digit):
         return False
     if moves < limits.SHOULD_MOVE * u and digit > limits.FINE_DIGIT * u:
-        return False  # set, or a coarse display: a steady error is no standstill
+        return False  # a set value or a coarse display with a constant error
     return _beats_faults(bench, signal, freed, here)
 
 
 def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarray) -> bool:
-    """Is there no fault that explains as much, and as well?
+    """Whether no fault explains as much, and as well.
 
-    A slope of the very reading is no rival: it would leave the reading its noise.
+    A slope error of this reading is no rival: it would leave the reading its noise.
     """
     recorded, explained = bench.recorded, bench.explained_as_recorded
     off = here & ~recorded.sound
@@ -124,7 +120,7 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
 
 
 def free(bench: Bench, signal: SignalSpec) -> Freed:
-    """Find the value of a reading that makes all estimates agree best, at each stretch."""
+    """Fit the value of a reading that makes all estimates agree best, at each stretch."""
     low, high = ends_tried(signal)
     n = len(bench.stretches)
     grid = np.linspace(low, high, limits.FREED_VALUES)[1:-1]
@@ -138,7 +134,7 @@ def free(bench: Bench, signal: SignalSpec) -> Freed:
 
 
 def _better(bench: Bench, signal: SignalSpec, best: Freed, trials: Iterable[Array]) -> Freed:
-    """Take each trial, shape (n,), over where it agrees better, and no estimate is lost by it."""
+    """Accept each trial, shape (n,), where it agrees better and loses no estimate."""
     value, excess = best.value, best.excess
 
     def read(trial: Array) -> Points:

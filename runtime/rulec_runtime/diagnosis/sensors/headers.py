@@ -1,8 +1,8 @@
-"""Headers that do not say what is below them: a wrong unit, or two columns in each other's place.
+"""Headers that do not match their columns: a wrong unit, or two swapped columns.
 
-Nothing is free in such a hypothesis: the numbers stand, and another reading of them either makes
-all estimates agree or it does not. It is told where the readings as recorded agree nowhere, where
-no one fault of the plant explains them, and where read differently they agree.
+Such a hypothesis has no free parameter: the numbers are fixed, and reading them differently makes
+all estimates agree or does not. It is reported if the readings as recorded agree nowhere, no single
+fault of the plant explains them, and they agree when read differently.
 
 Source: own derivation.
 """
@@ -35,10 +35,10 @@ from rulec_runtime.recordings.stationary import noise_of
 
 @dataclass(frozen=True, kw_only=True)
 class Misread:
-    """Columns read differently, by `mendings`, which `mended` tells in words.
+    """Columns read differently, by `mendings`; `mended` says so in words.
 
     `values` are the means of stretches, shape (n,), SI, `recorded` those by the header, `noise`
-    that of samples. `texts` tell per signal what is wrong with it.
+    that of samples. `texts` say per signal what is wrong with it.
     """
 
     condition: Condition
@@ -54,8 +54,8 @@ class Misread:
 def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | None:
     """The one misreading that explains a recording, if there is one.
 
-    `bench` holds the readings without those that cannot be, `raw` all of them;
-    what stands `still` has no course that could fit.
+    `bench` holds the readings without impossible ones, `raw` all of them; signals at `still` have
+    no variation that could fit.
     """
     if bench.samples < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
         return None
@@ -82,7 +82,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
 
 
 def _with_all(raw: Recording, bench: Bench) -> Bench:
-    """The same stretches with the means of all readings, whatever they are."""
+    """The same stretches with the means of all readings, even of impossible ones."""
     values, noise = {}, {}
     pieces = list(zip(bench.stretches.first, bench.stretches.last, strict=True))
     for name, column in raw.values.items():
@@ -98,18 +98,13 @@ def _mean(values: Array) -> float:
 
 
 def _doubtful(bench: Bench) -> bool:
-    """Does most of a recording disagree, or not let itself be compared?"""
+    """Whether most of a recording disagrees, or cannot be compared."""
     recorded = bench.recorded
-    most = recorded.freedom.max(initial=0)
-    whole = recorded.sound & (recorded.freedom == max(most, _rank(bench)))
-    return bool(whole.mean() <= limits.AGREES_AS_RECORDED)
-
-
-def _rank(bench: Bench) -> int:
-    """Degrees of freedom if every observer with readings could be used."""
-    there = set(bench.points.values)
+    there = bench.points.values.keys()
     usable = np.array([set(o.signals) <= there for o in bench.ruleset.observers], dtype=bool)
-    return len(residual_basis(bench.ruleset, usable))
+    most = recorded.freedom.max(initial=len(residual_basis(bench.ruleset, usable)))
+    whole = recorded.sound & (recorded.freedom == most)
+    return bool(whole.mean() <= limits.AGREES_AS_RECORDED)
 
 
 def _read(bench: Bench, misread: Misread) -> Points:
@@ -117,14 +112,14 @@ def _read(bench: Bench, misread: Misread) -> Points:
 
 
 def _may_agree(bench: Bench, misread: Misread, changed: Changed) -> bool:
-    """Is it another reading that may make what disagrees agree, as far as a part of it tells?"""
+    """Whether it differs from the record and may make estimates agree, by a part of them."""
     points = _read(bench, misread)
     apart = _apart(misread, points)
     if not apart.any():
         return False
     readers = _readers(bench, misread)
     before = bench.recorded
-    # Where all agrees, and nothing can be compared beside, nothing is gained.
+    # Nothing is gained where everything agrees already and no further estimate becomes usable.
     if not (apart & ~(before.sound & before.valid[readers].all(axis=0))).any():
         return False
     least = bench.left_out.least(readers)
@@ -141,7 +136,7 @@ def _may_agree(bench: Bench, misread: Misread, changed: Changed) -> bool:
 
 
 def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Changed) -> bool:
-    """The same by all that it changes, where that can be told without a look at all the rest."""
+    """The same by everything that it changes, where that needs no full evaluation."""
     before, apart = bench.recorded, _apart(misread, points)
     found = changed.outcome(points, misread.signals)
     running, fewer = apart & found.used & (before.freedom > 0), found.fewer
@@ -161,7 +156,7 @@ def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Cha
 
 
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
-    """Do readings agree that disagreed everywhere before?"""
+    """Whether readings agree that disagreed everywhere before."""
     running = _running(bench, misread, found)
     if running.sum() == 0:
         return False
@@ -177,7 +172,7 @@ def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
 
 
 def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
-    """Has a fault one degree? What needs another one at each operating point is no fault."""
+    """Whether a fault has one degree: one that varies between operating points is no fault."""
     degree, u = explained.degree[fault, here], explained.u[fault, here]
     return bool(degree.std() <= limits.SAME_DEGREE * abs(degree.mean()) + float(np.median(u)))
 
@@ -188,14 +183,14 @@ def _readers(bench: Bench, misread: Misread) -> np.ndarray:
 
 
 def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
-    """Stretches in which the other reading can be held against something, and is another one."""
+    """Stretches in which the other reading differs and can be compared."""
     flags: np.ndarray = found.valid[_readers(bench, misread)].any(axis=0) & (found.freedom > 0)
     flags &= _apart(misread, found.points)
     return flags
 
 
 def _apart(misread: Misread, points: Points) -> np.ndarray:
-    """Stretches in which the other reading is another one, shape (n,)."""
+    """Stretches in which the other reading differs from the record, shape (n,)."""
     apart: np.ndarray = np.zeros(len(points), dtype=bool)
     for name in misread.signals:
         with np.errstate(invalid="ignore"):
@@ -205,9 +200,9 @@ def _apart(misread: Misread, points: Points) -> np.ndarray:
 
 
 def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
-    """Is there no one fault of the plant that explains all of it as well?
+    """Whether no single fault of the plant explains all of it as well.
 
-    A slope of the very reading whose unit is in doubt is no rival: it would have to hit the ratio
+    A slope error of a reading whose unit is in doubt is no rival: it would have to equal the ratio
     of two units.
     """
     judged = _judged(bench, misread)
@@ -218,7 +213,7 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     if misread.condition is UNIT:
         return True
     before, explained = bench.recorded, bench.explained_as_recorded
-    # Two columns are seldom swapped: what one fault leaves must be gone by it.
+    # Swapped columns are rare: the swap must remove what one fault would leave.
     after = bench.explained(found)
     least = np.where(before.sound, before.excess * before.limit, np.inf)
     least = np.fmin(least, np.min(explained.distance, axis=0, initial=np.inf))
@@ -228,15 +223,15 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
 
 
 def _judged(bench: Bench, misread: Misread) -> np.ndarray:
-    """Stretches, shape (n,), in which what reads the columns can be held against something."""
+    """Stretches, shape (n,), in which estimates that read the columns can be compared."""
     before = bench.recorded
     flags: np.ndarray = before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1)
     return flags
 
 
 def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) -> bool:
-    """Is there a fault of one degree that explains all, and as well as what leaves a chi-square of
-    `left`, shape (n,), or more?"""
+    """Whether a fault of constant degree explains everything, as well as a hypothesis that leaves a
+    chi-square of at least `left`, shape (n,)."""
     before, judged = bench.recorded, _judged(bench, misread)
     if judged.mean() < limits.NEARLY_ALL:
         return False
@@ -254,13 +249,14 @@ def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) ->
 
 
 def _candidates(raw: Recording, bench: Bench, plain: Bench, still: Set[str]) -> Iterator[Misread]:
-    """Other readings of columns that those nearest to them allow in some stretch."""
+    """Other readings of columns that the nearest residuals allow in some stretch."""
     ruleset, near = bench.ruleset, Near(bench)
     known = {n for n in plain.noise if np.isfinite(plain.points.values[n]).any()}
     names = (ruleset.observed & known) - still
     used = [s for s in ruleset.signals if s.id in names]
     for name in (s.id for s in used):
-        yield from _near_ones(near, name, [*_other_units(raw, ruleset, plain, [name])])
+        in_units = (_in_unit(ruleset, plain, {name: m}) for m in _mixups(raw, ruleset, name))
+        yield from _near_ones(near, name, [one for one in in_units if one is not None])
     yield from _all_in_other_units(raw, ruleset, plain, used)
     for one, other in _swapped(near, plain, used):
         a, b = plain.points.values[one], plain.points.values[other]
@@ -291,10 +287,10 @@ def _near_ones(near: Near, name: str, misreads: Sequence[Misread]) -> Iterator[M
 def _left(
     apart: np.ndarray, allowed: np.ndarray, lost: np.ndarray, stays: np.ndarray
 ) -> np.ndarray:
-    """Flags, shape (k,), of what may agree somewhere and loses next to nothing by it.
+    """Flags, shape (k,), of readings that may agree somewhere and lose next to nothing.
 
-    All of shape (k, n): stretches in which it is another reading, is allowed, loses an estimate
-    that others check, and keeps one that reads it.
+    All of shape (k, n): stretches in which a reading differs, is allowed, loses an estimate that
+    others check, and keeps one that reads it.
     """
     most = (1.0 - limits.NEARLY_ALL) * apart.sum(axis=-1)
     flags: np.ndarray = (apart & allowed).any(axis=-1) & (apart & ~lost).any(axis=-1)
@@ -303,7 +299,7 @@ def _left(
 
 
 def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[tuple[str, str]]:
-    """Pairs of columns that differ, and each of which may be the other one, in their order."""
+    """Pairs of columns that differ and may be each other, in order of the columns."""
     pairs: set[tuple[str, str]] = set()
     for group in of_one_dimension(used, near.bench.ruleset.units):
         names = [signal.id for signal in group]
@@ -332,20 +328,10 @@ def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[t
     yield from sorted(pairs, key=lambda pair: (place[pair[0]], place[pair[1]]))
 
 
-def _other_units(
-    raw: Recording, ruleset: Ruleset, plain: Bench, names: list[str]
-) -> Iterator[Misread]:
-    """One column in other units, in which it is like a reading."""
-    for name in names:
-        for mixup in _mixups(raw, ruleset, name):
-            if (one := _in_unit(ruleset, plain, {name: mixup})) is not None:
-                yield one
-
-
 def _all_in_other_units(
     raw: Recording, ruleset: Ruleset, plain: Bench, used: Sequence[SignalSpec]
 ) -> Iterator[Misread]:
-    """All columns of a dimension in one unit that their headers do not say."""
+    """All columns of a dimension in one unit that their headers do not state."""
     for group in of_one_dimension(used, ruleset.units):
         by_unit: dict[str, dict[str, Mixup]] = {}
         for signal in group:
@@ -364,7 +350,7 @@ def _mixups(raw: Recording, ruleset: Ruleset, name: str) -> list[Mixup]:
 
 
 def _in_unit(ruleset: Ruleset, plain: Bench, found: Mapping[str, Mixup]) -> Misread | None:
-    """Columns in one other unit; None where one of them would not be like a reading in it."""
+    """Columns in one other unit; None if one of them would not look like a reading in it."""
     values, noise, texts, mendings = {}, {}, [], []
     for name, mixup in found.items():
         values[name] = plain.points.values[name] * mixup.factor + mixup.offset

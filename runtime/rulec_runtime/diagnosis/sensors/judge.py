@@ -1,9 +1,8 @@
-"""Sensor health before physics: which readings of a recording are none, and why.
+"""Sensor health before physics: which readings of a recording are invalid, and why.
 
-What a reading says by itself comes first (its range, its noise, the clock), then what it says
-against what the others predict. A column that is another than its header says is read as what it
-is. Whatever else is found is taken out, so that the rest is judged without it: the readings become
-NaN.
+Each reading is first checked by itself (range, noise, clock), then against what the others predict.
+A column that does not match its header is read as what it is. Other invalid readings become NaN, so
+that the rest is judged without them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import bench_of
-from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, Condition, SensorFinding
+from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
 from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns
@@ -41,7 +40,7 @@ WHY = {"dead": "dead at zero", "stuck": "stuck at one value", "range": "outside 
 
 @dataclass(frozen=True)
 class Health:
-    """Readings that are none, and the recording without them, its columns read by `mendings`."""
+    """Invalid readings, and the recording without them, its columns read by `mendings`."""
 
     findings: tuple[SensorFinding, ...]
     recording: Recording
@@ -58,9 +57,9 @@ def examine(
 ) -> Health:
     """Judge the sensors of a recording.
 
-    `by_model` compares readings with what the ruleset predicts as well; a plant that is yet to be
-    calibrated, or of which the model itself is in doubt, predicts nothing. Without `headers` a
-    column is what its header says, and so are those that have been `mended`.
+    `by_model` also compares readings with the ruleset's predictions; a plant not yet calibrated, or
+    whose model is in doubt, predicts nothing. Without `headers` columns are trusted to match their
+    headers, as are those already `mended`.
     """
     if recording.unfit is not None:
         return Health((), recording)
@@ -77,20 +76,20 @@ def examine(
         if dead and headers:
             misread = misread_of(recording, clean, ruleset, _still(stuck, clean) | mended)
     if misread:
-        # Read as what it is, a column may be in its range, and others be seen to be wrong.
+        # Once mended, a column may be in its range, and may reveal errors of others.
         return _as_mended(recording, ruleset, misread, mended)
     if by_model:
         frozen = frozen_of(clean, ruleset)
         found, clean = found + frozen, without(clean, frozen)
-    findings = [_with_end(recording, one) for one, _ in found]
-    findings += _clock(recording)
-    return Health(_in_order(findings), clean)
+    end = recording.time[-1]
+    findings = (replace(f, behind=TO_THE_END if f.until >= end else ENDED) for f, _ in found)
+    return Health(_in_order([*findings, *_clock(recording)]), clean)
 
 
 def _as_mended(
     recording: Recording, ruleset: Ruleset, misread: Misread, before: Set[str]
 ) -> Health:
-    """The sensors of a recording whose columns are read otherwise."""
+    """The sensors of a recording whose columns are read differently."""
     rest = examine(
         read_by(recording, misread.mendings), ruleset, mended={*before, *misread.signals}
     )
@@ -121,7 +120,7 @@ def _still(stuck: Iterable[Found], recording: Recording) -> set[str]:
 
 
 def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
-    """Readings that lose their noise. One that is given is mostly set: there it must have some."""
+    """Readings that lose their noise. Inputs are mostly set values: they must have some first."""
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not any_of(values):
@@ -129,11 +128,11 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
         u = np.inf
         if signal.is_input:
             u = median_of(partial(_errors, signal, values))
-        # Below its minimum the module stands, and nothing is read from there.
+        # Below the minimum the module is at standstill, and the reading is not used.
         low = signal.lowest if signal.minimum is None else signal.minimum
         for a, b in standing_still(values, u, (low, signal.highest)):
             if at_zero(signal, values[a : a + 1])[0]:
-                continue  # a clipped zero; whether it is a dead one the others say
+                continue  # a clipped zero; the others decide whether it is dead
             yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
 
 
@@ -153,7 +152,7 @@ def stuck_finding(
 
 
 def without(recording: Recording, found: Iterable[Found]) -> Recording:
-    """The recording with what was found taken out; the same if there was nothing."""
+    """The recording without these readings; the same one if nothing was found."""
     found = list(found)
     if not found and recording.unfit is not None:
         return recording
@@ -164,18 +163,10 @@ def without(recording: Recording, found: Iterable[Found]) -> Recording:
             column = copied(values[finding.signal])
             column[part] = np.nan
             values[finding.signal] = column
-            unfit[finding.signal] = _joined(unfit.get(finding.signal, ""), finding.condition)
+            before = unfit.get(finding.signal, "").split(" or ")
+            reasons = dict.fromkeys([*filter(None, before), WHY[finding.condition.name]])
+            unfit[finding.signal] = " or ".join(reasons)
     return replace(recording, values=values, unfit=unfit)
-
-
-def _joined(before: str, condition: Condition) -> str:
-    reasons = dict.fromkeys([*filter(None, before.split(" or ")), WHY[condition.name]])
-    return " or ".join(reasons)
-
-
-def _with_end(recording: Recording, finding: SensorFinding) -> SensorFinding:
-    lasts = finding.until >= recording.time[-1]
-    return replace(finding, behind=TO_THE_END if lasts else ENDED)
 
 
 def _clock(recording: Recording) -> list[SensorFinding]:
@@ -199,15 +190,22 @@ def dead_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
 
 
 def frozen_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
-    """Readings that never move though the others say that they should."""
+    """Readings that never move though the others show that they should."""
     if not any(map(never_moves, recording.values.values())):
         return []
+    n = len(recording)
     if ruleset.dynamics is not None:
-        return _silent(recording, ruleset)
+        # The integrator takes a second to load, and only plants that store need it.
+        from rulec_runtime.diagnosis.sensors.stores import silent_readings
+
+        because = "it never moves, while the balances say that it should"
+        return [
+            (dead or stuck_finding(signal, recording, 0, n, because), slice(0, n))
+            for signal, dead in silent_readings(recording, ruleset)
+        ]
     bench = bench_of(recording, ruleset)
     if bench is None:
         return []
-    n = len(recording)
     because = "it never moves, while the others say that it should"
     return [
         (stuck_finding(signal, recording, 0, n, because), slice(0, n))
@@ -215,22 +213,10 @@ def frozen_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
     ]
 
 
-def _silent(recording: Recording, ruleset: Ruleset) -> list[Found]:
-    # The integrator takes a second to load, and plants that store nothing do without it.
-    from rulec_runtime.diagnosis.sensors.stores import silent_readings
-
-    n = len(recording)
-    because = "it never moves, while the balances say that it should"
-    return [
-        (dead or stuck_finding(signal, recording, 0, n, because), slice(0, n))
-        for signal, dead in silent_readings(recording, ruleset)
-    ]
-
-
 def misread_of(
     recording: Recording, clean: Recording, ruleset: Ruleset, still: Set[str]
 ) -> Misread | None:
-    """Columns under a header that does not say what they are; none that stand still."""
+    """Columns that do not match their headers, other than constant ones."""
     if ruleset.dynamics is not None:
         return None
     bench = bench_of(clean, ruleset)

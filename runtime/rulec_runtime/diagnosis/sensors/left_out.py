@@ -1,8 +1,8 @@
 """The least disagreement that another value of a reading can leave.
 
-Whatever a reading should have shown, the estimates that do not read it stay as they are. So
-chi-square of these alone is a bound, and most of what a column could be need not be tried. That of
-all estimates but some is had from all of them by a deletion (Cook and Weisberg 1982).
+No value of a reading changes the estimates that do not read it. So their chi-square alone is a
+bound, and most candidates for a column need not be tried. Chi-square of all estimates but some
+follows from that of all by deletion (Cook and Weisberg 1982).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Estimates held against each other, at n points.
+    """Estimates compared with each other, at n points.
 
     Attributes
     ----------
     chi : chi-square of all of them, shape (n,).
-    weight : its second derivative by the estimates, halved, shape (n, observers, observers),
-        (s/m3)^2; zero for those that cannot be used.
+    weight : half its second derivative by the estimates, shape (n, observers, observers), (s/m3)^2;
+        zero for unusable ones.
     pull : `weight` times the estimates, shape (n, observers), s/m3.
     """
 
@@ -44,7 +44,7 @@ class LeftOut:
 
 
 def left_out(ruleset: Ruleset, observed: Observed) -> LeftOut:
-    """What any of the estimates adds to their disagreement."""
+    """What each of the estimates adds to their disagreement."""
     n, count = len(observed), len(ruleset.observers)
     chi, weight, pull = np.zeros(n), np.zeros((n, count, count)), np.zeros((n, count))
     for valid, members, basis in groups_of(ruleset, observed.valid):

@@ -1,10 +1,10 @@
-"""What the nearest residuals say of other values of a reading.
+"""Test other values of a reading by the nearest residuals.
 
-Each residual bounds chi-square of the whole plant from below. In a long plant few residuals with
-few readings in them tell so at a small part of the cost. They are held to the limit of as many
-degrees of freedom as they are, where that is less than the plant's: a disagreement between
-neighbours drowns in the noise of hundreds of estimates, but not in that of a few. That is a test,
-and sharper than the bound; in a small plant it is the bound.
+Each residual bounds chi-square of the whole plant from below. In a large plant a few residuals with
+few readings give that bound at a small part of the cost. Their limit has as many degrees of freedom
+as there are of them, if that is fewer than the plant's: a disagreement between neighbours drowns in
+the noise of hundreds of estimates, but not in that of a few. That test is sharper than the bound;
+in a small plant it is the bound.
 
 Source: own derivation; the bound is the Cauchy-Schwarz inequality.
 """
@@ -29,13 +29,13 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Of k ways to read a column in n stretches, flags of shape (k, n).
+    """Verdicts on k ways to read a column in n stretches, flags of shape (k, n).
 
     Attributes
     ----------
-    allowed : nothing says that it cannot have shown this.
-    lost : an estimate that reads it, and that others check, cannot be used with it.
-    stays : one that reads it can.
+    allowed : nothing contradicts this value.
+    lost : an estimate that reads it, and that others check, becomes unusable.
+    stays : one that reads it is usable.
     """
 
     allowed: np.ndarray
@@ -63,8 +63,8 @@ class Near:
     def judge(
         self, signal: str, values: Array, noise: Array, others: Sequence[str | None]
     ) -> Verdicts:
-        """What is known of values, as `u` has them, where `others`, of k, name the reading that is
-        another one as well (None: none)."""
+        """Verdicts on values, as in `u`; `others`, k of them, name the other reading that changes
+        as well (None: none)."""
         watching = self._watching.get(signal, ())
         allowed: np.ndarray = np.ones(values.shape, dtype=bool)
         lost, stays = np.zeros((2, *values.shape), dtype=bool)
@@ -91,21 +91,20 @@ class Near:
                 off = size**2 > limit * u**2
             for term in residual.terms:
                 off &= usable[term.observer]
-            # Where the other one stands in it as well, this one alone does not tell.
+            # If the residual reads the other one as well, this one alone decides nothing.
             off[[other in self._readings[residual.id] for other in others]] = False
             allowed &= ~off
         return Verdicts(allowed, lost, stays)
 
     def gains(self, signal: str) -> np.ndarray:
-        """Stretches, shape (n,), in which some estimate that reads it cannot be used as recorded:
+        """Stretches, shape (n,), in which an estimate that reads it is unusable as recorded:
         another value may make it usable."""
-        found: np.ndarray = ~self.bench.recorded.valid[self.bench.readers(signal)].all(axis=0)
-        return found
+        return np.asarray(~self.bench.recorded.valid[self.bench.readers(signal)].all(axis=0))
 
     def _run(
         self, signal: str, values: Array, noise: Array, watching: Sequence[ResidualSpec]
     ) -> tuple[dict[str, Array], dict[str, np.ndarray]]:
-        """Outputs of the plan, shape (k * n,), and which estimates can be used by their readings,
+        """Outputs of the plan, shape (k * n,), and which estimates are usable by their readings,
         shape (k, n)."""
         ruleset = self._ruleset
         names = dict.fromkeys(t.observer for r in watching for t in r.terms)
@@ -125,7 +124,7 @@ class Near:
         }
 
     def _points(self, signal: str, values: Array, noise: Array, read: Set[str]) -> Points:
-        """As recorded, but for one reading: one way to read it after the other."""
+        """The recorded points with one reading changed: one way to read it after the other."""
         own, k = self.bench.points.of(read), len(values)
         recorded, u, lag = (
             {name: np.tile(column, k) for name, column in table.items()}
@@ -141,7 +140,7 @@ class Near:
 
     @cached_property
     def _plans(self) -> dict[str, Plan]:
-        """By reading what has been run for it: other values of it are asked for again."""
+        """By reading: other values of it will be tried again."""
         return {}
 
     @cached_property
@@ -154,7 +153,7 @@ class Near:
 
     @cached_property
     def _watching(self) -> dict[str, tuple[ResidualSpec, ...]]:
-        """Per reading the residuals that read it, those of the fewest readings first."""
+        """Per signal the residuals that read it, those of the fewest readings first."""
         found: dict[str, list[ResidualSpec]] = {}
         for residual in sorted(self._ruleset.residuals, key=lambda r: len(self._readings[r.id])):
             for name in self._readings[residual.id]:
@@ -166,7 +165,7 @@ class Near:
     @cached_property
     def _still(self) -> np.ndarray:
         """Estimates none of whose readings lags, shape (observers, n): another value can make them
-        usable, and nothing else speaks against it."""
+        usable."""
         points = self.bench.points
         moving = {name: column != 0.0 for name, column in points.lag.items()}
         none = np.zeros(len(points), dtype=bool)

@@ -1,8 +1,8 @@
 """Readings that their sensor cannot show.
 
-Source: NAMUR NE 43: a signal of 4 to 20 mA measures from 3.8 to 20.5 mA; at most 3.6 or at least
-21 mA it tells that the device has failed. So a reading further than 2.5 % of its range below the
-live zero, or 6.25 % above its end, is none.
+Source: NAMUR NE 43: a signal of 4 to 20 mA measures from 3.8 to 20.5 mA; at most 3.6 or at least 21
+mA signal a failure of the device. So a reading more than 2.5 % of its range below the live zero, or
+6.25 % above its end, is invalid.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
 
 
 def _failed_between(signal: SignalSpec, values: Array, first: int, last: int) -> np.ndarray:
-    """Readings, SI, by which a transmitter tells that it has failed, as flags."""
+    """Readings, SI, by which a transmitter signals its failure, as flags."""
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
         return np.zeros(last - first, dtype=bool)

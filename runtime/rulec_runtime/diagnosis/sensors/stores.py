@@ -1,7 +1,7 @@
-"""Readings of a plant that stores, against what its balances predict from what is given.
+"""Readings of a plant that stores, against what its balances predict from the inputs.
 
-Balances from their nominal start predict no exact level, but whether one should be there at all,
-and whether it should move.
+From their nominal start, balances predict no exact level, but whether there should be one, and
+whether it should move.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _given_moves(recording: Recording, dynamics: Dynamics) -> bool:
 
 
 def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
-    """Do the balances move a reading by more than its sensor and its display hide?"""
+    """Whether the balances move a reading by more than its sensor and its display hide."""
     u = float(np.median(systematic_u(signal, course)))
     digit = last_digit(signal.shown(shown)) * abs(signal.factor)
     hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
@@ -68,7 +68,7 @@ def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
 
 
 def _predicted(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
-    """Course of every output by the balances as they stand, shape (n,), SI; none without inputs."""
+    """Every output by the balances as they are, shape (n,), SI; none without inputs."""
     table = [filled(recording.values[n]) for n in dynamics.inputs]
     begins = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)
     values = {**dynamics.values, **{start_of(s.id): start for s, start in begins}}

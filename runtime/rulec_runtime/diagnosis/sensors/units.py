@@ -15,7 +15,7 @@ from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.stationary import systematic_u
 
 SECOND, HOUR = 1.0, 3600.0
-"""A meter counts by the second, the minute or the hour."""
+"""Meters count per second, minute or hour."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Mixup:
 def mixups(
     signal: SignalSpec, scale: tuple[float, float], units: Mapping[str, UnitSpec]
 ) -> list[Mixup]:
-    """What else the numbers of a column, read with a scale (factor, offset), may be."""
+    """Other units that the numbers of a column, read with a scale (factor, offset), may be in."""
     own = parse_unit(signal.unit, units)
     if own is None or not any(own.dimension):
         return []
@@ -51,7 +51,7 @@ def mixups(
 def exchangeable(
     signals: Sequence[SignalSpec], units: Mapping[str, UnitSpec]
 ) -> Iterator[tuple[SignalSpec, SignalSpec]]:
-    """Pairs of columns that may stand in each other's place: readings of one dimension."""
+    """Pairs of columns that may have been swapped: readings of one dimension."""
     group = {s.id: i for i, same in enumerate(of_one_dimension(signals, units)) for s in same}
     for one, other in combinations((s for s in signals if s.id in group), 2):
         if group[one.id] == group[other.id]:
@@ -61,7 +61,7 @@ def exchangeable(
 def of_one_dimension(
     signals: Sequence[SignalSpec], units: Mapping[str, UnitSpec]
 ) -> list[list[SignalSpec]]:
-    """The same in groups, all of which may stand in each other's place."""
+    """The same in groups, in which any two may have been swapped."""
     found: dict[tuple[float, ...], list[SignalSpec]] = {}
     for signal in signals:
         unit = parse_unit(signal.unit, units)
@@ -71,9 +71,9 @@ def of_one_dimension(
 
 
 def like_a_reading(signal: SignalSpec, values: Array, noise: float) -> bool:
-    """Is the noise that of a sensor of its class, and the value one it can show?
+    """Whether noise and value are plausible for a sensor of its class.
 
-    `values`, shape (n,), SI, are read otherwise than recorded, and so is their `noise`.
+    `values`, shape (n,), SI, are read differently than recorded, and so is their `noise`.
     """
     if not np.isfinite(values).any():
         return False
@@ -86,7 +86,7 @@ def like_a_reading(signal: SignalSpec, values: Array, noise: float) -> bool:
 
 
 def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> dict[str, UnitSpec]:
-    """Units of the same dimension: single ones, and one per time."""
+    """Units of the same dimension: single ones, and quotients by a time."""
     found = {name: u for name, u in units.items() if u.dimension == own.dimension}
     if not per_time:
         return found
@@ -107,5 +107,5 @@ def _name(signal: SignalSpec, scale: tuple[float, float], known: Mapping[str, Un
     if scale == (signal.factor, signal.offset):
         return signal.unit
     names = [n for n, u in known.items() if (u.factor, u.offset) == scale]
-    # mbar and hPa are one: the header may have said either.
+    # mbar and hPa are the same: the header may state either.
     return " or ".join(sorted(names, key=len)[:2]) or signal.unit
