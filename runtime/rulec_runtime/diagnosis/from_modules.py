@@ -51,9 +51,7 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
     seen = [
-        evaluate_observed(
-            part, observed_of(results, part.ruleset, points), points, "default", halves
-        )
+        evaluate_observed(part, observed_of(results, part.ruleset, points), points, halves)
         for part in parts_of(ruleset)
     ]
     judged, found = told_of(ruleset, timeline_of_results(results), seen)

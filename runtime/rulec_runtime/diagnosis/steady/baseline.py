@@ -1,9 +1,9 @@
-"""The baseline: what the fault-free part of a recording says of errors that last.
+"""The baseline: what the fault-free part of a recording shows about lasting errors.
 
-A systematic error of a sensor and an error of the calibration hardly change from one minute to
-the next. Stretches in which nothing contradicts bound them, so a later stretch is judged against
-these: what was off by the same amount before is no fault. Errors are unknowns with a standard
-normal prior that drift slowly; each healthy stretch conditions them in turn.
+A systematic error of a sensor and an error of the calibration hardly change from one minute to the
+next. Stretches without a contradiction bound them, so a later stretch is judged against these: an
+offset that existed before is no fault. Errors are unknowns with a standard normal prior that drift
+slowly; each healthy stretch conditions them in turn.
 
 Source: own derivation, docs/method.md; the recursion is a Kalman filter of an Ornstein-Uhlenbeck
 process.
@@ -28,8 +28,8 @@ from rulec_runtime.diagnosis.steady.observe import Observed, signed, spreads
 class Baseline:
     """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties.
 
-    It rests on the first `count` of `points`, which all baselines of a recording share: a
-    list for each would grow with the square of the recording. `time` is that of the last, s.
+    It rests on the first `count` of `points`, a list that all baselines of a recording share: one
+    list each would grow with the square of the recording. `time` is that of the last point, s.
     """
 
     mean: Array
@@ -39,7 +39,7 @@ class Baseline:
     time: float
 
     def later(self, time: float) -> Baseline:
-        """What is still known at a later time: the rest of the errors is as before anything."""
+        """What is still known at a later time; the errors return to their prior."""
         kept = float(remembered(time - self.time))
         covariance = kept**2 * self.covariance
         covariance.flat[:: len(self.mean) + 1] += 1.0 - kept**2
@@ -48,10 +48,10 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Baselines:
-    """Baselines in order of time, and which of them holds at each point, shape (n,).
+    """Baselines in order of time, and which of them applies to each point, shape (n,).
 
-    `points` are those that were learned from, and `counts` tells on how many of them each baseline
-    rests. Of a long recording there may be no `states`: they are not kept then.
+    `points` are those that were learned from, `counts` gives the number of them behind each
+    baseline. A long recording may have no `states`: they are not kept then.
     """
 
     states: Sequence[Baseline]
@@ -60,28 +60,28 @@ class Baselines:
     counts: Sequence[int] = (0,)
 
     def count_at(self, point: int) -> int:
-        """On how many points the baseline of a point rests."""
+        """Number of points behind the baseline of a point."""
         return self.counts[int(self.at[point])]
 
     def learned_at(self, point: int) -> NDArray[np.intp]:
-        """The points that the baseline of a point rests on."""
+        """The points behind the baseline of a point."""
         return np.array(self.points[: self.count_at(point)], dtype=np.intp)
 
 
 def nothing_learned(observed: Observed) -> Baseline:
-    """What is known of the lasting errors without any fault-free stretch: their uncertainties."""
+    """The prior of the lasting errors: their uncertainties."""
     count = observed.shared.shape[1]
     return Baseline(np.zeros(count), np.eye(count), packed("q"), 0, 0.0)
 
 
 def remembered(seconds: Array | float, lasting: float = limits.LASTING) -> Array:
-    """Correlation of a lasting error with itself after some time, if it forgets in so long, s."""
+    """Correlation of a lasting error with itself after some time, s, for a time constant, s."""
     correlation: Array = np.exp(-np.abs(seconds) / lasting)
     return correlation
 
 
 def times_of(observed: Observed) -> Array:
-    """Time of each point, s; all the same where the points do not follow each other."""
+    """Time of each point, s; all equal if the points do not follow each other."""
     time = observed.points.time
     return np.zeros(len(observed)) if time is None else time
 
@@ -89,14 +89,14 @@ def times_of(observed: Observed) -> Array:
 def against(
     ruleset: Ruleset, observed: Observed, baselines: Baselines, at: np.ndarray | None = None
 ) -> Observed:
-    """The same points seen against their baselines: flows shifted, covariances conditioned.
+    """The same points relative to their baselines: flows shifted, covariances conditioned.
 
-    `at` gives the baseline of each point where the points are not those that were learned from.
+    `at` gives the baseline of each point if the points are not those learned from.
     """
     at = baselines.at if at is None else at
     offsets = np.zeros_like(observed.flows)
     time, lasting = times_of(observed), observed.covariance - observed.noise
-    # Points last, as they lie in memory.
+    # Points last, as in memory.
     spread = np.moveaxis(lasting, 0, -1)
     for index, here in _same(at):
         state = baselines.states[index]
@@ -117,7 +117,7 @@ def against(
 
 
 SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systematic")
-"""What `against` changes."""
+"""Fields that `against` changes."""
 
 
 def _covariance(shared: Array, errors: Array) -> Array:
@@ -133,7 +133,7 @@ def _covariance(shared: Array, errors: Array) -> Array:
 
 
 def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
-    """Baselines and the points that they hold for; all points at once where one holds for all."""
+    """Baselines and their points; a slice if one applies to all."""
     order = np.argsort(at, kind="stable")
     indexes, starts = np.unique(at[order], return_index=True)
     if len(indexes) == 1:

@@ -1,10 +1,10 @@
-"""What estimates do within a stretch beyond their white noise: a reading still settles, or wanders.
+"""Variation of estimates within a stretch beyond white noise: a reading still settles, or wanders.
 
-The noise of a mean falls with the root of its length only where samples are independent. The halves
-of a stretch show whether they are: a mean is known no better than its halves agree. What all
-estimates of a flow do together is the plant's own course and is left out.
+The noise of a mean falls with the root of its length only if samples are independent. The halves of
+a stretch show whether they are: a mean is known no better than its halves agree. A common course of
+all estimates of a flow is the plant's own, and is left out.
 
-Source: batch means with two batches; of the square of their difference counts what is beyond the
+Source: batch means with two batches; of the square of their difference counts the excess over the
 noise, the positive part of its moment estimate (DerSimonian and Laird 1986).
 """
 
@@ -58,8 +58,8 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
-    """Covariance of the flows by what their halves differ beyond noise, (m3/s)^2, shape
-    (n, observers, observers)."""
+    """Covariance of the flows by the excess difference of their halves, (m3/s)^2, shape (n,
+    observers, observers)."""
     found = np.zeros_like(observed.noise)
     for valid, members, basis in groups_of(ruleset, observed.valid & np.isfinite(halves.apart)):
         apart = (basis @ halves.apart[valid][:, members]).T
@@ -75,6 +75,6 @@ def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
 
 
 def wandering(observed: Observed, wander: Array) -> Observed:
-    """The same points with this in their noise."""
+    """The same points with this covariance added to their noise."""
     noise, covariance = observed.noise + wander, observed.covariance + wander
     return replace(observed, noise=noise, covariance=covariance, wander=wander)

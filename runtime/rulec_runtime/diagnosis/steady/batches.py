@@ -1,4 +1,4 @@
-"""Points of long recordings, judged a batch at a time: tables of all of them may lie in a file."""
+"""Points of long recordings, judged in batches: tables of all of them may lie in a file."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Told = TypeVar("Told")
 """A frozen dataclass of tables."""
 
 FIRST, SECOND, THIRD = ({"along": axis} for axis in range(3))
-"""Marks of a field that is a table: the axis along which the points lie."""
+"""Marks of a field that is a table: the axis of the points."""
 
 
 def points_along(kind: type) -> dict[str, int]:
-    """The axis of each table of a dataclass along which the points lie."""
+    """The axis of the points in each table of a dataclass."""
     return {f.name: f.metadata["along"] for f in fields(kind) if "along" in f.metadata}
 
 
 def batches(count: int) -> Iterator[slice]:
-    """So many points in a row, a batch at a time; one batch of none."""
+    """Slices of so many points, a batch each; one empty batch of none."""
     for low in range(0, max(count, 1), limits.POINTS_AT_ONCE):
         yield slice(low, min(low + limits.POINTS_AT_ONCE, count))
 
 
 def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told]) -> Told:
-    """The results for all points, joined from the results for each batch.
+    """The results for all points, joined from those of each batch.
 
-    `axis` says along which axis of a table the points lie; what has none is as in the first batch.
+    `axis` gives the axis of the points per table; other fields are those of the first batch.
     """
     if count <= limits.POINTS_AT_ONCE:
         return told(slice(0, count))
@@ -52,17 +52,15 @@ def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told
 
 
 def _tables(first: Told, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
-    """Room for the tables of all points: what is told of one stands together."""
+    """Room for the tables of all points; the values of a point are contiguous."""
     names = [f.name for f in fields(cast(Any, first)) if f.name in axis]
-    specs = []
-    for name in names:
-        table = np.moveaxis(getattr(first, name), axis[name], 0)
-        specs.append(((count, *table.shape[1:]), table.dtype))
+    tables = (np.moveaxis(getattr(first, name), axis[name], 0) for name in names)
+    specs = [((count, *table.shape[1:]), table.dtype) for table in tables]
     return dict(zip(names, arrays(specs), strict=True))
 
 
 def part_of(told: Told, axis: Mapping[str, int], part: slice, count: int) -> Told:
-    """What is told of some of so many points; they lie last in memory, as tables are made."""
+    """Tables of some of so many points; points are last in memory, as tables are made."""
     if part.start == 0 and part.stop == count:
         return told
     changed: dict[str, Any] = {}

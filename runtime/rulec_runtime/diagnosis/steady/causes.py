@@ -1,4 +1,4 @@
-"""Name the causes of a run of stretches, with what else could be."""
+"""Name the causes of a run of stretches, with the alternatives."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 
 @dataclass(frozen=True)
 class Cause:
-    """A named fault (index) with degree, 95 % bounds, probability, and when it is there.
+    """A named fault (index) with degree, 95 % bounds, probability, and when it is present.
 
-    The bounds hold the degrees that it has in all plausible hypotheses.
-    `rivals` and `remote` are other causes with their probabilities, as `rivals_of` gives them,
-    `together` the faults found at the same time.
+    The bounds cover the degrees in all plausible hypotheses. `rivals` and `remote` are other causes
+    with their probabilities, see `rivals_of`, `together` the faults found at the same time.
     """
 
     fault: int
@@ -37,7 +36,7 @@ class Cause:
 
 
 def fits_of_runs(seen: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[Fits]:
-    """What fits each run; nothing is tried where points are not combined."""
+    """Hypotheses that fit each run; none are tried where points are not combined."""
     if not seen.combined:
         return [Fits([], 0) for _ in runs]
     return fits_of(seen.part.ruleset, seen.plain, seen.baselines, seen.isolation, runs)
@@ -46,7 +45,7 @@ def fits_of_runs(seen: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[F
 def causes_of(
     seen: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
 ) -> list[Cause]:
-    """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
+    """The causes of a run by its fits: one fault, or two at once; `known` are faults found just
     before."""
     ruleset = seen.part.ruleset
     hypotheses = hypotheses_of(fits, seen.isolation.chance, ruleset.odds, known)
@@ -58,7 +57,8 @@ def causes_of(
 
 
 def _named(ruleset: Ruleset, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
-    """The most probable hypothesis; of those that no reading tells from it, the most frequent."""
+    """The most probable hypothesis; of those that no reading distinguishes from it, the most
+    frequent."""
     first = hypotheses[0]
     groups = {frozenset(_twins(ruleset, f)) for f in first.faults}
     alike = [
@@ -78,7 +78,7 @@ def _cause(
     fault: int,
     fitting: np.ndarray,
 ) -> Cause:
-    """One fault of the hypothesis that is named, and what could be in its stead.
+    """One fault of the named hypothesis, and its alternatives.
 
     `fitting` flags the faults that fit some stretch of the run, shape (faults,).
     """
@@ -91,8 +91,8 @@ def _cause(
     alone[fault] = sum(h.unprejudiced for h in own)
     twins = {t for t in _twins(ruleset, fault) if t != fault and (t in found or fitting[t])}
     if twins:
-        # No reading tells them apart: whatever else favours one of them is an assumption. Those
-        # that some stretches alone allow outrank nothing that all of them do.
+        # No reading distinguishes them: whatever else favours one of them is an assumption. Twins
+        # that only some stretches allow must not outrank those that all stretches do.
         group = [fault, *sorted(twins)]
         odds = np.minimum(ruleset.odds[group], ruleset.odds[fault])
         found |= _shared(found, group, odds)
@@ -114,7 +114,7 @@ def _cause(
 
 
 def _shared(chance: dict[int, float], group: Sequence[int], odds: np.ndarray) -> dict[int, float]:
-    """Probability of a group of faults together, shared out in proportion to their odds."""
+    """Probability of a group of faults together, shared in proportion to their odds."""
     total = sum(chance.get(f, 0.0) for f in group)
     return dict(zip(group, (total * odds / odds.sum()).tolist(), strict=True))
 
@@ -125,7 +125,7 @@ def _others(
     fault: int,
     probability: Callable[[Hypothesis], float],
 ) -> dict[int, float]:
-    """What stands in a fault's stead in the other hypotheses, with its probability."""
+    """Faults that replace a fault in the other hypotheses, with their probabilities."""
     chance: dict[int, float] = {}
     for hypothesis in hypotheses:
         if fault not in hypothesis.faults:
@@ -137,25 +137,20 @@ def _others(
 def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
     """Faults that move all residuals in the same proportion, the fault itself among them."""
     if "twins" not in ruleset.kept:
-        ruleset.kept["twins"] = _all_twins(ruleset)
+        place = {f.id: i for i, f in enumerate(ruleset.faults)}
+        twins = [{i} for i in range(len(place))]
+        for group in ruleset.ambiguous:
+            if group.kind == "coincide":
+                members = {place[name] for name in group.faults if name in place}
+                for one in members:
+                    twins[one] |= members
+        ruleset.kept["twins"] = [frozenset(own) for own in twins]
     found: frozenset[int] = ruleset.kept["twins"][fault]
     return found
 
 
-def _all_twins(ruleset: Ruleset) -> list[frozenset[int]]:
-    """The same of each fault; worked out once for a ruleset."""
-    place = {f.id: i for i, f in enumerate(ruleset.faults)}
-    found = [{i} for i in range(len(place))]
-    for group in ruleset.ambiguous:
-        members = {place[name] for name in group.faults if name in place}
-        if group.kind == "coincide":
-            for fault in members:
-                found[fault] |= members
-    return [frozenset(own) for own in found]
-
-
 def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Hypothesis:
-    """Where no degree fits all stretches: the mean of what each says, with their scatter."""
+    """Where no degree fits all stretches: the mean of those of each, with their scatter."""
     pair = tuple(int(i) for i in isolation.pair[members[0]])
     mean = isolation.probability[:, members].mean(axis=1)
     weighed = mean * odds

@@ -16,9 +16,9 @@ from rulec_runtime.contract.plan import Array
 class ChiSquare:
     """Chi-square of n problems, quadratic in the flows, as residuals are linear in them.
 
-    A fault touches few flows; what the others contribute never changes and is summed up here
-    once. Problems are the last axis everywhere, so that numpy loops over them and not over the
-    handful of numbers of one.
+    A fault touches few flows; the constant contribution of the others is summed up here once.
+    Problems are the last axis everywhere, so that numpy loops over them and not over the few
+    numbers of one.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class ChiSquare:
     curvature: Array
 
     def of(self, flows: Sequence[int]) -> ChiSquare:
-        """The same where no other flows are moved."""
+        """The same if no other flows are moved."""
         return ChiSquare(self.value, self.slope[flows], self.curvature[np.ix_(flows, flows)])
 
     def problems(self, chosen: np.ndarray) -> ChiSquare:
@@ -51,14 +51,14 @@ class ChiSquare:
         return value, slope
 
     def information(self, effect: Array) -> Array:
-        """Information on degrees, shape (degrees, degrees, n), that move flows by `effect`,
-        shape (flows, degrees, n)."""
+        """Information on degrees, shape (degrees, degrees, n), that move flows by `effect`, shape
+        (flows, degrees, n)."""
         weighted = np.einsum("ijn,jdn->idn", self.curvature, effect)
         information: Array = np.einsum("ien,idn->edn", effect, weighted)
         return information
 
     def tolerating(self, spread: Array) -> ChiSquare:
-        """The same with a covariance of the flows, shape (flows, flows, n), added to theirs.
+        """The same with a covariance, shape (flows, flows, n), added to that of the flows.
 
         Source: matrix inversion lemma (Woodbury 1950), so that only matrices of the size of the
         touched flows are inverted.
@@ -76,8 +76,8 @@ class Weighing:
     """Residuals in the metric of their covariance.
 
     `inverse` are inverse covariances, shape (n, residuals, residuals), (s/m3)^2, `residuals` has
-    shape (n, residuals), m3/s: those of one point after the other, `rank` of each, which `basis`
-    gives as combinations of flows, shape (rank, flows).
+    shape (n, residuals), m3/s: `rank` residuals per point, one point after the other. `basis` gives
+    those of a point as combinations of flows, shape (rank, flows).
     """
 
     inverse: Array
@@ -98,8 +98,8 @@ class Weighing:
 
     @cached_property
     def of_flows(self) -> tuple[Array, Array]:
-        """Half the first and second derivative of chi-square by all flows of all points, those of
-        one point after the other: shapes (n, flows) and (n, flows, flows)."""
+        """Half the first and second derivative of chi-square by all flows, one point after the
+        other: shapes (n, flows) and (n, flows, flows)."""
         n, rows = self.residuals.shape
         rank, flows = self.basis.shape
         points = rows // rank
@@ -112,15 +112,15 @@ class Weighing:
 
 @dataclass(frozen=True)
 class Metric:
-    """Chi-square of n problems: `which` of the residuals that are weighed each has, shape (n,), as
-    many hypotheses are tried on the same ones."""
+    """Chi-square of n problems: `which` of the weighed residuals each uses, shape (n,), as many
+    hypotheses are tried on the same ones."""
 
     weighing: Weighing
     which: np.ndarray
 
     @property
     def is_large(self) -> bool:
-        """Do matrices of a problem cost more than the calls that work on them?"""
+        """Whether matrices of a problem cost more than the calls that work on them."""
         many = self.weighing.residuals.shape[1] >= limits.MANY_RESIDUALS
         return many and self.weighing.inverse.size <= limits.MOST_WEIGHED
 
@@ -147,8 +147,8 @@ class Metric:
         return Metric(self.weighing, self.which[chosen])
 
     def moving(self, places: np.ndarray) -> ChiSquare:
-        """Chi-square where some flows move: `places` of them per problem, shape (touched, n), or
-        -1; the flows of a problem are the touched ones of one point after the other."""
+        """Chi-square where some flows move: their `places` per problem, shape (touched, n), or -1;
+        the flows of a problem are the touched ones of one point after the other."""
         if self.is_large:
             return self._moving_some(places)
         n, rows = len(self.which), self.weighing.residuals.shape[1]
@@ -165,12 +165,12 @@ class Metric:
         )
 
     def _combined(self, places: np.ndarray) -> Array:
-        """How some flows of a point enter its residuals, shape (n, rank, touched)."""
+        """Contribution of some flows of a point to its residuals, shape (n, rank, touched)."""
         own: Array = np.where(places >= 0, self.weighing.basis[:, places], 0.0).transpose(2, 0, 1)
         return own
 
     def _moving_some(self, places: np.ndarray) -> ChiSquare:
-        """The same by what is known of all flows."""
+        """The same by the derivatives by all flows."""
         rank, flows = self.weighing.basis.shape
         slope, whole = self.weighing.of_flows
         points = self.weighing.residuals.shape[1] // rank
@@ -181,10 +181,10 @@ class Metric:
         return ChiSquare(self.value, every, curvature)
 
     def rescaled(self, places: np.ndarray, change: Array) -> ChiSquare:
-        """Chi-square where the same flows move whose errors are others.
+        """Chi-square where the same flows move and their errors change.
 
-        `change` is that of the covariance of those flows with all flows, shape
-        (n, points * touched, points * flows), (m3/s)^2.
+        `change` is that of the covariance of those flows with all flows, shape (n, points *
+        touched, points * flows), (m3/s)^2.
 
         Source: matrix inversion lemma (Woodbury 1950).
         """
@@ -193,7 +193,7 @@ class Metric:
         n, rows = len(self.which), self.weighing.residuals.shape[1]
         points, touched = rows // rank, len(places)
         size = points * touched
-        # The change is U K U^T, with U the flows and what changes with them.
+        # The change is U K U^T, with U the flows and their changed covariances.
         own = np.zeros((n, points, rank, points, touched))
         every = range(points)
         own[:, every, :, every] = self._combined(places)
@@ -230,7 +230,7 @@ class Metric:
 def inverse_of(covariance: Array) -> Array:
     """Inverse of each covariance, shape (n, rank, rank).
 
-    A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
+    A small ridge keeps residuals without an uncertainty of their own solvable; points whose
     covariance is not finite give NaN.
     """
     return _inverse(covariance, limits.RIDGE)
@@ -250,7 +250,7 @@ def solved(matrix: Array, right: Array) -> Array:
     regular = _regular(matrix.transpose(2, 0, 1), sound)
     try:
         solution = np.linalg.solve(regular, right.transpose(2, 0, 1))
-    except np.linalg.LinAlgError:  # one of them, by the same elimination as here
+    except np.linalg.LinAlgError:  # at least one is singular; slogdet uses the same elimination
         sound = sound & (np.linalg.slogdet(regular)[0] != 0.0)
         solution = np.linalg.solve(_regular(regular, sound), right.transpose(2, 0, 1))
     result = np.ascontiguousarray(solution.transpose(1, 2, 0))
@@ -268,13 +268,13 @@ def _product(one: Array, other: Array) -> Array:
 
 
 def _regular(matrices: Array, sound: np.ndarray) -> Array:
-    """Matrices, shape (n, rank, rank), with the identity for those that are not sound."""
+    """Matrices, shape (n, rank, rank), with the identity in place of unsound ones."""
     regular: Array = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
     return regular
 
 
 def inverse_information(information: Array) -> Array:
-    """Inverse of each information matrix, shape (degrees, degrees, n); NaN where it has none."""
+    """Inverse of each information matrix, shape (degrees, degrees, n); NaN if it has none."""
     if len(information) == 1:
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 / information

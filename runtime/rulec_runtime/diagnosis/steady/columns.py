@@ -18,8 +18,8 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in
 @dataclass(frozen=True, kw_only=True)
 class Columns:
     """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,); the test
-    has the problem of each column. Each hypothesis has the usable observers that it touches, of
-    which there are `most` at most."""
+    has the problem of each column. `touched` are the usable observers of each hypothesis, `most` at
+    most."""
 
     test: HypothesisTest
     hypotheses: Sequence[Faults]
@@ -32,19 +32,19 @@ class Columns:
         log-likelihood, shape (n,); `starts` of shape (faults, starts, n)."""
         pure = metric.moving(self.places)
         best = self._fit(pure, self._place(pure, self._best_start(pure, starts)))
-        # A change of the liquid that runs off leads nowhere: no small one leaves as little.
+        # Not for a change of the liquid that runs off: no small one leaves as little.
         of_modules = np.array([bool(faults[0].module) for faults in self.hypotheses])[self.which]
         far = np.flatnonzero(~self._believed(best.degree) & of_modules)
         if len(far) and len(best.degree) == 1:
             some, own = self.at(far), pure.problems(far)
             best.enter(far, some._place(own, some._small(starts[..., far])))
-        # What a fault takes from a flow or adds to it, it takes from its errors as well.
+        # A fault changes the errors of a flow along with the flow.
         pure = self.test.rescaled(self.scales(best.degree), self.places)
         best = best.judged_by(pure)
         again = self._fit(pure, best)
         best = best.where(self._believed(again.degree), again)
-        # Degree and uncertainty are those of the pure law; only the question whether the law
-        # fits at all is asked with its tolerance.
+        # Degree and uncertainty are those of the pure law; only the goodness of fit uses the
+        # tolerance of the law.
         widened = pure.tolerating(self._tolerance(best.degree))
         left = self._fit(widened, best.judged_by(widened)).distance
         information = pure.information(best.effect)
@@ -52,15 +52,15 @@ class Columns:
         usable = np.isfinite(left) & np.isfinite(u).all(axis=0) & self._believed(best.degree)
         if len(u) > 1:
             usable &= told_apart(information)
-        # The tolerance must not speak against a fault either: no price for the wider covariance.
+        # Nor must the tolerance count against a fault: no penalty for the wider covariance.
         evidence = np.where(usable, -0.5 * left, -np.inf)
         believed = usable if len(u) > 1 else self._believed(best.degree)
         distance = np.where(believed, left, np.inf)
         return best.degree, u, distance, evidence
 
     def undone(self, degree: Array) -> tuple[Array, Array]:
-        """How far the touched flows move, shape (touched, points, n), with degrees of the faults at
-        each point, (faults, points, n), and the slopes by these: (touched, faults, points, n)."""
+        """Movement of the touched flows, shape (touched, points, n), at degrees of the faults at
+        each point, (faults, points, n), and its slopes by these: (touched, faults, points, n)."""
         return self._undoing.moved_and_slopes(degree)
 
     def at(self, chosen: np.ndarray) -> Columns:
@@ -69,7 +69,7 @@ class Columns:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """Places of the touched flows of each column, shape (touched, n); -1 behind the last."""
+        """Places of the touched flows of each column, shape (touched, n); -1 after the last."""
         table = np.full((self.most, len(self.hypotheses)), -1)
         for i, names in enumerate(self.touched):
             table[: len(names), i] = [self.test.places[name] for name in names]
@@ -82,11 +82,11 @@ class Columns:
         return lowest, highest * (1.0 - limits.BELOW_HIGHEST)
 
     def _believed(self, degree: Array) -> np.ndarray:
-        """Whether anyone would believe the degrees, shape (faults, n), of each column."""
+        """Whether all degrees of a column, shape (faults, n), are credible."""
         return np.asarray((degree < self._of_faults("credible")).all(axis=0))
 
     def _of_faults(self, name: str) -> Array:
-        """A number of the faults of each column, shape (faults, n)."""
+        """An attribute of the faults of each column, shape (faults, n)."""
         table = np.array([[getattr(f, name) for f in faults] for faults in self.hypotheses])
         return table.astype(float).T[:, self.which]
 
@@ -123,9 +123,10 @@ class Columns:
         return everywhere
 
     def _small(self, starts: Array) -> Array:
-        """The first of the credible degrees, shape (1, starts, n), ascending from 0, that leaves as
-        little, within its 95 % bounds: (1, n); the highest if none does. All errors shrink with the
-        flows: far off, a law may leave nothing of what disagrees, and of what may be off."""
+        """The first credible degree, of shape (1, starts, n), ascending from 0, that leaves as
+        little as the best, within its 95 % bounds: (1, n); the highest if none does. Errors shrink
+        with the flows: at an extreme degree a law may remove both the disagreement and all
+        uncertainty."""
         tried = np.where(starts < self._of_faults("credible")[:, None], starts, 0.0)
         left = []
         for degree in np.moveaxis(tried, 1, 0):
@@ -179,7 +180,7 @@ class Columns:
         """Factors by which undoing the faults scales the errors of each usable flow.
 
         Noise is that of the readings as they are: undoing scales it. A systematic error is that of
-        a sound sensor: a reading that a fault scales takes it along, and undone it is as before.
+        a sound sensor: a fault that scales a reading scales it too, and undoing restores it.
         """
         outside = 1.0 - self._of_faults("in_sensor")
         noise = self._scale(degree)
@@ -188,7 +189,7 @@ class Columns:
     def _scale(self, degree: Array) -> Array:
         """Undone over measured flow of each usable observer, shape (usable, points, n).
 
-        So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
+        Errors of an estimate scale like that where a law acts as a factor, and nearly so elsewhere.
         """
         flows = self.test.flows
         scale = np.ones_like(flows)
@@ -204,10 +205,10 @@ class Columns:
 
     def _tolerance(self, degree: Array) -> Array:
         """Covariance of the touched flows by the tolerance of each fault, shape (flows, flows, n):
-        a real one never looks quite like its law.
+        a real fault never follows its law exactly.
 
-        Each observer's own part of an effect may be off by the tolerance, independently of the
-        other observers, but alike at all points of one problem.
+        The effect on each observer may be off by the tolerance, independently of the other
+        observers, but equally at all points of one problem.
         """
         count, tolerance = len(degree), self._of_faults("tolerance")
         # As found, then without each of the faults.
@@ -225,10 +226,10 @@ class Columns:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the search stands, n problems last.
+    """A point of the search, n problems last.
 
-    Degrees (faults, n), how far they move flows and half the slope of chi-square there, both
-    (flows, n), effect of the degrees on the flows (flows, faults, n), chi-square (n,).
+    Degrees (faults, n), movement of the flows and half the slope of chi-square there, both (flows,
+    n), effect of the degrees on the flows (flows, faults, n), chi-square (n,).
     """
 
     degree: Array
@@ -238,14 +239,14 @@ class Place:
     distance: Array
 
     def judged_by(self, chi: ChiSquare) -> Place:
-        """The same place with another chi-square."""
+        """The same point with another chi-square."""
         distance, slope = chi.at(self.moved)
         return replace(self, slope=slope, distance=finite(distance))
 
     def is_better(self, other: Place) -> np.ndarray:
-        """Whether chi-square is less than at another place, shape (n,).
+        """Whether chi-square is less than at another point, shape (n,).
 
-        The difference of a quadratic between two places is exact in the slopes; a difference of
+        The difference of a quadratic between two points is exact in the slopes; a difference of
         values would lose the last steps of the search in rounding.
         """
         gain = np.einsum("in,in->n", self.moved - other.moved, self.slope + other.slope)
@@ -263,7 +264,7 @@ class Place:
         return Place(*(own[..., chosen] for own, _ in self._beside(self)))
 
     def enter(self, chosen: np.ndarray, found: Place) -> None:
-        """Write what was found of some of the problems."""
+        """Write results of some of the problems."""
         for own, new in self._beside(found):
             own[..., chosen] = new
 
@@ -279,7 +280,7 @@ def newton_step(chi: ChiSquare, place: Place) -> Array:
 
 
 def finite(distance: Array) -> Array:
-    """Nothing is farther than what cannot be calculated."""
+    """Distances, infinite where they cannot be calculated."""
     return np.where(np.isfinite(distance), distance, np.inf)
 
 

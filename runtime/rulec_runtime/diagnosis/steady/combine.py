@@ -1,10 +1,9 @@
-"""What all stretches of a run say together, beside the fault-free ones before it.
+"""Evidence of all stretches of a run together, beside the fault-free ones before it.
 
-One operating point cannot tell a sensor's slope from a clogging where both move the same
-residuals alike; several can, for the degree that fits one of them must fit all. Errors that last
-are the same in all stretches, so residuals are stacked with their joint covariance. The stretches
-that the baseline rests on belong to the stack: so it can turn out that they hold the fault too,
-or that they held one which has gone.
+One operating point cannot distinguish a sensor's slope from a clogging where both move the same
+residuals alike; several can, for the degree that fits one of them must fit all. Lasting errors are
+the same in all stretches, so residuals are stacked with their joint covariance. The stack includes
+the stretches behind the baseline: they may turn out to hold the fault too, or one that has gone.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, th
 from rulec_runtime.recordings.scratch import give_back, let_go
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
-"""When a fault is there: in the run alone, also in the baseline, or in the baseline alone."""
+"""When a fault is present: in the run only, also in the baseline, or in the baseline only."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Faults (indexes) with degree, standard uncertainty, probability, and when they are there.
+    """Faults (indexes) with degree, standard uncertainty, probability, and when they are present.
 
-    `unprejudiced` is the probability if all faults came equally often.
+    `unprejudiced` is the probability if all faults were equally frequent.
     """
 
     faults: tuple[int, ...]
@@ -56,8 +55,8 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Fit:
-    """Faults (indexes) as they fit one run best: degrees and uncertainties, chi-square left,
-    log-likelihood, and when they are there."""
+    """Best fit of faults (indexes) to one run: degrees and uncertainties, chi-square left,
+    log-likelihood, and when they are present."""
 
     faults: tuple[int, ...]
     when: str
@@ -69,7 +68,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Fits:
-    """What was tried on one run, and the number of residuals of its stack."""
+    """All fits tried on one run, and the number of residuals of its stack."""
 
     tried: list[Fit]
     rank: int
@@ -77,7 +76,7 @@ class Fits:
 
 @dataclass(frozen=True)
 class _Stack:
-    """The stretches of a run and of its baseline that are stacked; `run` counts the runs."""
+    """The stacked stretches of a run and of its baseline; `run` is the number of the run."""
 
     run: int
     members: Sequence[int]
@@ -87,7 +86,7 @@ class _Stack:
 
     @property
     def shape(self) -> tuple[bytes, int, int]:
-        """Stacks with the same are worked out together."""
+        """Stacks of the same shape are worked out together."""
         return self.valid.tobytes(), len(self.learned), len(self.points)
 
 
@@ -103,8 +102,8 @@ def fits_of(
     for run, members in enumerate(runs):
         points, valid = spread_evenly(observed, members)
         learned = baselines.learned_at(members[0])
-        usable = _usable_baseline(observed, learned, valid)
-        stack = _Stack(run, members, usable, points, valid)
+        usable = learned[observed.valid[:, learned][valid].all(axis=0)]
+        stack = _Stack(run, members, thinned(usable), points, valid)
         alike.setdefault(stack.shape, []).append(stack)
     found: dict[int, Fits] = {}
     for stacks in alike.values():
@@ -137,7 +136,7 @@ def hypotheses_of(
 
 
 def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
-    """Degrees with bounds; stretches that scatter more than they should widen them."""
+    """Degrees with bounds, widened if stretches scatter more than they should."""
     freedom = rank - len(fit.faults)
     wide = 1.0
     if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
@@ -148,12 +147,8 @@ def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
     )
 
 
-def _usable_baseline(observed: Observed, learned: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    return thinned(learned[observed.valid[:, learned][valid].all(axis=0)])
-
-
 def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
-    """Stacks in portions whose matrices, each at three times, do not take much memory."""
+    """Stacks in portions whose matrices, three of each, fit into memory."""
     first = stacks[0]
     residuals = (len(first.learned) + len(first.points)) * int(first.valid.sum())
     size = max(limits.TABLE // (3 * residuals**2), 1)
@@ -164,7 +159,7 @@ def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
 def _fits_alike(
     ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
 ) -> dict[int, Fits]:
-    """What was tried on runs whose stacks have the same shape."""
+    """Fits of runs whose stacks have the same shape."""
     first, count = stacks[0], len(stacks)
     members = np.array([np.concatenate([s.learned, s.points]) for s in stacks]).T
     once = np.repeat([0.0, 1.0], [len(first.learned), len(first.points)])
@@ -207,10 +202,10 @@ def _fits_alike(
 def _telling(
     ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
 ) -> tuple[Array, list[int]]:
-    """What tells of the faults that are most probable in some runs, and these faults."""
+    """Combinations that show the most probable faults of some runs, and these faults."""
     members = np.concatenate([s.members for s in stacks])
     chance = isolation.probability[:, members].max(axis=1)
-    # To stack what moves hundreds of flows is dear, and pays for what would be mentioned alone.
+    # Stacking faults that move hundreds of flows is expensive: only those worth mentioning.
     wide = np.array([len(fault.affects) > limits.ROWS_OF_A_FAULT for fault in ruleset.faults])
     share = np.where(wide, limits.MENTION, limits.IMPROBABLE_THROUGHOUT)
     least = share * float(chance.max(initial=0.0))
@@ -239,8 +234,8 @@ def _entered(
 
 
 def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarray) -> Array:
-    """Degrees of pairs, shape (2, pairs), tried first: as isolated, and some others; shape
-    (2, starts, pairs, runs)."""
+    """Start degrees of pairs, shape (2, pairs): as isolated, and some others; shape (2, starts,
+    pairs, runs)."""
     degrees = np.array([isolation.degree[:, s.members].mean(axis=1) for s in stacks]).T
     own = degrees[pairs][:, None]
     usual = pair_starts()
@@ -251,8 +246,8 @@ def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarr
 def _candidates(
     ruleset: Ruleset, isolation: Isolation, members: Sequence[int]
 ) -> Iterator[tuple[int, ...]]:
-    """Single faults, or pairs where only pairs fit; of those that no module lists such as some
-    stretch has no better explanation for."""
+    """Single faults, or pairs where only pairs fit; unlisted ones only if some stretch has no
+    better explanation."""
     own = isolation.probability[:, members]
     pairs = isolation.pair[members[0], 0] >= 0
     if not pairs:

@@ -1,9 +1,9 @@
-"""The few combinations of many estimates that tell of some faults.
+"""The few combinations of many estimates that show some faults.
 
-What a fault moves are a few flows, and all that hundreds of estimates say of these are a few
-combinations: the rows of the second derivative of chi-square by the flows. At one operating point
-no degree of the fault has an effect on chi-square otherwise. So stretches are stacked by these
-alone, and what is stacked does not grow with the size of the plant.
+A fault moves few flows, and all that hundreds of estimates say about these are a few combinations:
+the rows of the second derivative of chi-square by the flows. At one operating point the degree of
+the fault affects chi-square in no other way. So only these combinations are stacked, and the stack
+does not grow with the size of the plant.
 
 Source: own derivation; a sufficient statistic of Gaussian errors (Fisher 1922).
 """
@@ -25,10 +25,10 @@ from rulec_runtime.diagnosis.steady.redundancy import covariance_of
 
 @dataclass(frozen=True)
 class Contrasts:
-    """What tells of the faults that one point can show, where so many points are stacked.
+    """Combinations that show the faults detectable at one point, if so many points are stacked.
 
-    The mean of them is as uncertain as errors that last, many times over, and noise; what differs
-    between them as noise alone.
+    Their mean is subject to noise and to many times the lasting errors; their differences to noise
+    only.
     """
 
     test: HypothesisTest
@@ -36,7 +36,7 @@ class Contrasts:
 
     @cached_property
     def _weights(self) -> tuple[Array, Array]:
-        """For differences and for the mean half the second derivative of chi-square by the flows,
+        """For differences and for the mean, half the second derivative of chi-square by the flows,
         shape (flows, flows)."""
         test = self.test
         observed, basis = test.observed, test.basis
@@ -49,14 +49,9 @@ class Contrasts:
         of_differences, of_mean = (basis.T @ inverse_of(one)[0] @ basis for one in both)
         return of_differences, of_mean
 
-    @property
-    def faults(self) -> Iterator[int]:
-        """Faults that the point can show, in order."""
-        return iter(self.test.each)
-
     def rows(self, fault: int) -> dict[tuple[int, int], Array]:
-        """Combinations of the flows that tell of a fault, shape (flows,) each: of one that moves
-        many flows, those that tell most, and all of them together."""
+        """Combinations of the flows that show a fault, shape (flows,) each; for one that moves many
+        flows, the most informative ones, and the sum of all."""
         places, slopes = self.test.each[fault]
         slope, found = slopes[:, 0, 0], {}
         for k, weight in enumerate(self._weights):
@@ -70,8 +65,8 @@ class Contrasts:
         return found
 
     def basis(self, faults: Iterable[int]) -> tuple[Array, list[int]]:
-        """Independent combinations that tell of faults, orthonormal, shape (rank, flows), and the
-        faults that they tell of: the first ones, as long as combinations are few."""
+        """Independent combinations that show faults, orthonormal, shape (rank, flows), and the
+        faults they show: the first ones, as long as combinations are few."""
         rows: dict[tuple[int, int], Array] = {}
         told: list[int] = []
         for fault in faults:
@@ -85,8 +80,8 @@ class Contrasts:
         return _orthonormal([*rows.values()], self.test.basis.shape[1]), told
 
     def groups(self) -> Iterator[tuple[Array, list[int]]]:
-        """All faults, neighbours together, with what tells of each group."""
-        left = list(self.faults)
+        """All faults in groups of neighbours, with the combinations that show each group."""
+        left = list(self.test.each)
         while left:
             basis, told = self.basis(left)
             if not told:
@@ -96,7 +91,7 @@ class Contrasts:
 
 
 def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
-    """Orthonormal basis of what some rows of so many flows span."""
+    """Orthonormal basis of the span of some rows of so many flows."""
     unit = [row / size for row in rows if (size := np.linalg.norm(row)) > 0.0]
     if not unit:
         return np.zeros((0, flows))

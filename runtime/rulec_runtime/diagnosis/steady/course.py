@@ -1,10 +1,10 @@
-"""The course of a degree: how large one fault was over time, is now, and where it is going.
+"""The course of a degree: how large one fault was over time, is now, and will be.
 
-A fault that grows by less from stretch to stretch than sensors may wander looks like a wandering
-sensor to whoever compares neighbours. So all stretches are explained together: errors that last by
+A fault that grows by less from stretch to stretch than sensors may drift looks like a drifting
+sensor if only neighbours are compared. So all stretches are explained together: lasting errors by
 their classes and the calibration, the degree by a course, which begins somewhere, perhaps with a
-jump, and then grows along a line that may bend, or in steps. When it begins and how far it bends
-nobody knows; each possibility counts by its evidence.
+jump, and then grows along a line that may bend, or in steps. Its onset and its bends are unknown;
+each possibility counts by its evidence.
 
 Source: own derivation, docs/method.md; linear Gaussian models compared by their evidence (MacKay
 1992).
@@ -41,12 +41,12 @@ class Course:
     ----------
     fault : its place in the ruleset.
     time, degree, u : shape (points,), s, and the degree there with its standard uncertainty.
-    now, rate : degree at the end, and its growth per second, if it does not go in steps.
+    now, rate : degree at the end, and its growth per second, unless it goes in steps.
     ahead : times from the end on, s, with the degree then and its standard uncertainty: (3, times).
-    steps : times, s, and sizes of steps, where these explain it better than growth does.
+    steps : times, s, and sizes of steps, if these explain it better than growth does.
     onset : place among the points where it begins.
-    evidence : log-likelihood, a sound plant's less than `gain`.
-    left : chi-square that it leaves, with so many residuals.
+    evidence : log-likelihood, exceeding that of a sound plant by `gain`.
+    left : chi-square left, with so many residuals.
     """
 
     fault: int
@@ -71,16 +71,16 @@ class Course:
 
 @dataclass(frozen=True, kw_only=True)
 class Shapes:
-    """Courses that a degree may take over some points, and how likely each is beforehand.
+    """Possible courses of a degree over some points, and their prior probabilities.
 
     Attributes
     ----------
     time : shape (points,), s; `end`, s, is when the last stretch ends.
-    columns : parts that a course is made of, shape (courses, parts), by their places among the
-        columns of `table`.
+    columns : components of a course, shape (courses, parts), by their places among the columns of
+        `table`.
     spread : their standard deviations, shape (courses, parts); `prior` the logarithms of
         probabilities, shape (courses,).
-    constant : whether it does not grow; of one jump alone, shape (courses,).
+    constant : whether it is a single jump without growth, shape (courses,).
     """
 
     time: Array
@@ -91,8 +91,8 @@ class Shapes:
     constant: np.ndarray
 
     def table(self, time: Array) -> Array:
-        """Jumps, ramps and curves that begin at each point, at some times, s, shape
-        (times, 3 * points)."""
+        """Jumps, ramps and curves that begin at each point, at some times, s, shape (times, 3 *
+        points)."""
         whole = self.time[-1] - self.time[0]
         since = np.maximum((time[:, None] - self.time) / whole, 0.0)
         begun = (time[:, None] >= self.time).astype(float)
@@ -106,7 +106,7 @@ class Shapes:
 
 
 def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shapes:
-    """Courses that begin at some points, of a degree of which sizes like `scale` are usual."""
+    """Courses that begin at some points, of a degree with typical size `scale`."""
     count, knots = len(time), limits.BENDS_OF_A_COURSE
     rows: list[tuple[list[int], list[float], float, bool]] = []
     for onset in onsets.tolist():
@@ -118,7 +118,7 @@ def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shap
         if behind < limits.POINTS_THAT_GROW:
             continue
         whole = float((time[-1] - time[0]) / (time[-1] - time[onset]))
-        # A course that bends as often as there are points would go through all of them.
+        # With as many bends as points a course would pass through all of them.
         free = np.arange(knots) % (1 + 4 * knots // behind) == 0
         ways = [(jump, bend) for jump in (0.0, scale) for bend in limits.BENDING]
         for jump, bend in ways:
@@ -131,13 +131,13 @@ def shapes_of(time: Array, end: float, onsets: np.ndarray, scale: float) -> Shap
 
 @dataclass(frozen=True, kw_only=True)
 class _Weighed:
-    """What readings say of each course.
+    """Posterior of each course.
 
     Attributes
     ----------
-    columns, parts, covariance : of each course its columns and their sizes, shape (courses, parts),
+    columns, parts, covariance : per course its columns and their sizes, shape (courses, parts),
         with their covariance.
-    gain : log-likelihood gained over no fault, shape (courses,), with what is likely beforehand.
+    gain : log-likelihood gained over no fault plus log prior, shape (courses,).
     left : chi-square left by each, shape (courses,).
     """
 
@@ -174,8 +174,8 @@ class _Weighed:
 def _weighed(
     shapes: Shapes, slopes: Array, residuals: Array, *, steps: bool = True
 ) -> tuple[_Weighed, _Weighed | None]:
-    """Courses that grow, and the best few steps, compared by white residuals, shape (m,), and
-    their slopes by the degree at each point, shape (m, points)."""
+    """Courses that grow, and the best few steps, compared by white residuals, shape (m,), and their
+    slopes by the degree at each point, shape (m, points)."""
     moved = slopes @ shapes.table(shapes.time)
     gram, pull = moved.T @ moved, -(moved.T @ residuals)
     whole = float(residuals @ residuals)
@@ -203,7 +203,7 @@ def _compared(
 
 
 def _by_steps(gram: Array, pull: Array, whole: float, count: int, scale: float) -> _Weighed:
-    """The best few steps of sizes like `scale`, one after the other, at so many points."""
+    """The best few steps of typical size `scale`, found one after the other, at so many points."""
     chosen: list[int] = []
     best: _Weighed | None = None
     most_steps = min(limits.STEPS_OF_A_COURSE, max(count // limits.POINTS_OF_A_STEP, 1))
@@ -240,14 +240,14 @@ class Stack:
 
     @cached_property
     def sound(self) -> tuple[Array, Array]:
-        """Residuals made white, shape (m,), and what makes them so, shape (m, m)."""
+        """Whitened residuals, shape (m,), and the whitening matrix, shape (m, m)."""
         white = _whitener(self.test.spread.whole(self.test.members, None)[0])
         assert white is not None, "checked when the stack was made"
         return white @ self.test.residuals[0], white
 
     def gain_at_first(self, fault: int) -> float:
-        """By how much a course explains more than a sound plant does, to first order; minus
-        infinity where no estimate shows the fault."""
+        """Log-likelihood that a course gains over a sound plant, to first order; minus infinity if
+        no estimate shows the fault."""
         residuals, white = self.sound
         slopes = self._in_columns(self.test.effects([fault])[0, :, 0])
         if not slopes.any():
@@ -257,7 +257,7 @@ class Stack:
         return every.total
 
     def shapes(self, fault: int, onsets: np.ndarray | None = None) -> Shapes:
-        """Courses that the degree of a fault may take."""
+        """Possible courses of the degree of a fault."""
         spec = self.test.ruleset.faults[fault]
         every = np.arange(0, len(self.time), 2) if onsets is None else onsets
         key = spec.scale, every.tobytes()
@@ -267,7 +267,7 @@ class Stack:
         return self.known[key]
 
     def course(self, fault: int, onsets: np.ndarray | None = None) -> Course | None:
-        """The course that explains most; None where there is none that anyone would believe."""
+        """The course that explains most; None if no credible one exists."""
         spec, shapes = self.test.ruleset.faults[fault], self.shapes(fault, onsets)
         table = shapes.table(self.time)
         degree = np.zeros(len(self.time))
@@ -291,10 +291,11 @@ class Stack:
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
-        told: tuple[Moments, ...] = ()
+        in_order: tuple[Moments, ...] = ()
         if weighed is steps:
-            told, onset = _told_steps(self.time, weighed), _first_step(weighed)
+            in_order, onset = _told_steps(self.time, weighed), _first_step(weighed)
         later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
+        ahead, u_ahead = weighed.moments(shapes.table(later))
         return Course(
             fault=fault,
             time=self.time,
@@ -302,8 +303,8 @@ class Stack:
             u=wide * u,
             now=(float(now), wide * float(u_now)),
             rate=(float(rate), wide * float(u_rate)),
-            ahead=_ahead(shapes, weighed, later, wide),
-            steps=told,
+            ahead=np.stack([later, ahead, wide * u_ahead]),
+            steps=in_order,
             onset=onset,
             evidence=evidence,
             gain=evidence - _log_density(*self.sound),
@@ -325,9 +326,9 @@ class Stack:
     def _undone(
         self, fault: int, degree: Array, *, lenient: bool = False
     ) -> tuple[Array, Array, Array] | None:
-        """Residuals with the fault undone, their slopes by the degree at each point, and what makes
-        them white; `lenient`: with the tolerance of the fault's law. None where a law has no value
-        at such a degree."""
+        """Residuals with the fault undone, their slopes by the degree at each point, and the
+        whitening matrix; `lenient`: with the tolerance of the fault's law. None if a law has no
+        value at such a degree."""
         columns, basis = self._columns(fault, degree), self.test.basis
         moved, slopes = columns.undone(degree[None, :, None])
         places = columns.places[:, 0]
@@ -368,8 +369,8 @@ class Stack:
 def stack_of(
     ruleset: Ruleset, observed: Observed, points: np.ndarray, end: float, named: list[int]
 ) -> Stack | None:
-    """Points of a part stacked, of many some; None where they are too few. Of a large part only
-    what tells of the `named` faults."""
+    """Points of a part stacked, thinned if many; None if they are too few. For a large part only
+    the combinations that show the `named` faults."""
     if len(points) < limits.POINTS_THAT_GROW:
         return None
     members, valid = spread_evenly(observed, points, limits.POINTS_OF_A_COURSE)
@@ -391,11 +392,11 @@ def stack_of(
         if not named:
             return None
         one = test_of(ruleset, observed, valid, basis, members[len(members) // 2 :][:1])
-        some, told = Contrasts(one, len(members)).basis(named)
-        if not told:
+        some, shown = Contrasts(one, len(members)).basis(named)
+        if not shown:
             return None
         test = test.seen_by(some)
-    # Readings beyond all limits have errors that drown in rounding.
+    # For readings beyond all limits, rounding hides the errors.
     if _whitener(test.spread.whole(test.members, None)[0]) is None:
         return None
     if not np.isfinite(test.residuals).all():
@@ -404,7 +405,7 @@ def stack_of(
 
 
 def _whitener(covariance: Array) -> Array | None:
-    """What makes residuals of a covariance, shape (m, m), white; None where nothing does."""
+    """Whitening matrix of a covariance, shape (m, m); None if there is none."""
     ridge = limits.RIDGE * float(np.trace(covariance))
     try:
         root = np.linalg.cholesky(covariance + ridge * np.eye(len(covariance)))
@@ -415,7 +416,7 @@ def _whitener(covariance: Array) -> Array | None:
 
 
 def _log_density(residuals: Array, white: Array) -> float:
-    """Logarithm of the density of white residuals, shape (m,), but for a constant."""
+    """Logarithm of the density of white residuals, shape (m,), up to a constant."""
     return float(np.sum(np.log(np.diag(white)))) - 0.5 * float(residuals @ residuals)
 
 
@@ -436,14 +437,8 @@ def _better(shapes: Shapes, growing: _Weighed, steps: _Weighed | None) -> _Weigh
 _AHEAD = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
 
 
-def _ahead(shapes: Shapes, weighed: _Weighed, later: Array, wide: float) -> Array:
-    """Times, s, with the degree then and its standard uncertainty, shape (3, times)."""
-    mean, u = weighed.moments(shapes.table(later))
-    return np.stack([later, mean, wide * u])
-
-
 def _first_step(weighed: _Weighed) -> int:
-    """The point of the first step that is one; a level near 0 from the beginning on is none."""
+    """The point of the first significant step; an initial level near 0 is none."""
     u = np.sqrt(np.diag(weighed.covariance[0]))
     sure = np.abs(weighed.parts[0]) > limits.COVERAGE * u
     return int(weighed.columns[0][sure if sure.any() else slice(None)].min())

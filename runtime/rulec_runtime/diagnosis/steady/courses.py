@@ -1,4 +1,4 @@
-"""Faults that grow: found over all stretches together, and followed to where they are now.
+"""Growing faults: found over all stretches together, and followed up to the present.
 
 Source: own derivation, docs/method.md.
 """
@@ -30,11 +30,12 @@ from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.recordings.stationary import Timeline
 
 
-def with_courses(
-    timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints, found: Found
-) -> Found:
-    """What a part says, where one fault that grows may explain it all, and where each fault that is
-    still there is going."""
+def found_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
+    """Results of a part over a recording, by runs of stretches and by courses over all of them.
+
+    One growing fault may replace the others, and each fault that is still present is extrapolated.
+    """
+    found = findings_of(timeline, ruleset, seen)
     judged = np.flatnonzero(seen.isolation.judged)
     if not seen.combined or not len(judged):
         return found
@@ -53,7 +54,7 @@ def with_courses(
 
 
 def _is_told(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
-    """Do runs of stretches say all that a course does? It goes in steps, and is where they say."""
+    """Whether runs of stretches say as much as a course: it goes in steps, and agrees with them."""
     if course.grows:
         return False
     degree, u = course.now
@@ -68,7 +69,7 @@ def _is_told(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
 
 
 def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
-    """With how a fault that is still there went up in steps."""
+    """With the growth in steps of a fault that is still present."""
     findings = [
         replace(
             f, growth=replace(growth, time=f.until, degree=f.degree, lower=f.lower, upper=f.upper)
@@ -80,15 +81,10 @@ def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
     return replace(found, findings=findings)
 
 
-def found_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
-    """What a part says over a recording: by runs of stretches, and by courses over all of them."""
-    return with_courses(timeline, ruleset, seen, findings_of(timeline, ruleset, seen))
-
-
 def found_again(
     timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints, before: Found
 ) -> Found:
-    """The same after a few rows more, with courses as they were worked out `before`."""
+    """The same after a few more rows, with the courses found `before`."""
     found = findings_of(timeline, ruleset, seen)
     for old in before.findings:
         if old.growth is None or not old.active:
@@ -102,7 +98,7 @@ def found_again(
 
 
 def _in_place(found: Found, one: Finding, since: float) -> Found:
-    """A finding in the place of all that was told while it was there."""
+    """A finding in place of all that was reported during it."""
     return replace(
         found,
         findings=[*(f for f in found.findings if f.until < since), one],
@@ -111,8 +107,8 @@ def _in_place(found: Found, one: Finding, since: float) -> Found:
 
 
 def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Course]:
-    """Courses of one fault each that explain all stretches, the best first, if that is no chance;
-    among them those of faults `named` so far."""
+    """Courses of one fault each that explain all stretches, the best first, if significant; among
+    them those of faults `named` so far."""
     faults = stack.test.ruleset.faults
     limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
     may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()
@@ -138,7 +134,7 @@ def _with_the_best(
     stack: Stack,
     courses: Sequence[Course],
 ) -> Found:
-    """What a part says with a fault that grows in the place of all that was told while it did."""
+    """Results of a part with a growing fault in place of all that was reported during it."""
     faults, best = seen.part.ruleset.faults, courses[0]
     prior = np.log([faults[c.fault].odds for c in courses])
     evidence = np.array([c.evidence for c in courses])
@@ -160,7 +156,7 @@ def _with_the_best(
         (),
         ONSET,
     )
-    # What was learned as a baseline on the way is the fault.
+    # The learned baseline contains the fault.
     plain = replace(seen, observed=seen.plain, baselines=nothing_known(seen.plain))
     last = int(stack.points[-1])
     one = finding_of(ruleset, plain, cause, [last], (since, until))
@@ -172,7 +168,7 @@ def _with_the_best(
 def _followed(
     timeline: Timeline, seen: EvaluatedPoints, found: Found, one: Finding, place: dict[str, int]
 ) -> Finding:
-    """A finding with where it is now, as far as it is still there and its stretches tell."""
+    """A finding with its present size, if it is still there and its stretches show it."""
     if one.growth is not None or not one.active:
         return one
     others = [f for f in found.findings if f is not one]

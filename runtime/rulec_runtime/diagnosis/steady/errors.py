@@ -1,10 +1,9 @@
-"""By how much estimates may be off: what is new at every point, and what lasts.
+"""Errors of estimates: those new at every point, and those that last.
 
-Where a plant has hundreds of estimates, few directions stand for the errors that last. A dozen
-errors that only the estimates of one module read act on two or three of them. At all operating
-points of a recording they do so nearly in the same way, so a few directions among them say what is
-known of all. What else there is of an error is taken as new at every point: its variance counts in
-full, that it lasts does not.
+In a plant with hundreds of estimates, few directions represent the lasting errors. A dozen errors
+that only the estimates of one module read act on two or three of them, and nearly in the same way
+at all operating points of a recording, so a few directions among them suffice. The rest of an error
+counts as new at every point: its variance in full, but not that it lasts.
 
 Source: singular value decomposition (Eckart and Young 1936).
 """
@@ -33,10 +32,10 @@ def errors_of(
     flows: Array,
     directions: Directions | None,
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
-    at every point and of what stays over a recording, gradients by the latter, shape
-    (observers, errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
-    # A reading beyond all limits has no slope; its estimate is not used.
+    """Covariances, shape (n, observers, observers), of the noise of readings, of everything new at
+    every point and of what lasts over a recording, gradients by the latter, shape (observers,
+    errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
+    # A reading beyond all limits has no slope; its estimate is unusable.
     with np.errstate(invalid="ignore"):
         scatter, misfits, lasting, late = gradients_of(ruleset, points, slopes, flows.shape[1])
         left: Gradients = {}
@@ -53,7 +52,7 @@ def errors_of(
 def gradients_of(
     ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], n: int
 ) -> tuple[Gradients, Gradients, Gradients, Array]:
-    """Gradients by the noise of readings, by the observers' own misfits and by what stays over a
+    """Gradients by the noise of readings, by the observers' own misfits and by what lasts over a
     recording, and variances by lags alone, shape (observers, n)."""
     row = ruleset.observer_index
     scatter: Gradients = {}
@@ -83,7 +82,7 @@ def gradients_of(
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
     """Sum of the products of gradients by the same error, shape (n, observers, observers).
 
-    An error reaches few observers. Points lie last in memory, so that sums run over them.
+    An error reaches few observers. Points are last in memory, so that sums run over them.
     """
     observers, n = shape
     covariance = np.zeros((observers, observers, n))
@@ -107,13 +106,13 @@ def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
 
 @dataclass(frozen=True)
 class Directions:
-    """Per module the errors that its estimates alone read, and directions among them that last,
+    """Per module the errors that only its estimates read, and lasting directions among them,
     orthonormal, shape (errors, directions)."""
 
     modules: Mapping[str, tuple[tuple[str, ...], Array]]
 
     def split(self, gradients: Gradients) -> tuple[Gradients, Gradients]:
-        """Gradients by directions and by errors that no module has alone, and what is left."""
+        """Gradients by directions and by errors shared between modules, and the rest."""
         joined = {error for errors, _ in self.modules.values() for error in errors}
         lasting = {error: own for error, own in gradients.items() if own and error not in joined}
         left: Gradients = {}

@@ -1,4 +1,4 @@
-"""What is known of the points of a recording, one block of estimates at a time."""
+"""Evaluation of the points of a recording, one block of estimates at a time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
 from rulec_runtime.recordings.stationary import Stretches, settle
 
 BATCH = 16_384
-"""Samples judged at a time, so that memory stays flat."""
+"""Samples judged at a time, so that memory use stays constant."""
 
 PAPER = "paper"
 """The mode that follows the seed paper to the letter."""
@@ -43,11 +43,11 @@ PAPER = "paper"
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluatedPoints:
-    """Everything known of `points`, as far as one part of the plant goes.
+    """Full evaluation of `points` for one part of the plant.
 
-    Observers, residuals and faults are those of the ruleset of the part. `observed` is seen against
-    the baselines, `plain` is not. Where points are not `combined` (paper mode) a run says the mean
-    of what each of them says.
+    Observers, residuals and faults are those of the ruleset of the part. `observed` is relative to
+    the baselines, `plain` is not. If points are not `combined` (paper mode), a run takes the mean
+    of their results.
     """
 
     part: Part
@@ -62,7 +62,8 @@ class EvaluatedPoints:
 def judgeable(
     recording: Recording, ruleset: Ruleset, mode: str
 ) -> tuple[Stretches, dict[str, float]]:
-    """Stretches that a mode judges, and the noise of readings; the paper knows settled ones."""
+    """Stretches that a mode judges, and the noise of readings; the paper judges only settled
+    ones."""
     return settle(recording, ruleset) if mode == PAPER else settle_or_slow(recording, ruleset)
 
 
@@ -75,8 +76,8 @@ def evaluate_stretches(
     *,
     keep: bool = False,
 ) -> list[EvaluatedPoints]:
-    """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines, where
-    samples are to be seen against them."""
+    """Observe the stretches, learn the baseline of each block, isolate; `keep` the baselines if
+    samples are to be compared with them."""
     give_back()
     points = points_of_stretches(recording, ruleset, stretches, noise)
     give_back()
@@ -88,7 +89,7 @@ def evaluate_stretches(
 def evaluate_points(
     ruleset: Ruleset, points: Points, halves: Halves, mode: str, *, keep: bool = False
 ) -> list[EvaluatedPoints]:
-    """The same of stretches whose samples are gone."""
+    """The same for stretches whose samples are gone."""
     parts = parts_of(ruleset)
     for part in parts:
         points = with_stand_ins(part.ruleset, points)
@@ -105,7 +106,6 @@ def evaluate_part(
     keep: bool = False,
 ) -> EvaluatedPoints:
     """Learn the baseline of one part of a plant, and isolate."""
-
     own = points if part.ruleset is whole else points.of(part.ruleset.observed)
     alike = own, extrapolated(whole, points)
     if mode != PAPER and not keep and has_many(part.ruleset):
@@ -125,7 +125,7 @@ def _evaluate_many(
     alike: tuple[Points, Mapping[str, np.ndarray]],
     halves: Halves | None,
 ) -> EvaluatedPoints:
-    """The same of a part with so many estimates that tables of all of them cost too much."""
+    """The same for a part with so many estimates that tables of all of them cost too much."""
     ruleset, (own, outside) = part.ruleset, alike
     every = estimate(ruleset, own)
     directions = every.at(spread_over(len(own))).directions()
@@ -151,8 +151,8 @@ def _seen(
     baselines: Baselines,
     isolation: Isolation,
 ) -> EvaluatedPoints:
-    """What is known of points, unless one fault in all of them explains it better: then what was
-    learned from them is the fault."""
+    """The evaluation of points, unless one fault throughout explains them better: then the learned
+    baseline is the fault."""
     give_back()
     lasting = throughout(part.ruleset, plain, isolation)
     if lasting is not None:
@@ -172,7 +172,7 @@ def _seen(
 def _wandering(
     ruleset: Ruleset, plain: Observed, halves: Halves | None, observers: np.ndarray, chosen: slice
 ) -> Observed:
-    """Estimates with what they do within a stretch, as far as its halves are known."""
+    """Estimates with their variation within a stretch, if its halves are known."""
     if halves is None:
         return plain
     found = wandering(plain, wander_of(ruleset, plain, halves.part(observers, chosen)))
@@ -181,11 +181,11 @@ def _wandering(
 
 
 def evaluate_observed(
-    part: Part, plain: Observed, points: Points, mode: str, halves: Halves | None
+    part: Part, plain: Observed, points: Points, halves: Halves
 ) -> EvaluatedPoints:
-    """The same of estimates that are there already, those of the part alone."""
+    """The same for existing estimates, those of the part only."""
     alike = plain.points, plain.extrapolated
-    return _evaluate(part, plain.part, points, alike, mode, halves)
+    return _evaluate(part, plain.part, points, alike, "default", halves)
 
 
 def _evaluate(
@@ -198,8 +198,8 @@ def _evaluate(
     *,
     keep: bool = False,
 ) -> EvaluatedPoints:
-    """The same where `told` gives the estimates of a batch of points; `alike` are the points as the
-    part reads them, and flags of readings that leave the range in which they were calibrated."""
+    """The same if `told` gives the estimates of a batch of points; `alike` are the points as the
+    part reads them, and flags of readings outside the calibrated range."""
     ruleset, count = part.ruleset, len(points)
 
     def observed(chosen: slice) -> Observed:
@@ -228,7 +228,7 @@ def _evaluate(
 
 
 def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
-    """Estimates seen against the baselines that are learned on the way."""
+    """Estimates relative to the baselines that are learned on the way."""
 
     def told(part: slice) -> Observed:
         some = plain.part(part)
@@ -254,7 +254,7 @@ def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
 
 
 def nothing_known(observed: Observed) -> Baselines:
-    """No baseline at all: the paper knows none."""
+    """No baseline at all, as in the paper."""
     return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
 
 
@@ -266,7 +266,7 @@ def evaluate_samples(
     stretches_seen: list[EvaluatedPoints],
     chosen: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
-    """Every chosen sample on its own, in batches, against the baselines of its stretch."""
+    """Evaluate every chosen sample on its own, in batches, against the baselines of its stretch."""
     points = points_of_samples(recording, ruleset, noise)
     place = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
     place = np.maximum(place, 0)
@@ -293,7 +293,7 @@ def _evaluate_samples(
 
 
 def residuals_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> tuple[Array, Array]:
-    """Residuals and their uncertainties, shape (residuals, n), each as its part sees it."""
+    """Residuals and their uncertainties, shape (residuals, n), each from its part."""
     values, u = np.full((2, len(ruleset.residuals), len(seen[0].plain)), np.nan)
     for one in seen:
         rows = one.part.residuals
@@ -302,7 +302,7 @@ def residuals_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> tuple[Array, 
 
 
 def usable_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> np.ndarray:
-    """Which estimates may be used, shape (observers, n)."""
+    """Usable estimates, flags of shape (observers, n)."""
     valid = np.zeros((len(ruleset.observers), len(seen[0].plain)), dtype=bool)
     for one in seen:
         valid[one.part.observers] |= one.observed.valid
@@ -310,7 +310,7 @@ def usable_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> np.ndarray:
 
 
 def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation:
-    """Put the paper's verdicts in the place of ours; its winner counts as certain."""
+    """Replace our verdicts by the paper's; its winner counts as certain."""
     paper = judge_by_paper(ruleset, observed)
     best = paper.degree.max(axis=0, initial=0.0)
     deviating = paper.deviating & (best > 0) & isolation.judged

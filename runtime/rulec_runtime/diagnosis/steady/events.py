@@ -1,10 +1,10 @@
-"""What comes and goes more quickly than a settled stretch lasts: counted, and pooled.
+"""Events shorter than a settled stretch: counted, and pooled.
 
-Samples between settled stretches are left out, as a plant that is on its way obeys no law of
-standing still. Where the plant is sound on both sides of such a gap, at the same settings, it was
-on no way: something came and went. Each such event is a point of its own, judged beside the sound
-stretches as if it were a stretch; what all of them have in common is told. A single reading that
-is off for a single sample is a glitch, and no event.
+Samples between settled stretches are left out, as a plant in transition does not obey steady laws.
+If the plant is sound on both sides of such a gap, at the same settings, there was no transition:
+something came and went. Each such event is a point of its own, judged beside the sound stretches as
+if it were a stretch; what they all have in common is reported. A single sample of a single reading
+is a glitch, and no event.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rulec_runtime.recordings.when import ENDED
 
 @dataclass(frozen=True)
 class _Gaps:
-    """Samples ``first : last`` that are left out between two stretches, the place of the one before
+    """Samples ``first : last`` left out between two stretches, and the place of the stretch before
     each."""
 
     first: np.ndarray
@@ -54,7 +54,7 @@ def events_of(
     seen: list[EvaluatedPoints],
     mode: str,
 ) -> Iterator[Finding]:
-    """One finding per fault that comes and goes."""
+    """One finding per intermittent fault."""
     gaps = _without_reason(recording, ruleset, stretches, noise)
     if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in seen):
         return
@@ -75,7 +75,7 @@ def events_of(
 def _without_reason(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
 ) -> _Gaps:
-    """Short gaps during which nobody set anything, and behind which all settings are as before."""
+    """Short gaps in which no setting changed, during the gap or across it."""
     first, last = stretches.last[:-1], stretches.first[1:]
     short = np.flatnonzero((last > first) & (last - first <= limits.LONGEST_EVENT))
     gaps = _Gaps(first[short], last[short], short)
@@ -117,7 +117,7 @@ def _pooled(
     seen: EvaluatedPoints,
     mode: str,
 ) -> Iterator[Finding]:
-    """What all events of a part of a plant say together, beside its sound stretches."""
+    """Findings by all events of a part of a plant together, beside its sound stretches."""
     spans = Stretches(events.first, events.last)
     sound = _sound(seen)
     own = points_of_stretches(recording, ruleset, spans, noise)
@@ -144,12 +144,12 @@ def _sound(seen: EvaluatedPoints) -> np.ndarray:
 
 
 def _behind(sound: Points, own: Points) -> Points:
-    """Points behind sound stretches: they are too short to move slowly."""
+    """Sound stretches followed by events, which are too short for lags."""
     return one_after_the_other([sound, replace(own, lag={})])
 
 
 def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
-    """A timeline of events behind so many sound stretches, which came before all of them."""
+    """A timeline of events after so many sound stretches, all of which came before."""
     begin = own.since[0] - 1.0
     before = np.full(sound, begin)
     return Timeline(

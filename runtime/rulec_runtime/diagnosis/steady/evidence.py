@@ -15,7 +15,7 @@ from rulec_runtime.recordings.stationary import Timeline
 
 @dataclass(frozen=True)
 class Evidence:
-    """A residual at one point, of a finding the strongest; flows in m3/s.
+    """A residual at one point, the strongest of a finding; flows in m3/s.
 
     `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``,
     ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
@@ -50,7 +50,7 @@ def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoin
 def evidence_at(
     seen: EvaluatedPoints, point: int, fault: FaultSpec | None = None
 ) -> tuple[Evidence, ...]:
-    """All residuals of a part at a point, beside what a fault predicts; without one that is 0."""
+    """All residuals of a part at a point, beside those that a fault predicts: 0 without one."""
     ruleset, observed = seen.part.ruleset, seen.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]
     signs = {c.residual: c.sign for c in cells}

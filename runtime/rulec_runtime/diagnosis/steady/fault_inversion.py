@@ -1,4 +1,4 @@
-"""What undoing faults does to the flows that they make wrong."""
+"""Undo faults: how far the flows that they bias move."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 
 Faults = tuple[FaultSpec, ...]
-"""The faults of one hypothesis, at the same time."""
+"""The simultaneous faults of one hypothesis."""
 
 Outputs = Mapping[str, Array]
 
@@ -20,7 +20,7 @@ Outputs = Mapping[str, Array]
 @dataclass(frozen=True)
 class Part:
     """A hypothesis and the `columns` in which it is tried; `touched` are the usable observers that
-    its faults make wrong."""
+    its faults bias."""
 
     faults: Faults
     touched: Sequence[str]
@@ -29,13 +29,13 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Undoing:
-    """Hypotheses undone, side by side: each in columns of its own, at the points of each column.
+    """Hypotheses undone side by side: each in its own columns, at the points of each column.
 
-    `parts` are those of `every` one that have columns.
-    `readings` per signal have the shape (points, columns), SI. `measured` are the flows of the
-    observers that the hypothesis of a column touches, `kept` the share of each that the baseline
-    leaves (what it takes scales with an estimate), both of shape (touched, points, columns), SI; 0
-    where a hypothesis touches fewer observers.
+    `parts` are the hypotheses of `every` that have columns. `readings` per signal have the shape
+    (points, columns), SI. `measured` are the flows of the observers that the hypothesis of a column
+    touches, `kept` the share of each that the baseline leaves (its correction scales with an
+    estimate), both of shape (touched, points, columns), SI; 0 where a hypothesis touches fewer
+    observers.
     """
 
     ruleset: Ruleset
@@ -46,8 +46,8 @@ class Undoing:
     kept: Array
 
     def moved(self, degree: Array) -> Array:
-        """How far the flows move, shape (touched, ..., points, columns), m3/s; degrees
-        (faults, ..., points, columns)."""
+        """Movement of the flows, shape (touched, ..., points, columns), m3/s; degrees (faults, ...,
+        points, columns)."""
         moved = np.zeros((len(self.measured), *degree.shape[1:]))
         for part, out in self._undone(degree, slopes=False):
             self._enter(moved, part, out)
@@ -67,7 +67,7 @@ class Undoing:
         return moved, slopes * self.kept[:, None]
 
     def _enter(self, moved: Array, part: Part, out: Outputs) -> None:
-        """Enter what the plan of a hypothesis gave into its columns."""
+        """Write the outputs of a hypothesis to its columns."""
         for row, observer in enumerate(part.touched):
             own = (row, slice(None), part.columns)
             moved[row, ..., part.columns] = (out[f"q:{observer}"] - self.measured[own]) * self.kept[
@@ -76,10 +76,9 @@ class Undoing:
 
     def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
         """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
-        columns): by one plan for all where columns are so few that a call costs more than they
-        do."""
+        columns): by one plan for all if columns are so few that a call costs more than they do."""
         if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) > 1:
-            # Always the same plan, whichever of the hypotheses are left: to lay one out takes time.
+            # The same plan for any remaining hypotheses: laying one out takes time.
             plan = self._plan(self.every, slopes=slopes)
             if len(plan.operations) <= limits.OPERATIONS_OF_A_CALL * len(self.parts):
                 out = self._run(plan, self.every, self.parts, degree)
@@ -94,7 +93,6 @@ class Undoing:
             yield part, alone._run(plan, [own], [own], degree[..., part.columns])
 
     def _plan(self, known: Sequence[Part], *, slopes: bool) -> Plan:
-        """The plan of some hypotheses."""
         observers = tuple(dict.fromkeys(o for part in known for o in part.touched))
         faults = tuple(dict.fromkeys(f.id for part in known for f in part.faults))
         return self.ruleset.undone(observers, faults if slopes else ())
@@ -102,7 +100,7 @@ class Undoing:
     def _run(
         self, plan: Plan, known: Sequence[Part], tried: Sequence[Part], degree: Array
     ) -> dict[str, Array]:
-        """Outputs of the plan of all known hypotheses, where some of them are tried."""
+        """Outputs of the plan of all known hypotheses, of which some are tried."""
         shape = degree.shape[1:]
         degrees = {f.id: np.zeros(shape) for part in known for f in part.faults}
         for part in tried:

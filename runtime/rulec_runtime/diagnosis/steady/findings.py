@@ -40,11 +40,12 @@ from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A change of inputs that tells a finding from its alternatives, proposed by who can simulate.
+    """A change of inputs that distinguishes a finding from its alternatives, proposed by a
+    simulation.
 
-    `changes` per input: signal, from, to, SI; empty where none that is allowed would help. `apart`
-    per alternative: its name, how far it is from the finding now and with the change, standard
-    deviations. The way there takes `ramp` seconds at least, and then it is held for `hold` seconds.
+    `changes` per input: signal, from, to, SI; empty if no permitted change would help. `apart` per
+    alternative: its name, its distance from the finding now and with the change, standard
+    deviations. The change takes at least `ramp` seconds, and is then held for `hold` seconds.
     `costs` names inputs and modules that cost product.
     """
 
@@ -58,8 +59,8 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Events:
-    """What comes and goes: how often, in how many samples, how long each time on average, s, for
-    which share of the recording, and between which values of each input, SI."""
+    """Statistics of an intermittent fault: number, samples, mean duration, s, share of the
+    recording, and the range of each input meanwhile, SI."""
 
     count: int
     samples: int
@@ -77,12 +78,12 @@ class Events:
 class Finding:
     """A fault that fits, over a period; times in s.
 
-    `alternatives` fit about as well, `remote` ones hardly; `together` are faults found at the same
-    time, without which this one does not explain the readings. `baseline` is the number of
-    fault-free stretches of the recording that the residuals are compared with. `behind` says what
-    follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
-    `from_sheet`: the plant was never seen to be as its sheet says. `growth` is where it is now, of
-    one that is still there. `events`: it comes and goes.
+    `alternatives` fit about as well, `remote` ones hardly; `together` are simultaneous faults
+    without which this one does not explain the readings. `baseline` is the number of fault-free
+    stretches that the residuals are compared with. `behind` says what follows it: see
+    `rulec_runtime.recordings.when`. `step` would distinguish it from its alternatives.
+    `from_sheet`: the plant never agreed with its sheet. `growth` is its present size, if it is
+    still there. `events`: it is intermittent.
     """
 
     fault: FaultSpec
@@ -108,12 +109,12 @@ class Finding:
 
     @property
     def active(self) -> bool:
-        """Was it still there when it was last possible to see it?"""
+        """Whether it was still there when it was last detectable."""
         return self.behind is not OVER
 
     @property
     def is_contradicted(self) -> bool:
-        """Has a residual moved against what it predicts, and no other fault beside it?"""
+        """Whether a residual moved against its prediction, with no other fault beside it."""
         return not self.together and any(
             {e.verdict, e.expected} == {"+", "-"} for e in self.evidence
         )
@@ -123,9 +124,9 @@ class Finding:
 class Period:
     """A period with a remark: why nothing was judged, or what does not fit.
 
-    `off` are the residuals that disagree most, as `disagreeing` gives them. `from_sheet`: the plant
-    was never seen to be as its sheet says. `partly`: the rest was judged; `lost`: nothing but
-    readings that are not there is the reason.
+    `off` are the residuals that disagree most, see `disagreeing`. `from_sheet`: the plant never
+    agreed with its sheet. `partly`: the rest was judged; `lost`: missing readings are the only
+    reason.
     """
 
     since: float
@@ -154,9 +155,9 @@ class Visited:
 
 @dataclass(frozen=True)
 class Found:
-    """What a block of estimates says over a recording, and all residuals at its end; of the whole
-    plant also in which regimes its modules ran, some points that it visited, and which faults show
-    `without` readings that were taken out."""
+    """Results of a block of estimates over a recording, and all residuals at its end; for the whole
+    plant also the regimes of its modules, some visited points, and the faults detectable `without`
+    readings that were removed."""
 
     findings: list[Finding]
     unknown: list[Period]
@@ -168,7 +169,7 @@ class Found:
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
-    """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
+    """Join neighbouring stretches with the same verdict; blind ones do not interrupt a finding."""
     give_back()
     verdicts = _verdicts(timeline, seen)
     found = Found([], [], _in_part(timeline, seen))
@@ -176,7 +177,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> 
     pauses = set(np.flatnonzero(timeline.paused).tolist())
     runs = []
     for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
-        # Of what says nothing of a fault, which may be long, only when it was is asked for.
+        # Of other runs, which may be long, only the first and last stretch are needed.
         whole = kind in ("fault", "unknown")
         runs.append((kind, members if whole else [members[0], members[-1]]))
         let_go(seen.isolation.floor)
@@ -186,9 +187,9 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> 
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
         if kind == "fault" and _too_brief(seen, timeline, members):
-            found.not_judged.append(
-                Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
-            )
+            fault = seen.part.ruleset.faults[verdicts[members[0]].faults[0]]
+            text = f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
+            found.not_judged.append(Period(since, until, text))
         elif kind == "fault":
             fitted = by_temperature(seen, members, _evident(seen, members, next(fits)))
             causes = causes_of(seen, members, fitted, known)
@@ -217,15 +218,15 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> 
 
 
 def _fits(seen: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
-    """What fits each run, of some runs at a time: all that was tried on many takes much memory."""
+    """Fits of each run, some runs at a time to save memory."""
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
         yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
         give_back()
 
 
 def _evident(seen: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
-    """What fits a run and is not contradicted where this deviates most: no residual moved against
-    what one fault alone predicts."""
+    """Fits of a run without single faults that are contradicted where it deviates most: no residual
+    may move against the prediction."""
     ruleset, signs = seen.part.ruleset, {"+": 1, "-": -1}
     rows = evidence_at(seen, _worst(seen, members)) if fits.tried else ()
     moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
@@ -239,7 +240,7 @@ def _evident(seen: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
 
 
 def _verdicts(timeline: Timeline, seen: EvaluatedPoints) -> list[Verdict]:
-    """What each stretch says; many say the same."""
+    """The verdict of each stretch; equal ones are shared."""
     known: dict[Verdict, Verdict] = {}
     found = []
     for i in range(len(timeline)):
@@ -251,7 +252,7 @@ def _verdicts(timeline: Timeline, seen: EvaluatedPoints) -> list[Verdict]:
 
 
 def _too_brief(seen: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
-    """Is a deviation short, and not so large that no end of a transient explains it?"""
+    """Whether a deviation is short, and small enough for the end of a transient."""
     isolation = seen.isolation
     strongest = _worst(seen, members)
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
@@ -263,11 +264,6 @@ def _too_brief(seen: EvaluatedPoints, timeline: Timeline, members: list[int]) ->
 
 def _worst(seen: EvaluatedPoints, members: list[int]) -> int:
     return members[int(np.argmax(seen.isolation.misfit[members]))]
-
-
-def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
-    fault = ruleset.faults[verdict.faults[0]]
-    return f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
 
 
 def _when(
@@ -282,7 +278,7 @@ def _when(
 
 
 def behind_of(timeline: Timeline, seen: EvaluatedPoints, members: list[int]) -> str | None:
-    """What follows a run: stretches that were judged, the end, or what could not be."""
+    """What follows a run: judged stretches, the end, or rows that could not be judged."""
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
         return OVER
@@ -311,7 +307,7 @@ def _in_part(timeline: Timeline, seen: EvaluatedPoints) -> list[Period]:
 
 
 def _slow(ruleset: Ruleset, seen: EvaluatedPoints) -> set[int]:
-    """Stretches in which a reading moves that an estimate reads."""
+    """Stretches in which a reading that an estimate uses moves."""
     lag = seen.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 

@@ -1,7 +1,7 @@
 """Test hypotheses by undoing their faults: which degrees make all estimates agree best?
 
-Many hypotheses are tried on many problems at once, a column each: the numbers of one are few, and
-what a call of numpy costs is spent once for all of them.
+Many hypotheses are tried on many problems at once, a column each: each has few numbers, and one
+call of numpy serves all of them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 @dataclass(frozen=True)
 class Outcomes:
     """Per hypothesis and problem: best degrees and their standard uncertainties, both of shape
-    (faults, hypotheses, n), chi-square left and log-likelihood, (hypotheses, n). Where a hypothesis
+    (faults, hypotheses, n), chi-square left and log-likelihood, (hypotheses, n). If a hypothesis
     touches no usable observer, or was not tried: 0, inf, inf and -inf."""
 
     degree: Array
@@ -31,7 +31,7 @@ class Outcomes:
     evidence: Array
 
     def where(self, chosen: np.ndarray, others: Outcomes) -> Outcomes:
-        """The same with other outcomes where flags, shape (hypotheses, n), say so."""
+        """The same with other outcomes at flags, shape (hypotheses, n)."""
         pairs = [(getattr(others, f.name), getattr(self, f.name)) for f in fields(self)]
         return Outcomes(*(np.where(chosen, other, own) for other, own in pairs))
 
@@ -46,9 +46,9 @@ def fit(
 
     Parameters
     ----------
-    tried : shape (hypotheses, n), which of them to try on which problems; all if not given.
-    starts : degrees to begin with, of a shape that broadcasts to (faults, starts, hypotheses, n);
-        without them those that suit the faults.
+    tried : shape (hypotheses, n), which of them to try on which problems; default all.
+    starts : initial degrees, of a shape that broadcasts to (faults, starts, hypotheses, n); default
+        by the faults.
     """
     shape = (len(hypotheses), len(test))
     count = len(hypotheses[0]) if hypotheses else 1
@@ -84,7 +84,7 @@ def fit(
 
 
 def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
-    """Problems in which a fault would be there in a reading that was taken out, shape (n,)."""
+    """Problems in which a fault would affect a reading that was removed, shape (n,)."""
     flags: np.ndarray = np.any(test.unread(fault) & (test.present > 0.0), axis=0)
     return flags
 
@@ -92,39 +92,37 @@ def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
 def _portions(
     test: HypothesisTest, touched: np.ndarray, which: np.ndarray
 ) -> Iterator[tuple[np.ndarray, int]]:
-    """Columns in portions whose matrices do not take much memory, and how many flows a column of
-    one touches at most; `touched` of each hypothesis, `which` of them in each column."""
-    # Of those that are tried alone: a change of the liquid touches hundreds of flows.
+    """Columns in portions whose matrices fit into memory, and the most flows that a column of each
+    touches; `touched` of each hypothesis, `which` of them in each column."""
+    # Only of those tried: a change of the liquid touches hundreds of flows.
     most = max(int(touched[which].max(initial=0)), 1)
     if not (len(which) and test.metric.is_large):
         size = max(limits.TABLE // max(test.freedom**2, 1), 1)
-        yield from ((np.arange(len(which))[low : low + size], most) for low in _steps(which, size))
+        for low in range(0, len(which), size):
+            yield np.arange(len(which))[low : low + size], most
         return
-    # What is worked out for a column grows with the flows that it touches.
+    # The effort for a column grows with the flows that it touches.
     groups = np.ceil(np.log2(np.maximum(touched[which], 1))).astype(int)
     for group in np.unique(groups):
         chosen, own = np.flatnonzero(groups == group), min(1 << int(group), most)
         size = max(limits.TABLE // (2 * own * len(test.members) * test.freedom), 1)
-        yield from ((chosen[low : low + size], own) for low in _steps(chosen, size))
-
-
-def _steps(columns: np.ndarray, size: int) -> range:
-    return range(0, len(columns), size)
+        for low in range(0, len(chosen), size):
+            yield chosen[low : low + size], own
 
 
 def usual_starts(hypotheses: Sequence[Faults]) -> Array:
-    """Degrees tried first, shape (faults, starts, hypotheses, 1)."""
+    """Initial degrees, shape (faults, starts, hypotheses, 1)."""
     if not hypotheses or len(hypotheses[0]) == 1:
         singles = [_single(faults) for faults in hypotheses]
         most = max(map(len, singles), default=1)
-        # Zero comes first: once more it changes nothing.
+        # Zero comes first, so padding with zeros changes nothing.
         padded = [np.pad(s, (0, most - len(s))) for s in singles]
         return np.array(padded).reshape(1, len(padded), most, 1).transpose(0, 2, 1, 3)
     return pair_starts()
 
 
 def _single(faults: Faults) -> Array:
-    """Degrees of one fault tried first: zero and what is in its range."""
+    """Initial degrees of one fault: zero and those in its range."""
     (fault,) = faults
     low = fault.lowest / fault.scale
     top = fault.highest * (1.0 - limits.BELOW_HIGHEST) / fault.scale
@@ -134,6 +132,6 @@ def _single(faults: Faults) -> Array:
 
 
 def pair_starts() -> Array:
-    """Degrees of two faults tried first, shape (2, starts, 1, 1)."""
+    """Initial degrees of two faults, shape (2, starts, 1, 1)."""
     both = [(a, b) for a in limits.PAIR_STARTS for b in limits.PAIR_STARTS]
     return np.array(both).T[:, :, None, None]

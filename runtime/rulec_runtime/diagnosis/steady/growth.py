@@ -1,4 +1,4 @@
-"""How large a fault is now, how fast it grows, and when it will be how large."""
+"""How large a fault is now, how fast it grows, and when it will reach which degree."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rulec_runtime.recordings.wall_clock import DAY, HOUR
 
 @dataclass(frozen=True, kw_only=True)
 class Reaches:
-    """A degree that a fault will reach, and between which times, s; `open_end` where it may come
-    later still."""
+    """A degree that a fault will reach, and between which times, s; `open_end` if it may be later
+    still."""
 
     degree: float
     earliest: float
@@ -25,16 +25,16 @@ class Reaches:
 
 @dataclass(frozen=True, kw_only=True)
 class Growth:
-    """How large a fault is at the end, and how fast it grows; each with its 95 % bounds.
+    """Size of a fault at the end, and its growth; each with 95 % bounds.
 
     Attributes
     ----------
     degree, lower, upper : at `time`, s.
-    rate : growth per second with its bounds; None where too few stretches tell it.
+    rate : growth per second with its bounds; None if too few stretches show it.
     grows : whether growth explains the readings better than steps do.
-    reaches : where it is going.
-    path : times, s, degrees and their standard uncertainties, of which a picture is made; `ahead`
-        the same of the time to come.
+    reaches : the next round degree.
+    path : times, s, degrees and their standard uncertainties, for a plot; `ahead` the same for the
+        future.
     """
 
     time: float
@@ -49,14 +49,14 @@ class Growth:
 
     @property
     def per(self) -> tuple[float, str]:
-        """Time over which growth is told, s, and its unit: by the hour, or the day if it was
-        followed for longer than two."""
+        """Reporting interval of growth, s, and its unit: an hour, or a day if it was followed for
+        more than two."""
         lasted = self.time - self.path[0][0] if self.path else 0.0
         return (DAY, "d") if lasted > 2.0 * DAY else (HOUR, "h")
 
 
 def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
-    """What a course says of its end."""
+    """Growth by the end of a course."""
     by_steps = None if course.grows else _rate_of_steps(course, time)
     rate = by_steps or _between(course.rate)
     growing = (course.grows or by_steps is not None) and rate[1] > 0.0
@@ -78,7 +78,7 @@ def growth_of(fault: FaultSpec, course: Course, time: float) -> Growth:
 
 
 def _until(course: Course, latest: float) -> tuple[tuple[float, float, float], ...]:
-    """Some of the times to come, up to the last that is told, or as long as it has grown."""
+    """Some of the future times, up to the last reported one, or for as long as it has grown."""
     time = course.ahead[0]
     until = min(latest, 2.0 * float(course.time[-1]) - float(course.time[course.onset]))
     some = course.ahead[:, time <= until][:, :: limits.TIMES_AHEAD // 40]
@@ -91,8 +91,8 @@ def _between(value: Moments) -> tuple[float, float, float]:
 
 
 def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | None:
-    """Growth of a degree that goes up in steps, as of steps that come by chance; None of one that
-    does not go up alone, or of too few steps."""
+    """Growth of a degree that goes up in steps, as of steps at random times; None if a step goes
+    down, or if there are too few."""
     steps = [step for step in course.steps if step[0] > course.time[0]]
     if len(steps) < limits.STEPS_THAT_GROW or min(size for _, size in steps) <= 0.0:
         return None
@@ -104,7 +104,7 @@ def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | 
 def _reaches(
     fault: FaultSpec, course: Course, rate: tuple[float, float, float], time: float
 ) -> Reaches | None:
-    """When the next round degree is reached, if it goes on as it did."""
+    """When the next round degree is reached, if growth continues."""
     level = next_level(_between(course.now)[2])
     if level >= fault.credible:
         return None
