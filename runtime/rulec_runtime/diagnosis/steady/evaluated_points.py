@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady.batches import in_batches
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.learn import Learner
-from rulec_runtime.diagnosis.steady.many import has_many, see_many, spread_over
+from rulec_runtime.diagnosis.steady.many import has_many, see_many
 from rulec_runtime.diagnosis.steady.observe import (
     POINTS_ALONG,
     Observed,
@@ -27,6 +27,7 @@ from rulec_runtime.diagnosis.steady.observe import (
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
+from rulec_runtime.diagnosis.steady.stack import thinned
 from rulec_runtime.diagnosis.steady.stand_in import of_samples, with_stand_ins
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
@@ -128,7 +129,7 @@ def _evaluate_many(
     """The same for a part with so many estimates that tables of all of them cost too much."""
     ruleset, (own, outside) = part.ruleset, alike
     every = estimate(ruleset, own)
-    directions = every.at(spread_over(len(own))).directions()
+    directions = every.at(thinned(np.arange(len(own)))).directions()
 
     def told(chosen: slice) -> Observed:
         here = {name: flags[chosen] for name, flags in outside.items()}

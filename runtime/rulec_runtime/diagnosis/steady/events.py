@@ -25,6 +25,7 @@ from rulec_runtime.diagnosis.steady.points import (
     points_of_samples,
     points_of_stretches,
 )
+from rulec_runtime.diagnosis.steady.stack import thinned
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, systematic_u, timeline_of
 from rulec_runtime.recordings.when import ENDED
@@ -137,10 +138,7 @@ def _pooled(
 def _sound(seen: EvaluatedPoints) -> np.ndarray:
     """Some stretches in which a part of the plant is sound, spread evenly."""
     sound = np.flatnonzero(seen.isolation.judged & ~seen.isolation.deviating)
-    count = min(limits.STRETCHES_LOOKED_AT, len(sound))
-    places = np.linspace(0, len(sound) - 1, count).round().astype(int)
-    some: np.ndarray = sound[places]
-    return some
+    return thinned(sound, limits.STRETCHES_LOOKED_AT)
 
 
 def _behind(sound: Points, own: Points) -> Points:

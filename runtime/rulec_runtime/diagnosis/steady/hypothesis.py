@@ -1,4 +1,4 @@
-"""In what hypotheses are tested: residuals at points, and by how much these may be off."""
+"""The data of hypothesis tests: residuals at points, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from rulec_runtime.recordings.scratch import let_go
 @dataclass(frozen=True)
 class Scales:
     """Factors on the errors of each usable flow, shape (flows, points, n), where faults are undone:
-    on what is new at every point, and on what lasts."""
+    on those new at every point, and on those that last."""
 
     noise: Array
     lasting: Array
 
 
 class Spread(Protocol):
-    """By how much the residuals of problems may be off; `members` have the shape (points, n)."""
+    """Uncertainty of the residuals of problems; `members` have the shape (points, n)."""
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
-        """Covariance of the residuals, as measured or with scaled errors: shape
-        (n, points * rank, points * rank), (m3/s)^2."""
+        """Covariance of the residuals, as measured or with scaled errors: shape (n, points * rank,
+        points * rank), (m3/s)^2."""
 
     def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        """By how much scaling changes the covariance of some usable flows, shape (touched, n), or
-        -1, with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
+        """Change, by scaling, of the covariance of some usable flows, shape (touched, n), or -1,
+        with all of them: shape (n, points * touched, points * flows), (m3/s)^2."""
 
     def seen_by(self, basis: Array) -> Spread:
         """The same of other residuals."""
@@ -47,9 +47,9 @@ class HypothesisTest:
     """Problems, n of them, of points that share their usable observers.
 
     A problem is one point, or several that have the same degrees wherever the faults are present.
-    `members` are its points, `present` is 1 where the faults are there and 0 elsewhere, both of
-    shape (points, n). `spread` tells how much their residuals may be off; `known` is the metric as
-    measured, where it has been worked out.
+    `members` are its points, `present` is 1 where the faults are present and 0 elsewhere, both of
+    shape (points, n). `spread` is the uncertainty of their residuals; `known` is the metric as
+    measured, if it has been worked out.
     """
 
     ruleset: Ruleset
@@ -67,7 +67,7 @@ class HypothesisTest:
     def at(self, chosen: np.ndarray | slice) -> HypothesisTest:
         """Some of the problems."""
         members, present = self.members[:, chosen], self.present[:, chosen]
-        # A metric costs too much to be worked out twice.
+        # A metric is too expensive to work out twice.
         known = self.known or self.__dict__.get("metric")
         own = None if known is None else known.problems(chosen)
         return replace(self, members=members, present=present, known=own)
@@ -89,7 +89,7 @@ class HypothesisTest:
         return self.known or self._metric_of(None)
 
     def _metric_of(self, scales: Scales | None) -> Metric:
-        """The same, perhaps with scaled errors."""
+        """The same, with scaled errors if `scales` are given."""
         inverse = inverse_of(self.spread.whole(self.members, scales))
         return Metric(Weighing(inverse, self.residuals, self.basis), np.arange(len(self)))
 
@@ -114,26 +114,26 @@ class HypothesisTest:
 
     @cached_property
     def offsets(self) -> Array:
-        """What the baseline takes from them."""
+        """The baseline's correction of these flows, same shape."""
         return self._of_usable(self.observed.offsets)
 
     def _of_usable(self, table: Array) -> Array:
-        """The members' part of a table, shape (observers, n), of the usable observers."""
+        """The members' part of a table, shape (observers, n), for the usable observers."""
         found = of_points(table, (np.flatnonzero(self.valid),), self.members.ravel())
         return found.reshape(-1, *self.members.shape)
 
     def seen_by(self, basis: Array) -> HypothesisTest:
-        """The same problems seen by other combinations of the flows, shape (rank, usable flows)."""
+        """The same problems in other combinations of the flows, shape (rank, usable flows)."""
         found = replace(self, basis=basis, spread=self.spread.seen_by(basis), known=None)
-        # What does not depend on the combinations is worked out once.
+        # These do not depend on the combinations, so they are worked out once.
         for name in ("flows", "offsets", "each"):
             found.__dict__[name] = getattr(self, name)
         return found
 
     def effects(self, chosen: Sequence[int] | None = None) -> Array:
-        """Slopes of the residuals by the degree of each fault of the ruleset, or of some by their
-        places, at a small one: shape (n, points * rank, faults), m3/s; 0 where the residuals do not
-        see a fault."""
+        """Slopes of the residuals by a small degree of each fault of the ruleset, or of some by
+        their places: shape (n, points * rank, faults), m3/s; 0 where the residuals do not show a
+        fault."""
         asked = range(len(self.ruleset.faults)) if chosen is None else chosen
         table = np.zeros((len(self.basis), len(asked), *self.members.shape))
         own = np.zeros((len(asked), len(self)))
@@ -148,7 +148,7 @@ class HypothesisTest:
     @cached_property
     def each(self) -> dict[int, tuple[list[int], Array]]:
         """Per fault of the ruleset, by its place, the places of the usable flows that it moves, and
-        their slopes by its degree, at a small one: shape (touched, points, n), m3/s."""
+        their slopes by a small degree: shape (touched, points, n), m3/s."""
         slopes, found = self._undone_at_zero(), {}
         for i, fault in enumerate(self.ruleset.faults):
             observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
@@ -160,9 +160,9 @@ class HypothesisTest:
         return found
 
     def towards(self, chosen: Sequence[int] | None = None) -> tuple[Array, Array]:
-        """How much a small degree of each fault, or of some by their places, lowers half of
-        chi-square per degree, and the information on the degree, both shape (faults, n); 0 where
-        no usable observer shows it."""
+        """Decrease of half of chi-square per small degree of each fault, or of some by their
+        places, and the information on the degree, both shape (faults, n); 0 where no usable
+        observer shows it."""
         if chosen is None and self.metric.is_large:
             return self._towards_by_flows()
         asked = len(self.ruleset.faults) if chosen is None else len(chosen)
@@ -200,13 +200,13 @@ class HypothesisTest:
         return pull, information
 
     def portions(self) -> Iterator[slice]:
-        """Problems in portions whose effects do not take much memory."""
+        """Problems in portions whose effects fit into memory."""
         size = max(limits.TABLE // max(self.freedom * len(self.ruleset.faults), 1), 1)
         for low in range(0, len(self), size):
             yield slice(low, low + size)
 
     def readings(self, signals: Iterable[str]) -> dict[str, Array]:
-        """Readings of those of some signals that the recording has, shape (points, n)."""
+        """Readings of those signals that the recording has, shape (points, n)."""
         values = self.observed.points.values
         found = {name: values[name][self.members] for name in signals if name in values}
         let_go(*(values[name] for name in found))
@@ -219,14 +219,14 @@ class HypothesisTest:
         return {name: place for place, name in enumerate(usable)}
 
     def touched(self, faults: tuple[FaultSpec, ...]) -> tuple[str, ...]:
-        """Usable observers that some faults make wrong."""
+        """Usable observers that some faults bias."""
         return tuple(
             o for o in dict.fromkeys(o for f in faults for o in f.affects) if o in self.places
         )
 
     def kept(self, faults: tuple[FaultSpec, ...], observers: Sequence[str]) -> Array:
-        """Share of flows that the baseline leaves, shape (observers, points, n); a fault in a
-        sensor takes its errors along."""
+        """Share of flows that the baseline leaves, shape (observers, points, n); all if a fault is
+        in a sensor, as it takes its errors along."""
         places = [self.places[name] for name in observers]
         if any(f.in_sensor for f in faults):
             return np.ones((len(places), *self.members.shape))
@@ -240,7 +240,7 @@ class HypothesisTest:
         return 1.0 - np.where(np.isfinite(share), share, 0.0)
 
     def unread(self, fault: FaultSpec) -> np.ndarray:
-        """Where a fault would be one of a reading that was taken out, shape (points, n)."""
+        """Where a fault would affect a reading that was removed, shape (points, n)."""
         flags: np.ndarray = np.zeros(self.members.shape, dtype=bool)
         for name, stood_in in self.observed.points.stood_in.items():
             if fault.in_sensor and name in fault.scales:
@@ -248,8 +248,8 @@ class HypothesisTest:
         return flags
 
     def _undone_at_zero(self) -> dict[str, Array]:
-        """Slopes of the usable flows by degrees of zero, shape (points * n,), by the names that
-        they have in the plan."""
+        """Slopes of the usable flows at degrees of zero, shape (points * n,), by their names in the
+        plan."""
         plan = self.ruleset.undone_slopes(tuple(self.places))
         inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
         inputs |= {n: readings.ravel() for n, readings in self.readings(plan.used_inputs).items()}
@@ -260,28 +260,28 @@ class HypothesisTest:
         }
 
     def _in_a_row(self, table: Array) -> Array:
-        """A table of residuals, shape (rank, columns, points, n), as one of the problems, shape
+        """A table of residuals, shape (rank, columns, points, n), as that of the problems, shape
         (n, points * rank, columns)."""
         rank, columns, points, n = table.shape
         return np.ascontiguousarray(table.transpose(3, 2, 0, 1)).reshape(n, points * rank, columns)
 
 
 def gain_of(pull: Array, information: Array) -> Array:
-    """By how much degrees lower chi-square to first order, as `towards` gives them."""
+    """Decrease of chi-square by each degree to first order, from the results of `towards`."""
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.maximum(pull, 0.0) ** 2 / information
     return np.where(information > 0.0, gain, 0.0)
 
 
 def in_a_row(table: Array) -> Array:
-    """A table of touched flows, shape (touched, ..., points, n), as that of the problems, those of
-    one point after the other: shape (points * touched, ..., n)."""
+    """A table of touched flows, shape (touched, ..., points, n), as that of the problems, one point
+    after the other: shape (points * touched, ..., n)."""
     return np.moveaxis(table, -2, 0).reshape(-1, *table.shape[1:-2], table.shape[-1])
 
 
 def alike(places: Mapping[int, Sequence[int]]) -> Iterator[tuple[list[int], np.ndarray]]:
-    """Keys whose flows, by their places, are about as many, with a table of these places: shape
-    (touched, keys), -1 behind the last of a key.
+    """Keys with about as many flows, and a table of these, by place: shape (touched, keys), -1
+    after the last of a key.
 
     >>> [(keys, table.tolist()) for keys, table in alike({4: [7], 5: [1, 2, 3], 6: [0, 1, 2, 3]})]
     [([4], [[7]]), ([5, 6], [[1, 0], [2, 1], [3, 2], [-1, 3]])]

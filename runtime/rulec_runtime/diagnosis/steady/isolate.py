@@ -1,9 +1,9 @@
-"""Which fault fits: every hypothesis against the whole residual vector, degree free.
+"""Which fault fits: every hypothesis against the whole residual vector, with free degree.
 
 A hypothesis is tested by undoing it. With the right degree of the right fault put into the
 observers, all estimates of a flow agree within their uncertainty. The degree is found by
-generalised least squares (a few Gauss-Newton steps), in the metric of the residuals' covariance,
-so a residual that a fault leaves at zero counts as much as one that it moves.
+generalised least squares (a few Gauss-Newton steps), in the metric of the residuals' covariance, so
+a residual that a fault leaves at zero counts as much as one that it moves.
 
 Source: own derivation, see docs/method.md; generalised least squares as in any textbook.
 """
@@ -34,18 +34,18 @@ class Isolation:
 
     Attributes
     ----------
-    judged, deviating : shape (n,); deviating points are not explained by noise.
+    judged, deviating : shape (n,); noise does not explain deviating points.
     misfit : shape (n,), chi-square of "no fault", with `freedom` degrees of freedom.
     degree, u : shape (faults, n).
-    floor : shape (faults, n), standard uncertainty of a degree near 0; inf where the usable
-        estimates cannot show the fault.
+    floor : shape (faults, n), standard uncertainty of a degree near 0; inf if the usable estimates
+        cannot show the fault.
     distance : shape (faults, n), chi-square left when the fault is undone; inf if untestable.
-    chance : probability of a false alarm that each point was given.
+    chance : probability of a false alarm per point.
     probability : shape (faults, n), among the hypotheses that fit; 0 for the others. All faults
-        count as equally frequent: stretches are held together by what they show. Where only two
-        faults together explain a point, a fault has the sum over its pairs.
-    pair : shape (n, 2), the most probable two faults where only two together fit, else -1; how
-        often faults come counts here.
+        count as equally frequent, so that readings alone join stretches. If only two faults
+        together explain a point, a fault has the sum over its pairs.
+    pair : shape (n, 2), the most probable two faults if only two together fit, else -1; here the
+        frequency of faults counts.
     """
 
     judged: np.ndarray = field(metadata=FIRST)
@@ -65,7 +65,7 @@ POINTS_ALONG = points_along(Isolation)
 
 
 def alarm_chance(looks: int) -> float:
-    """Probability of a false alarm that each of a number of stretches may have.
+    """Probability of a false alarm per stretch.
 
     Lasting errors are drawn once per recording, so short recordings share one probability; long
     ones have one per stretch.
@@ -74,7 +74,7 @@ def alarm_chance(looks: int) -> float:
 
 
 def quantile(chance: float) -> float:
-    """Normal quantile that is exceeded with a probability."""
+    """Normal quantile with this probability of being exceeded."""
     return NormalDist().inv_cdf(1.0 - chance)
 
 
@@ -104,9 +104,9 @@ def isolate(
 ) -> Isolation:
     """Judge every point on its own; points with the same usable observers together.
 
-    `looks` is the number of stretches that share one chance of a false alarm (default: all). Faults
-    that cannot fit are not tried, so that their degrees and what they leave are not known, unless
-    `all_tried`. Without `pairs` two faults at once explain nothing.
+    `looks` is the number of stretches that share one chance of a false alarm (default: all). Unless
+    `all_tried`, faults that cannot fit are skipped: their degrees and distances stay unknown.
+    Without `pairs`, two simultaneous faults are not tried.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
@@ -124,8 +124,8 @@ def tests_of(ruleset: Ruleset, observed: Observed) -> Iterator[HypothesisTest]:
 def agreement(
     ruleset: Ruleset, observed: Observed, *, beside_faults: bool = False
 ) -> tuple[Array, np.ndarray]:
-    """Chi-square of a sound plant, or beside its best single fault, and the degrees of freedom,
-    shape (n,) each; infinite and 0 where nothing can be compared."""
+    """Chi-square of a sound plant, or with its best single fault, and the degrees of freedom, shape
+    (n,) each; infinite and 0 where nothing can be compared."""
     n = len(observed)
     chi, freedom = np.full(n, np.inf), np.zeros(n, dtype=int)
     for test in tests_of(ruleset, observed):
@@ -141,7 +141,7 @@ def agreement(
 def test_of(
     ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
 ) -> HypothesisTest:
-    """Test of points on their own, with the covariance they have."""
+    """Test of points on their own, with their covariance."""
     return HypothesisTest(
         ruleset=ruleset,
         observed=observed,
@@ -155,14 +155,13 @@ def test_of(
 
 @dataclass(frozen=True)
 class _Alone:
-    """How much the residuals of points on their own may be off."""
+    """Uncertainty of the residuals of points on their own."""
 
     observed: Observed
     valid: np.ndarray
     basis: Array
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
-        """Covariance of the residuals."""
         (points,) = members
         if scales is None:
             return covariance_of(self.basis, self.observed.covariance, self.valid, points)
@@ -173,7 +172,6 @@ class _Alone:
         return result
 
     def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        """By how much scaling changes the covariance of some flows with all of them."""
         (points,) = members
         usable = np.flatnonzero(self.valid)
         rows = (points[:, None], usable[places.T])
@@ -185,13 +183,12 @@ class _Alone:
         return there
 
     def seen_by(self, basis: Array) -> _Alone:
-        """The same of other residuals."""
         return replace(self, basis=basis)
 
 
 def _factors(scale: Array, places: np.ndarray) -> Array:
-    """By how much the covariance of some flows with all grows, shape (n, touched, flows), where
-    flows are scaled, shape (flows, n)."""
+    """Factors on the covariance of some flows with all, shape (n, touched, flows), if flows are
+    scaled, shape (flows, n)."""
     own: Array = np.take_along_axis(scale, np.maximum(places, 0), axis=0)
     return own.T[:, :, None] * scale.T[:, None, :]
 
@@ -210,7 +207,7 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
     result.misfit[members] = misfit
     result.freedom[members] = rank
     # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
-    # estimates can show: a test in the direction of a fault sees smaller ones.
+    # estimates can show: a test in the direction of a fault detects smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
     visible = np.array([bool(test.touched((fault,))) for fault in test.ruleset.faults], dtype=bool)
     asked = visible & test.ruleset.is_listed
@@ -230,7 +227,7 @@ def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pa
 def _explain(
     test: HypothesisTest, gain: Array, result: Isolation, *, all_tried: bool, pairs: bool
 ) -> None:
-    """Which single faults fit deviating points, and which pairs where none does."""
+    """Single faults that fit deviating points, and pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
     limit = accepted(rank, 1, chance)
     fits = _tried(test, gain, limit, all_tried=all_tried)
@@ -240,7 +237,7 @@ def _explain(
     within = _within_range(test)
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
-    # What moves everything leaves little of two faults at once: they are tried beside it as well.
+    # A change of the liquid explains most pairs of faults too, so pairs are tried beside it.
     own = np.array([bool(fault.module) for fault in test.ruleset.faults], dtype=bool)
     unexplained = np.asarray(~np.isfinite(evidence[own]).any(axis=0) & within[own].all(axis=0))
     if pairs and unexplained.any() and rank > 2:
@@ -253,7 +250,7 @@ def _explain(
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
-    """Single faults that may fit; `gain` is by how much each lowers chi-square to first order,
+    """Single faults that may fit; `gain` is the decrease of chi-square by each to first order,
     shape (faults, n)."""
     faults = test.ruleset.faults
     hypotheses = [(fault,) for fault in faults]
@@ -262,7 +259,7 @@ def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) 
         return fit(test, hypotheses, None if all_tried else may_fit(test, limit, promising))
     least = least_left(test, promising)
     may = promising & (least <= limits.ROUNDED_OTHERWISE * limit)
-    # What moves many flows leaves little of them where any of them may be anything.
+    # A fault that moves many flows leaves little in this bound, in which these are all free.
     touched = np.array([len(test.touched((fault,))) for fault in faults])[:, None]
     order = np.argsort(np.where(may, least + 2.0 * touched, np.inf), axis=0, kind="stable")
     leading = np.zeros_like(may)
@@ -277,27 +274,24 @@ def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) 
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:
-    """Whether every reading beyond its range may be so because of a fault, shape (faults, n).
+    """Whether a fault may explain every reading beyond its range, shape (faults, n).
 
-    The equations hold in a range. A fault may move what it scales out of it; what left it
-    otherwise is an operating point of which nothing is known.
+    The equations hold in a range. A fault may move what it scales out of it; any other excursion is
+    an operating point outside the model.
     """
     faults = test.ruleset.faults
     members = test.members[0]
     within = np.ones((len(faults), len(members)), dtype=bool)
     for signal, flags in test.observed.extrapolated.items():
-        outside = flags[members] & _is_read(test, signal)
+        observers = zip(test.ruleset.observers, test.valid, strict=True)
+        is_read = any(usable and signal in observer.signals for observer, usable in observers)
+        outside = flags[members] & is_read
         within[[signal not in fault.scales for fault in faults]] &= ~outside
     return within
 
 
-def _is_read(test: HypothesisTest, signal: str) -> bool:
-    observers = zip(test.ruleset.observers, test.valid, strict=True)
-    return any(usable and signal in observer.signals for observer, usable in observers)
-
-
 def _take_pairs(fits: PairFits, members: np.ndarray, odds: Array, result: Isolation) -> None:
-    """Enter what pairs explain: per fault the sum over its pairs, and the best pair's degree.
+    """Enter the results of pairs: per fault the sum over its pairs, and the best pair's degree.
 
     `odds` are the prior odds of the faults, shape (faults,).
     """
@@ -331,7 +325,7 @@ def shares(evidence: Array) -> Array:
 
 
 def accepted(rank: int, fitted: int, chance: float) -> float:
-    """Distance up to which a hypothesis fits: what it leaves would not alarm by itself.
+    """Distance up to which a hypothesis fits: the rest would not raise an alarm by itself.
 
     With as many degrees fitted as there are residuals anything fits.
     """

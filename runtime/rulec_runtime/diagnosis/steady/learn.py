@@ -1,4 +1,4 @@
-"""Learn the baseline: go through the points in order of time, and take up what they say.
+"""Learn the baseline: condition on the points in order of time.
 
 Source: own derivation, docs/method.md; the recursion is a Kalman filter of an Ornstein-Uhlenbeck
 process.
@@ -27,7 +27,7 @@ from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, covarian
 
 
 class Learner:
-    """Learns from points that come in batches; `keep` says whether all baselines are kept."""
+    """Learns from points that come in batches; all baselines are kept if `keep`."""
 
     def __init__(self, ruleset: Ruleset, *, keep: bool) -> None:
         self._ruleset, self._keep = ruleset, keep
@@ -38,13 +38,13 @@ class Learner:
         self._at_once = 1
 
     def take(self, observed: Observed, first: int) -> Baselines:
-        """Learn from a batch, of which `first` is the number of the first point; gives the
-        baselines that hold in it."""
+        """Learn from a batch, whose first point has the number `first`; the baselines that apply to
+        it."""
         states = [self._last or nothing_learned(observed)]
         at = np.zeros(len(observed), dtype=int)
         every, done = [*_said_by(self._ruleset, observed)], 0
         while done < len(observed):
-            # Where points add nothing to what is known, many are passed over together.
+            # Where points add nothing new, many are skipped together.
             until = min(done + self._at_once, len(observed))
             worth = [said.worth_learning(states[-1], done, until) for said in every]
             found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
@@ -67,18 +67,18 @@ class Learner:
         return Baselines(states, at)
 
     def baselines(self) -> Baselines:
-        """All that was learned."""
+        """All baselines learned."""
         points = () if self._last is None else self._last.points
         return Baselines(self._kept, np.concatenate(self._at), points, self._counts)
 
 
 @dataclass(frozen=True)
 class _Said:
-    """What judgeable points say that share their valid observers, in order of time, m of them.
+    """Judgeable points that share their valid observers, in order of time, m of them.
 
     Residuals (m, rank), their gradients by the lasting errors (m, rank, errors), covariance of the
-    noise (m, rank, rank) and the logarithm of its determinant (m,); `sound` points, (m,), are all
-    numbers and none outside the calibrated range.
+    noise (m, rank, rank) and the logarithm of its determinant (m,); `sound` points, (m,), are
+    finite and within the calibrated range.
     """
 
     points: np.ndarray
@@ -96,10 +96,10 @@ class _Said:
         return found
 
     def worth_learning(self, before: Baseline, first: int, last: int) -> np.ndarray:
-        """Those among points that may be taken up, with what is known before them."""
+        """Those among points that may be learned from, given the baseline before them."""
         low, high = np.searchsorted(self.points, [first, last])
         here = np.arange(low, high)[self.sound[low:high]]
-        if len(here) <= 1:  # whether it is worth it shows as soon when it is taken up
+        if len(here) <= 1:  # `taken_up` decides as fast
             return np.asarray(self.points[here])
         kept = remembered(self.time[here] - before.time)[:, None, None]
         shared, rank = self.shared[here], self.residuals.shape[1]
@@ -109,7 +109,7 @@ class _Said:
         off = self.residuals[here] - kept[:, 0] * (shared @ before.mean)
         try:
             distance = np.einsum("nr,nr->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
-        except np.linalg.LinAlgError:  # one of them: each is looked at on its own
+        except np.linalg.LinAlgError:  # at least one is singular: `taken_up` tries each
             return np.asarray(self.points[here])
         gain = np.linalg.slogdet(total)[1] - self.log_determinant[here]
         calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, limits.CALM)
@@ -128,7 +128,7 @@ class _Said:
         off = residuals - shared @ before.mean
         try:
             solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
-        except np.linalg.LinAlgError:  # readings so far off that their errors drown in rounding
+        except np.linalg.LinAlgError:  # readings so far off that rounding hides their errors
             return None
         if off @ solved[:, 0] > chi_square_limit(len(off), limits.CALM):
             return None

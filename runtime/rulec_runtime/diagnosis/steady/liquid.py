@@ -1,7 +1,7 @@
-"""What recorded temperatures say of a change of the liquid.
+"""Recorded temperatures as evidence for or against a change of the liquid.
 
 A property such as the viscosity follows the temperature by a known share per kelvin. A temperature
-that moved as much as the change needs speaks for it, one that stayed where it was speaks against.
+that moved as much as the change needs supports it, a constant one contradicts it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 
 
 def is_ordinary(changes: Sequence[LiquidSpec], fault: str, degree: float) -> bool:
-    """Is this a change of the liquid that weather makes?"""
+    """Whether weather explains this change of the liquid."""
     return any(
         change.fault.id == fault
         and abs(degree) < -math.expm1(-abs(change.per_kelvin) * limits.ORDINARY_KELVIN)
@@ -30,8 +30,7 @@ def is_ordinary(changes: Sequence[LiquidSpec], fault: str, degree: float) -> boo
 
 @dataclass(frozen=True)
 class Warming:
-    """By how much thermometers, by name, rose between the baseline of a run and the run, K: the
-    median of all of them."""
+    """Rise of thermometers, by name, between the baseline of a run and the run, K: their median."""
 
     thermometers: tuple[str, ...]
     rise: float
@@ -47,12 +46,12 @@ class Warming:
 
 
 def by_temperature(seen: EvaluatedPoints, members: Sequence[int], fits: Fits) -> Fits:
-    """What was tried on a run, with what temperatures say of changes of the liquid in it."""
+    """Fits of a run, with the evidence of temperatures for changes of the liquid."""
     changes = _changes(seen)
 
     def weighed(fit: Fit) -> Fit:
-        found = [(changes[i], x) for i, x in zip(fit.faults, fit.degrees, strict=True)
-                 if i in changes]  # fmt: skip
+        faults = zip(fit.faults, fit.degrees, strict=True)
+        found = [(changes[i], x) for i, x in faults if i in changes]
         if not found or fit.when != ONSET:
             return fit
         evidence = sum(_evidence(change, x, _warming(seen, change, members)) for change, x in found)
@@ -64,8 +63,8 @@ def by_temperature(seen: EvaluatedPoints, members: Sequence[int], fits: Fits) ->
 def with_temperature(
     seen: EvaluatedPoints, members: Sequence[int], cause: Cause
 ) -> tuple[Cause, str]:
-    """A cause, and what to add to its text: of a change of the liquid its bounds hold what its laws
-    leave open, and what temperatures say is told."""
+    """A cause, and an addition to its text. For a change of the liquid, its bounds include the
+    tolerance of its laws, and the text says what temperatures show."""
     change = _changes(seen).get(cause.fault)
     if change is None:
         return cause, ""
@@ -89,7 +88,7 @@ def _changes(seen: EvaluatedPoints) -> dict[int, LiquidSpec]:
 
 
 def _warming(seen: EvaluatedPoints, change: LiquidSpec, members: Sequence[int]) -> Warming | None:
-    """How temperatures moved; None where the property follows none, or none is known."""
+    """Change of temperatures; None if the property depends on none, or none is known."""
     learned = seen.baselines.learned_at(members[0])
     if not (change.per_kelvin and len(learned)):
         return None
@@ -105,8 +104,7 @@ def _warming(seen: EvaluatedPoints, change: LiquidSpec, members: Sequence[int]) 
 
 
 def _evidence(change: LiquidSpec, degree: float, warming: Warming | None) -> float:
-    """Log-likelihood of a change of the liquid by how temperatures moved; 0 where they say
-    nothing."""
+    """Log-likelihood of a change of the liquid by the temperatures; 0 if they do not decide."""
     if warming is None or degree <= 0.0:
         return 0.0
     needed = math.log1p(change.sign * min(degree, limits.NEARLY_ALL if change.sign < 0 else degree))

@@ -1,7 +1,8 @@
 """Plants in which hundreds of estimates check each other: no table of all their covariances.
 
-Points are gone through in order of time, a few at once: observed, compared with what was learned
-before, explained. Of the covariance of all estimates what a stack of stretches needs is kept alone.
+A few points at a time, in order of time, are observed, compared with the baseline before them and
+explained. Of the covariance of all estimates, only the part that a stack of stretches needs is
+kept.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ Told = TypeVar("Told")
 """A frozen dataclass of tables."""
 
 KEPT_ALONG = {n: a for n, a in POINTS_ALONG.items() if n not in ("noise", "shared")} | {"u": 1}
-"""Along which axis of a table that is kept of an `Observed` the points lie."""
+"""Axis of the points in each kept table of an `Observed`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Many:
-    """Points as they are, as they are against what was learned before, and what explains them."""
+    """Points as observed, relative to their baselines, and explained."""
 
     plain: Observed
     compared: Observed
@@ -41,9 +42,9 @@ class Many:
 
 
 def has_many(ruleset: Ruleset) -> bool:
-    """Do so many estimates check each other that tables of all of them cost too much?"""
+    """Whether so many estimates check each other that tables of all of them cost too much."""
     every = np.ones(len(ruleset.observers), dtype=bool)
-    # A basis is dear to find, and there are never more residuals than estimates.
+    # A basis is expensive, and there are never more residuals than estimates.
     few = len(every) < limits.MANY_RESIDUALS
     return not few and len(residual_basis(ruleset, every)) >= limits.MANY_RESIDUALS
 
@@ -51,12 +52,6 @@ def has_many(ruleset: Ruleset) -> bool:
 def at_once(ruleset: Ruleset) -> int:
     """Points whose covariances are worked on together."""
     return max(limits.ESTIMATES_AT_ONCE // max(len(ruleset.observers), 1) ** 2, 1)
-
-
-def spread_over(count: int) -> np.ndarray:
-    """Some of so many points, spread evenly."""
-    few = min(limits.STACKED, count)
-    return np.unique(np.linspace(0, count - 1, few).round().astype(int))
 
 
 def see_many(ruleset: Ruleset, count: int, told: Callable[[slice], Observed]) -> Many:
@@ -86,7 +81,7 @@ def see_many(ruleset: Ruleset, count: int, told: Callable[[slice], Observed]) ->
 
 
 def _without_tables(observed: Observed) -> Observed:
-    """What is kept of some points beside the two tables that lie elsewhere."""
+    """The part of some points that is kept beside the two large tables."""
     nothing = np.zeros((len(observed), 0, 0))
     names = ("noise", "shared", "scatter", "covariance", "wander")
     tables: dict[str, Any] = dict.fromkeys(names, nothing)

@@ -1,4 +1,4 @@
-"""Evaluate a ruleset on readings: flow estimates, residuals, and what may not be trusted."""
+"""Evaluate a ruleset on readings: flow estimates, residuals, and which of them are unusable."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from rulec_runtime.recordings.scratch import let_go
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """What the plan says about points.
+    """Results of the plan at points.
 
     Attributes
     ----------
     flows : shape (observers, n), m3/s.
     valid : shape (observers, n).
-    noise : shape (n, observers, observers), covariance of what is new at every point: the noise
-        of readings and the observers' own misfit; (m3/s)^2.
+    noise : shape (n, observers, observers), covariance of errors new at every point: the noise of
+        readings and the observers' own misfit; (m3/s)^2.
     scatter : as `noise`, of the noise of readings alone.
-    shared : shape (observers, errors, n): derivative by each error that stays over a recording
+    shared : shape (observers, errors, n): derivative by each error that lasts over a recording
         (systematic errors of sensors, their lags, the calibration) times its standard uncertainty,
         m3/s.
-    offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
+    offsets : shape (observers, n), the baseline's correction to subtract from each flow, m3/s.
     covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
-    wander : as `noise`, the part of it that `wander_of` found.
+    wander : as `noise`, the part of it from `wander_of`.
     residuals, residual_u : shape (residuals, n), m3/s.
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
     extrapolated : shape (signals out of range, n) as table signal -> flags.
-    u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, where there is no
-        room for the covariances of all points: `scatter`, `covariance` and `wander` are empty then.
+    u : shape (observers, n), standard uncertainties of flows less offsets, m3/s, if the covariances
+        of all points would be too large: `scatter`, `covariance` and `wander` are empty then.
     """
 
     points: Points
@@ -62,7 +62,7 @@ class Observed:
 
     def covariance_at(self, points: np.ndarray) -> Array:
         """Covariance of flows less offsets at some points, shape (points, observers, observers);
-        where there is no room for that of all, as no baseline shifts them."""
+        without the shift by a baseline if that of all points would be too large."""
         if self.u is None:
             own: Array = self.covariance[points]
             return own
@@ -79,7 +79,7 @@ class Observed:
         return u
 
     def part(self, chosen: slice) -> Observed:
-        """The same of some of the points."""
+        """Some of the points."""
         if chosen.start == 0 and chosen.stop == len(self):
             return self
         outside = {name: flags[chosen] for name, flags in self.extrapolated.items()}
@@ -103,13 +103,13 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
 
 
 def observe(ruleset: Ruleset, points: Points) -> Observed:
-    """Run the plan on points and decide which estimates may be used."""
+    """Run the plan on points and decide which estimates are usable."""
     return estimate(ruleset, points).observed()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What the plan says about points, before it is put together by how much it may be off.
+    """Results of the plan at points, before their errors are combined.
 
     `flows`, `valid`, `slopes` and `residuals` are as in `with_errors`.
     """
@@ -134,15 +134,15 @@ class Estimates:
         )
 
     def directions(self) -> Directions:
-        """Directions that stand for the errors that last, as the points have them."""
+        """Directions that represent the lasting errors at these points."""
         n = self.flows.shape[1]
         return directions_of(
             self.ruleset, gradients_of(self.ruleset, self.points, self.slopes, n)[2]
         )
 
     def observed(self, directions: Directions | None = None) -> Observed:
-        """Estimates with their errors; `directions` stand for those that last, by default each of
-        these does so itself."""
+        """Estimates with their errors; `directions` represent the lasting ones, by default each by
+        itself."""
         observed = with_errors(
             self.ruleset,
             self.points,
@@ -156,7 +156,7 @@ class Estimates:
 
 
 def estimate(ruleset: Ruleset, points: Points) -> Estimates:
-    """Run the plan on points and decide which estimates may be used."""
+    """Run the plan on points and decide which estimates are usable."""
     names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
@@ -183,8 +183,7 @@ def estimate(ruleset: Ruleset, points: Points) -> Estimates:
 
 
 def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
-    """What the plan of a part says; a reading anywhere in the plant that leaves the range in which
-    it was calibrated counts."""
+    """Results of the plan of a part; `extrapolated` covers readings of the whole plant."""
     if part.ruleset is whole:
         return observe(whole, points)
     observed = observe(part.ruleset, points.of(part.ruleset.observed))
@@ -205,7 +204,7 @@ def with_errors(
     residuals: tuple[Array, Array, Array] | None = None,
     directions: Directions | None = None,
 ) -> Observed:
-    """Estimates with their errors, and nothing out of the calibrated range.
+    """Estimates with their errors, and no reading marked as extrapolated.
 
     Parameters
     ----------
@@ -213,7 +212,7 @@ def with_errors(
     slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
         and by other errors times their standard uncertainty, m3/s.
     residuals : residuals, their uncertainties and the parts of these that do not average out, each
-        of shape (residuals, n), m3/s; by default as they follow from the estimates.
+        of shape (residuals, n), m3/s; by default from the estimates.
     """
     scatter, noise, lasting, shared, late = errors_of(ruleset, points, slopes, flows, directions)
     with np.errstate(invalid="ignore"):
@@ -266,9 +265,9 @@ def usable_by_readings(
     readings: Mapping[str, Array | float],
     out: Mapping[str, Array],
 ) -> np.ndarray:
-    """Readings above their minimum, arguments of roots and the flow itself positive: shape (n,).
+    """Whether readings reach their minimum, and guards and the flow are positive: shape (n,).
 
-    `out` holds estimates (``q:``) and guards as the plan gives them, shape (n,) each.
+    `out` holds estimates (``q:``) and guards from the plan, shape (n,) each.
     """
     with np.errstate(invalid="ignore"):
         usable: np.ndarray = out[f"q:{observer.id}"] > 0
@@ -282,7 +281,7 @@ def usable_by_readings(
 
 
 def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
-    """What each observer estimates, m3/s, shape (observers, n), without a question."""
+    """Estimate of each observer, m3/s, shape (observers, n), usable or not."""
     names = [f"q:{o.id}" for o in ruleset.observers]
     n = max(map(len, readings.values()), default=0)
     results = ruleset.plan.select(names).run(readings)
@@ -290,7 +289,7 @@ def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
 
 
 def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
-    """Signals that leave the range in which the plant was calibrated."""
+    """Signals outside the range in which the plant was calibrated."""
     found = {}
     for signal in ruleset.signals:
         low, high = signal.valid_from, signal.valid_to
@@ -307,9 +306,9 @@ def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
 
 
 def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
-    """Why an estimate cannot be used at a point, in words without numbers that would vary."""
+    """Why an estimate is unusable at a point, in words without numbers that would vary."""
     spec = ruleset.observers[observer]
-    # What the operator sets comes first: at standstill the speed is the reason, not the pressure.
+    # Inputs come first: at standstill the speed is the reason, not the pressure.
     inputs_first = sorted(spec.signals, key=lambda s: not ruleset.signal_by_id[s].is_input)
     for name in inputs_first:
         signal = ruleset.signal_by_id[name]

@@ -1,7 +1,7 @@
-"""Two faults at once, where no single one fits: a sparse non-negative fit.
+"""Two simultaneous faults, where no single one fits: a sparse non-negative fit.
 
-To first order simultaneous faults add up, so linear effects screen all pairs at once; the best
-ones are then fitted in full. Two is the end: each further degree takes away evidence.
+To first order simultaneous faults add up, so linear effects screen all pairs at once; the best ones
+are then fitted in full. Two is the maximum: each further degree reduces the evidence.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 
 @dataclass(frozen=True)
 class PairFits:
-    """Fitted pairs: indexes of faults, and per pair and point degrees and uncertainties, shape
-    (2, pairs, n), and log-likelihood, shape (pairs, n), -inf where the pair does not fit."""
+    """Fitted pairs: indexes of faults, and per pair and point degrees and uncertainties, shape (2,
+    pairs, n), and log-likelihood, shape (pairs, n), -inf where the pair does not fit."""
 
     pairs: tuple[tuple[int, int], ...]
     degree: Array
@@ -28,7 +28,7 @@ class PairFits:
     evidence: Array
 
     def at(self, chosen: np.ndarray) -> PairFits:
-        """The same at some of the points."""
+        """Some of the points."""
         degree, u = self.degree[..., chosen], self.u[..., chosen]
         return PairFits(self.pairs, degree, u, self.evidence[..., chosen])
 
@@ -70,8 +70,8 @@ def _linear(test: HypothesisTest, metric: Metric) -> tuple[list[tuple[int, int]]
             a = (size[others] * pull[i] - cross * pull[others]) / determinant
             b = (size[i] * pull[others] - cross * pull[i]) / determinant
             left = metric.value - a * pull[i] - b * pull[others]
-        # Effects in the same direction leave nothing but rounding in the determinant, and the fit
-        # would refuse them: they must not take the place of a pair that can be told apart.
+        # For effects in the same direction the determinant is only rounding, and the fit would
+        # reject them: they must not take the place of a distinguishable pair.
         apart = determinant > limits.DEGREES_APART * size[i] * size[others]
         both = apart & (a > 0) & (b > 0) & np.isfinite(left)
         shown = both.any(axis=1)

@@ -1,8 +1,8 @@
-"""Isolation as the seed paper prints it: Eqs. 17 to 19, with nothing added.
+"""Isolation as in the seed paper: Eqs. 17 to 19, with nothing added.
 
-The degree of a fault is the smallest one that any of its non-zero residuals gives, the fault is
-the one whose smallest degree is largest, and the bounds are minima too. docs/method.md shows
-where this mislabels and why its degrees are biased low.
+The degree of a fault is the smallest one that any of its non-zero residuals gives, the fault is the
+one whose smallest degree is largest, and the bounds are minima too. docs/method.md shows where this
+mislabels and why its degrees are biased low.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
 
 
 def _ruled(ruleset: Ruleset) -> list[Cell]:
-    """Cells with a rule: the paper knows faults of modules."""
+    """Cells with a rule: the paper has only faults of modules."""
     return [cell for cell in ruleset.cells if cell.forms]
 
 

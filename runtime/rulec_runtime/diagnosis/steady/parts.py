@@ -1,7 +1,7 @@
 """The parts of a plant that share no estimates, each with a ruleset of its own.
 
-What a large plant consists of is judged as so many small ones: the effort grows with their number,
-and not with the square of it.
+A large plant is judged as many small ones: the effort grows linearly with their number, not
+quadratically.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec_runtime.contract.ruleset import LiquidSpec, Ruleset
-from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
+from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
 
 @dataclass(frozen=True)
 class Part:
-    """A block of estimates with what concerns it; observers and residuals by their places in the
-    ruleset of the plant. The ruleset of the part has changes of the liquid behind its faults."""
+    """A block of estimates with all that concerns it; observers and residuals by their places in
+    the ruleset of the plant. In the ruleset of the part, changes of the liquid follow the
+    faults."""
 
     ruleset: Ruleset
     observers: np.ndarray
@@ -29,25 +30,28 @@ def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
     """The parts in order of their first observer; worked out once for a ruleset."""
     if "parts" not in ruleset.kept:
         whole = ruleset.with_unlisted() if ruleset.unlisted else ruleset
-        ruleset.kept["parts"] = tuple(_part(whole, block) for block in blocks_of(ruleset))
+        ruleset.kept["parts"] = tuple(_part(whole, flags) for flags in blocks_of(ruleset))
     found: tuple[Part, ...] = ruleset.kept["parts"]
     return found
 
 
-def _part(ruleset: Ruleset, block: Block) -> Part:
-    observers = np.flatnonzero(block.observers)
-    residuals = _held(ruleset, block, "residuals")
+def _part(ruleset: Ruleset, flags: np.ndarray) -> Part:
+    """The part of a block of observers, by flags."""
+    observers = np.flatnonzero(flags)
+    members = {ruleset.observers[i].id for i in observers}
+    reached = [not members.isdisjoint(t.observer for t in r.terms) for r in ruleset.residuals]
+    residuals = np.flatnonzero(np.array(reached, dtype=bool))
     if len(observers) == len(ruleset.observers):
         return Part(_with_liquid(ruleset, ruleset.liquid), observers, residuals)
     own = replace(
         ruleset,
         observers=tuple(ruleset.observers[i] for i in observers),
         residuals=tuple(ruleset.residuals[i] for i in residuals),
-        faults=tuple(ruleset.faults[i] for i in _held(ruleset, block, "faults")),
+        faults=tuple(f for f in ruleset.faults if not members.isdisjoint(f.affects)),
     )
     shown = {r.id for r in own.residuals}
     cells = tuple(c for c in ruleset.cells if c.residual in shown)
-    names = {o.id for o in own.observers} | shown
+    names = members | shown
     guards = {guard.output for o in own.observers for guard in o.guards}
     plan = ruleset.plan.select(
         name for name in ruleset.plan.outputs if name in guards or _of(name) & names
@@ -62,7 +66,9 @@ def _with_liquid(ruleset: Ruleset, changes: Iterable[LiquidSpec]) -> Ruleset:
     there, shown = ruleset.observer_index, {r.id for r in ruleset.residuals}
     found = []
     for change in changes:
-        affects = tuple(o for o in change.fault.affects if o in there and _moved(ruleset, o))
+        # Results of controllers do not say how a change of the liquid moves an observer.
+        known = (o for o in change.fault.affects if f"ql:{o}" in ruleset.undo.outputs)
+        affects = tuple(o for o in known if o in there)
         if len({ruleset.observer_by_id[o].module for o in affects}) > 1:
             cells = tuple(c for c in change.cells if c.residual in shown)
             fault = replace(change.fault, affects=affects)
@@ -84,23 +90,11 @@ def _with_liquid(ruleset: Ruleset, changes: Iterable[LiquidSpec]) -> Ruleset:
 
 
 _MOVED = {"ql": "q", "dql": "dq"}
-"""Outputs of the plan with changes of the liquid undone, and in whose place they stand."""
-
-
-def _moved(ruleset: Ruleset, observer: str) -> bool:
-    """Does the plan know how a change of the liquid moves an observer? Results of controllers do
-    not."""
-    return f"ql:{observer}" in ruleset.undo.outputs
-
-
-def _held(ruleset: Ruleset, block: Block, what: str) -> np.ndarray:
-    """Places of the residuals or faults that concern a block."""
-    concerned = [block.holds(ruleset, part) for part in getattr(ruleset, what)]
-    return np.flatnonzero(np.array(concerned, dtype=bool))
+"""Outputs of the plan with changes of the liquid undone, and the outputs that they replace."""
 
 
 def _of(output: str) -> Set[str]:
-    """What an output of a plan may tell of: ``kind:of:...``, or the residual of a rule at its
+    """What an output of a plan may belong to: ``kind:of:...``, or the residual of a rule at its
     end."""
     kind, _, rest = output.partition(":")
     return {rest.rpartition(":")[2] if kind in ("x", "ux") else rest.split(":")[0]}

@@ -1,4 +1,4 @@
-"""Operating points: readings of a stretch or of a sample, and by how much they may be off."""
+"""Operating points: readings of a stretch or of a sample, and their uncertainties."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
 
 NO_READING = "no reading"
-"""Why nothing is known of a reading that nobody took out."""
+"""Why a reading is missing that nobody removed."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Points:
 
     `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
     systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
-    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other. `lag`
-    is by how much readings that move are off if their lag is one standard uncertainty, signed,
-    shape (n,), SI; no part of `u`. `stood_in` flags, per signal, shape (n,), values that stand in
-    for a reading that was taken out.
+    flags with a reason in `why`; `time` shape (n,), s, if the points follow each other. `lag` is
+    the error of moving readings if their lag is one standard uncertainty, signed, shape (n,), SI;
+    not part of `u`. `stood_in` flags, per signal, shape (n,), values that replace a removed
+    reading.
     """
 
     values: Mapping[str, Array]
@@ -58,7 +58,7 @@ class Points:
         return self._with(tables, time)
 
     def of(self, signals: Set[str]) -> Points:
-        """The same with some of the signals alone."""
+        """The same with some of the signals only."""
         tables = (
             {name: column for name, column in table.items() if name in signals}
             for table in self._tables
@@ -74,7 +74,7 @@ class Points:
         return self.values, self.u, self.systematic, self.bad, self.lag, self.stood_in
 
     def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
-        """Standard uncertainties with that by lags, shape (n,) each, SI."""
+        """Standard uncertainties including lags, shape (n,) each, SI."""
         return {n: np.hypot(part, self.lag[n]) if n in self.lag else part for n, part in u.items()}
 
 
@@ -106,7 +106,7 @@ def one_after_the_other(several: Sequence[Points]) -> Points:
 
 
 def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Readings, SI, that its sensor cannot show, shape (n,)."""
+    """Flags of readings, SI, that their sensor cannot show, shape (n,)."""
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
         return np.zeros(len(values), dtype=bool)
@@ -147,7 +147,7 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
 
 
 def is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Readings that cannot be right, shape (n,)."""
+    """Flags of readings that cannot be right, shape (n,)."""
     bad: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
     return bad
 
@@ -200,7 +200,7 @@ def _room(recording: Recording, ruleset: Ruleset, count: int) -> list[dict[str, 
 def _means(
     recording: Recording, ruleset: Ruleset, stretches: Stretches
 ) -> Iterator[tuple[str, Array, Array]]:
-    """Per signal the mean of its sound readings in each stretch, and how many these are."""
+    """Per signal the mean of its sound readings in each stretch, and their number."""
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is not None:

@@ -1,42 +1,25 @@
-"""What several estimates of the same flows say beyond the flows themselves."""
+"""Redundancy: what several estimates of the same flows say beyond the flows themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import FaultSpec, Junction, ObserverSpec, ResidualSpec, Ruleset
+from rulec_runtime.contract.ruleset import Junction, Ruleset
 
 
-@dataclass(frozen=True)
-class Block:
-    """Estimates that check each other, and no others; `observers` flags those of the ruleset.
+def blocks_of(ruleset: Ruleset) -> list[np.ndarray]:
+    """Blocks of estimates that check each other, as flags of the observers, by their first
+    observer.
 
-    Pumps that feed one channel without a flow meter, say, are a block each: what is wrong in one
-    says nothing of the next, so they are judged apart.
+    Pumps that feed one channel without a flow meter, say, are a block each: a fault in one says
+    nothing about the next, so they are judged apart. One block of everything if nothing is
+    redundant.
     """
-
-    observers: np.ndarray
-
-    def holds(self, ruleset: Ruleset, part: ObserverSpec | ResidualSpec | FaultSpec) -> bool:
-        """Does an observer, a residual or a fault concern the block?"""
-        if isinstance(part, ObserverSpec):
-            names: tuple[str, ...] = (part.id,)
-        elif isinstance(part, ResidualSpec):
-            names = tuple(t.observer for t in part.terms)
-        else:
-            names = part.affects
-        index = ruleset.observer_index
-        return any(name in index and self.observers[index[name]] for name in names)
-
-
-def blocks_of(ruleset: Ruleset) -> list[Block]:
-    """Blocks in order of their first observer; one of everything where nothing is redundant."""
     every = np.ones(len(ruleset.observers), dtype=bool)
     basis = residual_basis(ruleset, every)
     linked = np.abs(basis.T @ basis) > limits.LINKED
@@ -49,8 +32,8 @@ def blocks_of(ruleset: Ruleset) -> list[Block]:
             members |= front
             front = {int(j) for i in front for j in np.flatnonzero(linked[i])} - members
         left -= members
-        blocks.append(Block(np.isin(np.arange(len(every)), sorted(members))))
-    return blocks or [Block(every)]
+        blocks.append(np.isin(np.arange(len(every)), sorted(members)))
+    return blocks or [every]
 
 
 def chi_square_limit(freedom: int, quantile: float) -> float:
@@ -62,8 +45,8 @@ def chi_square_limit(freedom: int, quantile: float) -> float:
 def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
     """Independent combinations of valid observers that vanish in a healthy plant.
 
-    The flows of all modules obey the junction balances; what the observers say beyond one value
-    per free flow is redundant. Shape (rank, valid observers), orthonormal rows.
+    The flows of all modules obey the junction balances; observers are redundant beyond one value
+    per free flow. Shape (rank, valid observers), orthonormal rows.
     """
     of_observers = zip(ruleset.observers, valid, strict=True)
     chosen = tuple(observer.module for observer, usable in of_observers if usable)
@@ -79,7 +62,7 @@ def free_flows(ruleset: Ruleset) -> Array:
 def _basis(
     modules: tuple[str, ...], junctions: tuple[Junction, ...], chosen: tuple[str, ...]
 ) -> Array:
-    """The basis for estimates of the flows through chosen modules; every batch asks for it."""
+    """The basis for estimates of the flows through chosen modules; every batch needs it."""
     column = {name: i for i, name in enumerate(modules)}
     free = _free_flows(modules, junctions)
     basis = _null_space(free[[column[name] for name in chosen]].T).T
@@ -100,7 +83,7 @@ def _free_flows(modules: tuple[str, ...], junctions: tuple[Junction, ...]) -> Ar
 
 
 def vanishing(flows: Array) -> Array:
-    """Independent combinations of some flows, shape (flows, free), that vanish whatever is free:
+    """Independent combinations of some flows, shape (flows, free), that vanish for any free flows:
     orthonormal, shape (rank, flows)."""
     return _null_space(flows.T).T
 
@@ -118,7 +101,7 @@ def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 def groups_of(
     ruleset: Ruleset, valid: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Array]]:
-    """The same, of estimates that check each other alone, with their residual basis."""
+    """The same for estimates that check each other only, with their residual basis."""
     for pattern, members in patterns_of(valid):
         basis = residual_basis(ruleset, pattern)
         if len(basis):
@@ -128,10 +111,10 @@ def groups_of(
 def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: np.ndarray) -> Array:
     """Covariance of residuals, shape (members, rank, rank), from that of all observers.
 
-    Points are kept last, as they lie in memory: two large products in place of many small ones.
+    Points stay last, as in memory: two large products instead of many small ones.
     """
     if len(basis) >= limits.MANY_RESIDUALS:
-        # One product of large matrices per point costs less than to lay all of them out anew.
+        # One product of large matrices per point costs less than rearranging all of them.
         each = (basis @ covariance[m][np.ix_(valid, valid)] @ basis.T for m in members)
         return np.array([*each])
     own = np.moveaxis(covariance, 0, -1)[np.ix_(valid, valid, members)]

@@ -1,7 +1,7 @@
-"""Regimes: ways in which a module runs that its laws for delivering do not cover, such as dry.
+"""Regimes: ways of running, such as dry, that the delivery laws of a module do not cover.
 
-Each settled stretch is held against the conditions that its module type states, by mean readings
-with their uncertainties (GUM); stretches in a row are one finding.
+Each settled stretch is checked against the conditions of its module type, by mean readings with
+their uncertainties (GUM); consecutive stretches are one finding.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from rulec_runtime.recordings.when import ENDED, TO_THE_END, UNSETTLED
 
 @dataclass(frozen=True, kw_only=True)
 class RegimeFinding:
-    """A regime over a period; times in s. `behind` says what follows it, as of a finding.
+    """A regime over a period; times in s. `behind` says what follows it, as for a finding.
 
-    `margins` say by how many standard uncertainties each condition holds that is no comparison with
-    a minimum, where the weakest of them holds most.
+    `margins` give by how many standard uncertainties each condition holds that is no comparison
+    with a minimum, at the stretch where the weakest of them holds most.
     """
 
     regime: RegimeSpec
@@ -37,7 +37,7 @@ class RegimeFinding:
 
     @property
     def active(self) -> bool:
-        """Was it still there when it was last possible to see it?"""
+        """Whether it was still there when it was last detectable."""
         return self.behind is not ENDED
 
 
@@ -56,9 +56,10 @@ def regimes_of(ruleset: Ruleset, timeline: Timeline, points: Points) -> tuple[Re
 
 def _margins(ruleset: Ruleset, points: Points) -> dict[str, Array]:
     """Margins of all conditions over their standard uncertainties, shape (n,) each; NaN where a
-    reading that they ask for was not recorded."""
+    reading that they need was not recorded."""
     names = [c.margin for regime in ruleset.regimes for c in regime.when if c.margin]
-    plan = ruleset.plan.select(f"{kind}:{name}" for kind in _OUTPUTS for name in names)
+    outputs = (f"{kind}:{name}" for kind in ("margin", "u_margin") for name in names)
+    plan = ruleset.plan.select(outputs)
     lacking: dict[str, Array | float] = dict.fromkeys(plan.used_inputs, np.nan)
     out = plan.run(lacking | plan_inputs(points))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -66,14 +67,11 @@ def _margins(ruleset: Ruleset, points: Points) -> dict[str, Array]:
     return {name: np.broadcast_to(share, (len(points),)) for name, share in shares.items()}
 
 
-_OUTPUTS = ("margin", "u_margin")
-
-
 def _held(
     ruleset: Ruleset, regime: RegimeSpec, points: Points, out: Mapping[str, Array]
 ) -> tuple[np.ndarray, dict[str, Array]]:
-    """Where all conditions of a regime hold, shape (n,), and by how many standard uncertainties
-    each does."""
+    """Stretches in which all conditions of a regime hold, shape (n,), and by how many standard
+    uncertainties each does."""
     there, sure = np.ones(len(points), dtype=bool), {}
     nothing = np.full(len(points), np.nan)
     with np.errstate(invalid="ignore"):
@@ -89,7 +87,7 @@ def _held(
 
 
 def _rows(there: np.ndarray, timeline: Timeline) -> Iterator[tuple[int, int]]:
-    """First and last of stretches in a row in which something holds; a long pause ends a row."""
+    """First and last of consecutive stretches in which something holds; a long pause ends a row."""
     first: int | None = None
     for i, holds in enumerate(there.tolist()):
         if first is not None and (not holds or timeline.paused[i]):

@@ -1,8 +1,8 @@
-"""Which other causes stand beside the one that is named.
+"""Alternatives to the named cause.
 
-What the readings cannot tell from it does, however seldom it comes; and so does what is about as
-probable. Of errors that no module lists there are many, each of which explains something a little
-worse: such a one stands there only where no reading speaks against it.
+A cause that the readings cannot distinguish is a rival, however rare; so is one that is about as
+probable. Unlisted errors are many, and each explains something a little worse: such a one is a
+rival only if no reading contradicts it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ Name = TypeVar("Name", int, str)
 
 @dataclass(frozen=True)
 class Other(Generic[Name]):
-    """A cause with its probability, and with that if all faults came equally often; `unlisted` if
-    its module does not list it."""
+    """A cause with its probability, and with that if all faults were equally frequent; `unlisted`
+    if its module does not list it."""
 
     name: Name
     probability: float

@@ -1,4 +1,4 @@
-"""Join neighbouring stretches that say the same into runs."""
+"""Join neighbouring stretches with the same verdict into runs."""
 
 from __future__ import annotations
 
@@ -12,34 +12,30 @@ from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.verdict import Verdict
 
-ASIDE = ("blind",)
-"""Kinds of stretches that say nothing, and so do not interrupt a finding."""
-
 
 def runs_of(
     verdicts: list[Verdict], isolation: Isolation, pauses: set[int], slow: Set[int] = frozenset()
 ) -> Iterator[tuple[str, list[int]]]:
-    """Runs of stretches that say the same, as (kind, stretches).
+    """Runs of stretches with the same verdict, as (kind, stretches).
 
-    Stretches with a fault belong together as long as one cause is plausible in all of them and
-    the degree stays within its bounds. Stretches that cannot show the fault interrupt nothing;
-    those that cannot be judged are reported apart. `pauses` are stretches after a long pause of
-    the recording. `slow` ones, in which readings move, say less of a degree: whether a settled
-    stretch goes on with a run is judged by the settled ones before it, where there are any.
+    Stretches with a fault belong together as long as one cause is plausible in all of them and the
+    degree stays within its bounds. Stretches that cannot show the fault do not interrupt a run;
+    those that cannot be judged are reported separately. `pauses` are stretches after a long pause
+    of the recording. `slow` ones, in which readings move, say less about a degree: whether a
+    settled stretch continues a run is judged by the settled ones before it, if there are any.
     """
     open_runs: dict[str, list[int]] = {}
     for i, verdict in enumerate(verdicts):
-        track = verdict.kind if verdict.kind in ASIDE else "plant"
+        # Blind stretches say nothing, so they do not interrupt a finding.
+        track = "blind" if verdict.kind == "blind" else "plant"
         members = open_runs.setdefault(track, [])
         if members and _cannot_see(verdicts, isolation, members, i):
             continue
         if members and (i in pauses or not _continues(verdicts, isolation, members, i, slow)):
             yield verdicts[members[0]].kind, members
             members = open_runs[track] = []
-        if track == "plant":
-            for aside in ASIDE:
-                if open_runs.get(aside):
-                    yield aside, open_runs.pop(aside)
+        if track == "plant" and open_runs.get("blind"):
+            yield "blind", open_runs.pop("blind")
         members.append(i)
     for members in open_runs.values():
         if members:
@@ -49,7 +45,7 @@ def runs_of(
 def _cannot_see(
     verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int
 ) -> bool:
-    """Is a stretch that looks healthy merely unable to show the faults of the run?"""
+    """Whether a stretch that looks healthy is merely unable to show the faults of the run."""
     last = members[-1]
     if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
         return False
@@ -65,7 +61,7 @@ def _continues(
     first, here = verdicts[members[0]], verdicts[point]
     if first.kind != here.kind or len(first.faults) != len(here.faults):
         return False
-    if here.kind in ASIDE:
+    if here.kind == "blind":
         return first.text == here.text
     if here.kind != "fault":
         return True
@@ -77,10 +73,10 @@ def _continues(
 
 
 def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> bool:
-    """Does the degree stay what it was, within its bounds and scatter?"""
+    """Whether the degree is unchanged, within its bounds and scatter."""
     before = isolation.degree[fault, recent]
-    # Systematic errors are shared by neighbouring stretches, so their scatter is the measure;
-    # too few stretches have no scatter yet.
+    # Neighbouring stretches share systematic errors, so their scatter is the measure, if there are
+    # enough of them to have one.
     spread = limits.COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
     change = abs(isolation.degree[fault, point] - before.mean())
     return bool(change <= spread + limits.SAME_DEGREE * before.mean())

@@ -1,8 +1,7 @@
-"""Faults that cannot fit need not be tried.
+"""Screening: faults that cannot fit are not tried.
 
-What a fault leaves is no less than chi-square without the flows that it touches, as if nothing were
-known of these where it is there: no degree moves them better, nor does scaling their errors, or the
-tolerance of a law, leave less.
+A fault leaves at least chi-square without the flows that it touches, as if these were unknown where
+it is present: no degree, no scaling of their errors and no tolerance of a law leaves less.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gai
 
 
 def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None) -> np.ndarray:
-    """Which faults of the ruleset may leave no more than this, shape (faults, n), of those that are
-    to be tried, flags of the same shape."""
+    """Faults of the ruleset that may leave no more than this, shape (faults, n), among those to be
+    tried, flags of the same shape."""
     shape = (len(test.ruleset.faults), len(test))
     found = np.ones(shape, dtype=bool) if tried is None else tried.copy()
     if test.metric.is_large:
@@ -29,8 +28,8 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
 
 
 def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarray:
-    """Of what moves the flows of all modules, which nothing above rules out, only what lies in the
-    direction of the residuals."""
+    """Of faults of no module, which move all flows and which nothing above excludes, only those in
+    the direction of the residuals."""
     wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
     if wide:
         gain = gain_of(*test.towards(wide))
@@ -39,7 +38,7 @@ def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarra
 
 
 def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Array]]:
-    """Per fault that is tried somewhere chi-square that it leaves at least, shape (n,)."""
+    """Least chi-square left, shape (n,), per fault that is tried somewhere."""
     found, (points, n) = [], test.members.shape
     flows = np.arange(len(test.flows))[:, None] + np.zeros(n, dtype=int)
     # At one point all flows are few enough to be worked out once for all faults.
@@ -55,8 +54,8 @@ def _least_left(test: HypothesisTest, tried: np.ndarray) -> list[tuple[int, Arra
 
 
 def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
-    """Chi-square that each fault leaves at least, shape (faults, n), by the few flows that each of
-    them touches; minus infinity where nothing is known."""
+    """Least chi-square left by each fault, shape (faults, n), by the few flows that each touches;
+    minus infinity where nothing is known."""
     faults = test.ruleset.faults
     places = {
         int(i): [test.places[name] for name in test.touched((faults[i],))]
@@ -75,18 +74,18 @@ def least_left(test: HypothesisTest, tried: np.ndarray) -> Array:
 
 
 def _without(chi: ChiSquare, free: Array) -> Array:
-    """Chi-square when some of the flows, 1 in a table of shape (flows, n), may be anything."""
+    """Chi-square if some of the flows, 1 in a table of shape (flows, n), are free."""
     held = np.eye(len(free))[:, :, None] * (1.0 - free)
     slope = chi.slope * free
     moved = solved(chi.curvature * free[:, None] * free + held, slope[:, None])[:, 0]
     gain = np.einsum("in,in->n", slope, moved)
-    # Where nothing is known of these flows, nothing can be said.
+    # Where these flows are unknown, there is no bound.
     return np.where(np.isfinite(gain), chi.value - gain, -np.inf)
 
 
 def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
-    """The faults with the highest scores, shape (faults, n): some that modules list, by flags of
-    the shape (faults,), and as many others, so that neither take the place of the other."""
+    """The faults with the highest scores, shape (faults, n): some listed ones, by flags of the
+    shape (faults,), and as many others, so that neither displace the other."""
     found = np.zeros(scores.shape, dtype=bool)
     for own in (np.flatnonzero(listed), np.flatnonzero(~listed)):
         order = np.argsort(-scores[own], axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
@@ -95,7 +94,7 @@ def leading(scores: Array, listed: np.ndarray) -> np.ndarray:
 
 
 def beside_listed(scores: Array, listed: np.ndarray, share: float) -> np.ndarray:
-    """All listed faults, by flags of the shape (faults,), and others that score at least a share
-    of what the best of these does, shape (faults, n): no others are ever named."""
+    """All listed faults, by flags of the shape (faults,), and others that score at least a share of
+    the best of these, shape (faults, n): no others are ever named."""
     best = np.max(scores[listed], axis=0, initial=0.0)
     return np.asarray(listed[:, None] | ((scores > 0.0) & (scores >= share * best)))

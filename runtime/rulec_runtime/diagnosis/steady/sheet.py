@@ -1,7 +1,7 @@
-"""A plant that is not as its sheet says, from the first sample on.
+"""A plant that does not match its sheet, from the first sample on.
 
-Nobody has seen such a plant agree with its laws, and sheets are wrong by several of their standard
-uncertainties now and then. So where that explains it, no meter is blamed.
+Such a plant was never observed to follow its laws, and sheets are wrong by several standard
+uncertainties now and then. So if that explains the deviation, no meter is blamed.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
 
 
 def against_sheet(timeline: Timeline, seen: EvaluatedPoints, found: Found) -> Found:
-    """What a part says over a recording. Where it was never calibrated and deviates in every
-    stretch, from the first on, that is told once, and not as faults of meters alone."""
+    """Results of a part over a recording. If it was never calibrated and deviates in every stretch,
+    this is reported once, and not as faults of meters only."""
     ruleset, judged = seen.part.ruleset, np.flatnonzero(seen.isolation.judged)
     if not (seen.combined and len(judged) and (found.findings or found.unknown)):
         return found
     first = disagreeing(seen, int(judged[0]))
-    if _is_calibrated(ruleset) or not (first and seen.isolation.deviating[judged].all()):
+    calibrated = any(ruleset.signal_by_id[n].valid_from is not None for n in ruleset.observed)
+    if calibrated or not (first and seen.isolation.deviating[judged].all()):
         return found
     if any(_in_the_plant(ruleset, f) for f in found.findings):
         return replace(found, findings=[replace(f, from_sheet=True) for f in found.findings])
@@ -45,24 +46,19 @@ def against_sheet(timeline: Timeline, seen: EvaluatedPoints, found: Found) -> Fo
     return replace(found, findings=[], unknown=[Period(since, until, text, off, from_sheet=True)])
 
 
-def _is_calibrated(ruleset: Ruleset) -> bool:
-    """Was any of the equations fitted to a recording?"""
-    return any(ruleset.signal_by_id[name].valid_from is not None for name in ruleset.observed)
-
-
 def _in_the_plant(ruleset: Ruleset, finding: Finding) -> bool:
-    """May it be more than a meter?"""
+    """Whether it may be more than a meter."""
     names = (finding.fault.id, *(name for name, _ in finding.alternatives))
     return not all(ruleset.fault_by_id[name].in_sensor for name in names)
 
 
 def _explains(seen: EvaluatedPoints, judged: np.ndarray) -> bool:
-    """Whether parameters as far off as a sheet may be leave nothing that contradicts."""
+    """Whether parameters within the error of a sheet leave no contradiction."""
     ruleset, plain = seen.part.ruleset, seen.plain
     lags = [f"lag:{name}" for name in plain.points.lag]
     errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
     if len(errors) != plain.shared.shape[1]:
-        return True  # directions stand for the errors, where these are many
+        return True  # directions represent the errors, as these are many
     known = {*plain.points.u, *lags, *ruleset.misfits}
     reach = np.array([1.0 if name in known else limits.SHEET_REACH for name in errors])
     points, valid = spread_evenly(plain, judged)

@@ -32,7 +32,7 @@ def spread_evenly(
 
 
 def thinned(points: np.ndarray, most: int = limits.STACKED) -> np.ndarray:
-    """At most as many points as are stacked, spread evenly."""
+    """At most so many points, spread evenly."""
     places = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
     some: np.ndarray = points[places]
     return some
@@ -48,8 +48,7 @@ def stacked_test(
 ) -> HypothesisTest:
     """Test of stacks, n of them, of points: `members` and `present` of shape (points, n).
 
-    `wanders` are times over which parts of the variance of lasting errors are forgotten, s, and
-    these parts.
+    `wanders` are time constants of lasting errors, s, with their shares of the variance.
     """
     basis = residual_basis(ruleset, valid)
     return HypothesisTest(
@@ -65,7 +64,7 @@ def stacked_test(
 
 @dataclass(frozen=True)
 class _Stacked:
-    """How much the residuals of stacks may be off."""
+    """Uncertainty of the residuals of stacks."""
 
     observed: Observed
     valid: np.ndarray
@@ -74,7 +73,6 @@ class _Stacked:
     known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     def whole(self, members: np.ndarray, scales: Scales | None) -> Array:
-        """Covariance of the residuals."""
         basis, rank, (points, n) = self.basis, len(self.basis), members.shape
         shared, noise = self._errors(members)
         if scales is not None:
@@ -93,12 +91,11 @@ class _Stacked:
         return whole.reshape(n, points * rank, points * rank)
 
     def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
-        """By how much scaling changes the covariance of some flows with all of them."""
         (points, n), touched, flows = members.shape, len(places), int(self.valid.sum())
         changed = np.zeros((n, points, touched, points, flows))
         lasts = self._lasts(members)
         for i in range(n):
-            # Problems may share their points, and a table of all errors for each would be large.
+            # Problems may share points, and a table of all errors for each would be large.
             shared, noise = self._errors(members[:, i : i + 1])
             lasting, new = scales.lasting[:, :, i], scales.noise[:, :, i]
             own, rows = places[:, i], shared[places[:, i], :, :, 0].transpose(2, 0, 1)
@@ -117,28 +114,24 @@ class _Stacked:
         return whole
 
     def seen_by(self, basis: Array) -> _Stacked:
-        """The same of other residuals."""
         return replace(self, basis=basis)
 
     def _errors(self, members: np.ndarray) -> tuple[Array, Array]:
-        """Slopes of the usable flows by lasting errors, and the covariance of what is new at each
+        """Slopes of the usable flows by lasting errors, and the covariance of errors new at each
         point, points and problems last."""
         key = members.tobytes()
         if key not in self.known:
-            # The same problems are seen by other residuals next.
+            # Kept for the same problems with other residuals, which follow next.
             self.known.clear()
-            self.known[key] = self._errors_of(members)
+            own, every = np.flatnonzero(self.valid), members.ravel()
+            errors = np.arange(self.observed.shared.shape[1])
+            shared = of_points(self.observed.shared, (own, errors), every)
+            noise = of_points(np.moveaxis(self.observed.noise, 0, -1), (own, own), every)
+            self.known[key] = (
+                shared.reshape(*shared.shape[:2], *members.shape),
+                noise.reshape(*noise.shape[:2], *members.shape),
+            )
         return self.known[key]
-
-    def _errors_of(self, members: np.ndarray) -> tuple[Array, Array]:
-        own, every = np.flatnonzero(self.valid), members.ravel()
-        errors = np.arange(self.observed.shared.shape[1])
-        shared = of_points(self.observed.shared, (own, errors), every)
-        noise = of_points(np.moveaxis(self.observed.noise, 0, -1), (own, own), every)
-        return (
-            shared.reshape(*shared.shape[:2], *members.shape),
-            noise.reshape(*noise.shape[:2], *members.shape),
-        )
 
     def _lasts(self, members: np.ndarray) -> Array:
         """Correlation of lasting errors between points, shape (n, points, points)."""

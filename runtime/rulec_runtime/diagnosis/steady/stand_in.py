@@ -1,9 +1,9 @@
-"""A reading that was taken out is an unknown, and more may be known than what it takes to find it.
+"""Replace a removed reading by an unknown, if the estimates know more than it takes to find it.
 
-Three estimates that read a lost pressure are no estimates without it; but whatever the pressure is,
-it is one and the same for all of them. So the value that makes them agree best stands in for it, as
-uncertain as a guess: what an error of it could do is no evidence any more, and the rest is. Faults
-of the lost reading itself cannot be told.
+Three estimates that read a lost pressure are useless without it; but whatever the pressure is, it
+is the same for all of them. So the value with the best agreement replaces it, as uncertain as a
+guess: the effect of an error in it is no longer evidence, and the rest is. Faults of the lost
+reading itself are not detectable.
 
 Source: own derivation; a nuisance parameter, eliminated by a wide prior (generalised least
 squares).
@@ -11,7 +11,7 @@ squares).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,42 +24,33 @@ from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.points import NO_READING, Points, one_after_the_other
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.stack import thinned
 
 
 def with_stand_ins(ruleset: Ruleset, points: Points) -> Points:
-    """Points with values for readings that were taken out, where more is known with them than
-    without."""
+    """Points with values for removed readings, where more is known with them than without."""
     if has_many(ruleset) or not len(points):
         return points
     for signal in ruleset.signals:
         values = points.values.get(signal.id)
         taken_out = points.why.get(signal.id, NO_READING) != NO_READING
         if values is not None and taken_out and signal.id in ruleset.observed:
-            lost = _spread_evenly(np.flatnonzero(~np.isfinite(values)))
-            for chosen in _portions(lost):
+            # Stand-ins are expensive, and a finding goes on without some of them.
+            lost = thinned(np.flatnonzero(~np.isfinite(values)), limits.STAND_INS)
+            size = max(limits.POINTS_AT_ONCE // limits.STAND_IN_VALUES, 1)
+            for low in range(0, len(lost), size):
+                chosen = lost[low : low + size]
                 value = _value(ruleset, points.at(chosen).of(ruleset.observed), signal)
                 points = _filled(points, signal, chosen, value)
     return points
 
 
-def _spread_evenly(lost: np.ndarray) -> np.ndarray:
-    """At most so many points as are worth their cost; without the others a finding goes on."""
-    places = np.linspace(0, len(lost) - 1, min(limits.STAND_INS, len(lost))).round().astype(int)
-    some: np.ndarray = lost[places]
-    return some
-
-
-def _portions(lost: np.ndarray) -> Iterator[np.ndarray]:
-    size = max(limits.POINTS_AT_ONCE // limits.STAND_IN_VALUES, 1)
-    for low in range(0, len(lost), size):
-        yield lost[low : low + size]
-
-
 def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
-    """What makes all estimates agree best, shape (n,), SI; NaN where nothing is gained by it.
+    """The value with the best agreement of all estimates, shape (n,), SI; NaN where it gains
+    nothing.
 
-    Where no value does, one fault may be there: then it is what agrees best beside the fault that
-    fits best. The equations bend too much to be right far from there.
+    If no value gives agreement, there may be a fault: then it is the value that agrees best
+    together with the best fault. The equations are too nonlinear to hold far from there.
     """
     best, chi, freedom = _searched(ruleset, points, signal, beside_faults=False)
     without = agreement(ruleset, observe(ruleset, points))[1]
@@ -74,7 +65,7 @@ def _value(ruleset: Ruleset, points: Points, signal: SignalSpec) -> Array:
 def _searched(
     ruleset: Ruleset, points: Points, signal: SignalSpec, *, beside_faults: bool
 ) -> tuple[Array, Array, np.ndarray]:
-    """The value at which most can be compared, and agrees best, what chi-square it leaves, and its
+    """The value at which most can be compared, and agrees best, the chi-square it leaves, and its
     degrees of freedom, each of shape (n,)."""
     low, high = ends_tried(signal)
     n, places = len(points), np.arange(len(points))
@@ -90,7 +81,7 @@ def _searched(
         order = np.argsort(np.where(most, chi, np.inf), axis=0, kind="stable")
         if step == limits.STAND_IN_ROUNDS:
             break
-        # What is best from afar need not be so from near.
+        # The best value on a coarse grid need not be the best on a fine one.
         u /= 3.0
         chosen = np.take_along_axis(values, order[: limits.STAND_INS_REFINED], axis=0)
         around = chosen[:, None] + u * np.arange(-2.0, 3.0)[:, None]
@@ -100,14 +91,14 @@ def _searched(
 
 
 def ends_tried(signal: SignalSpec) -> tuple[float, float]:
-    """Between which values a reading may be, SI."""
+    """Range of values tried for a reading, SI."""
     if signal.lowest is not None and signal.highest is not None:
         return signal.lowest, signal.highest
     return limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
 
 
 def _tried(points: Points, signal: SignalSpec, value: Array, u: float) -> Points:
-    """Points with values of a reading, shape (n,), that are new at each of them."""
+    """Points with independent values of a reading, shape (n,)."""
     name = signal.id
     return replace(
         points,
@@ -124,9 +115,8 @@ def _filled(points: Points, signal: SignalSpec, chosen: np.ndarray, value: Array
     found = np.isfinite(value)
     if not found.any():
         return points
-    name, low_high = signal.id, ends_tried(signal)
-    places = chosen[found]
-    spread = limits.STAND_IN_SPREAD * (low_high[1] - low_high[0])
+    name, (low, high) = signal.id, ends_tried(signal)
+    places, spread = chosen[found], limits.STAND_IN_SPREAD * (high - low)
     none = np.zeros(len(points), dtype=bool)
     return replace(
         points,
@@ -148,7 +138,7 @@ def _with(
 
 
 def of_samples(points: Points, stretches: Points, place: np.ndarray) -> Points:
-    """Points of samples with the stand-ins of the stretches in which they lie, by their places."""
+    """Points of samples with the stand-ins of their stretches, by their places."""
     for name, flags in stretches.stood_in.items():
         lost = np.flatnonzero(flags[place] & ~np.isfinite(points.values[name]))
         own = place[lost]

@@ -1,9 +1,9 @@
-"""A fault that is there from the first sample to the last, and too small for any one stretch.
+"""A fault present from the first sample to the last, and too small for any single stretch.
 
-Errors of sensors and of the calibration are the same at all operating points; a fault is not the
-same error everywhere. So several operating points together show what the errors hide at each: a
-power meter that reads 10 % too much is 9 W off at one speed and 20 W at another, where its bound
-allows 10 W that do not change.
+Errors of sensors and of the calibration are the same at all operating points; a fault is not. So
+several operating points together show a fault that the errors hide at each: a power meter that
+reads 10 % too much is 9 W off at one speed and 20 W at another, where its bound allows 10 W that do
+not change.
 
 Source: own derivation, docs/method.md; the score test of each fault (Rao 1948) over the joint
 covariance of all stretches.
@@ -40,16 +40,17 @@ from rulec_runtime.recordings.scratch import let_go
 def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation | None:
     """The verdict of all stretches together, if one fault in all of them explains them best.
 
-    None where they say nothing against a sound plant, where no known fault explains what they say
-    (the error of a law's form may look like anything), or where one that begins or ends on the way
-    explains it better.
+    None if they do not contradict a sound plant, if no known fault explains them (the error of a
+    law's form may look like anything), or if a fault that begins or ends in between explains them
+    better.
     """
     judged = np.flatnonzero(isolation.judged)
     if len(judged) < 2:
         return None
-    whole = _stacked(ruleset, observed, judged)
-    # Stretches that lack an estimate say nothing of the rest.
-    judged = judged[(observed.valid[:, judged] == whole.valid[:, None]).all(axis=0)]
+    points, valid = spread_evenly(observed, judged)
+    whole = stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))
+    # Only stretches with the same usable estimates.
+    judged = judged[(observed.valid[:, judged] == valid[:, None]).all(axis=0)]
     if len(judged) < 2:
         return None
     chance = isolation.chance
@@ -93,8 +94,8 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
 
 
 def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
-    """Which faults some stretch names on its own, shape (faults,): these are compared, however much
-    they move."""
+    """Faults that some stretch names on its own, shape (faults,): these are compared, however many
+    flows they move."""
     named = np.zeros(len(isolation.probability), dtype=bool)
     for part in batches(len(judged)):
         named |= (isolation.probability[:, judged[part]] > limits.NAMED_ALONE).any(axis=1)
@@ -105,9 +106,9 @@ def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
 def _telling_most(
     whole: HypothesisTest, named: np.ndarray
 ) -> tuple[HypothesisTest, np.ndarray, Array]:
-    """How far each degree is off zero, shape (faults,), and the test that tells of the one that is
-    farthest, with flags of the faults that it tells of; of those that move hundreds of flows only
-    the farthest, and what is `named`."""
+    """The test that shows the fault with the largest score, flags of the faults that it shows, and
+    the scores, shape (faults,). Faults that move hundreds of flows are included only if `named`, or
+    if they have the largest score."""
     every = np.ones(len(whole.ruleset.faults), dtype=bool)
     if len(whole.basis) < limits.MANY_RESIDUALS:
         return whole, every, _scores(whole)[:, 0]
@@ -120,14 +121,14 @@ def _telling_most(
         if found.max() > scores.max():
             best, own = test, np.isin(np.arange(len(every)), told)
         scores[told] = found
-    # To stack what moves hundreds of flows is dear, and pays where it may be the best.
+    # Stacking faults that move hundreds of flows is expensive: only for the best candidate.
     faults = whole.ruleset.faults
     narrow = np.array([len(fault.affects) <= limits.ROWS_OF_A_FAULT for fault in faults])
     return best, own & (narrow | named | (scores >= scores.max())), scores
 
 
 def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
-    """By how many standard uncertainties each degree, or some by their places, is off zero, shape
+    """Degree of each fault, or of some by their places, over its standard uncertainty, shape
     (faults, n)."""
     pull, information = test.towards(chosen)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -138,8 +139,8 @@ def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
 def _best_change(
     test: HypothesisTest, limit: float, own: np.ndarray, deviating: np.ndarray
 ) -> float:
-    """The most that a fault, of those that the test tells of by flags, explains which begins, or
-    ends, between two of the stretches, or is there where they deviate on their own."""
+    """The largest evidence of a fault, among those that the test shows, by flags, that begins or
+    ends between two of the stretches, or is present where they deviate on their own."""
     count = len(test.members)
     later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float)
     times = [later, 1.0 - later]
@@ -151,9 +152,3 @@ def _best_change(
     fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
     evidence = fits.evidence + test.ruleset.doubted[:, None]
     return float(np.max(evidence[fits.distance <= limit], initial=-np.inf))
-
-
-def _stacked(ruleset: Ruleset, observed: Observed, judged: np.ndarray) -> HypothesisTest:
-    """One test of stretches spread evenly over a recording, a fault present in all of them."""
-    points, valid = spread_evenly(observed, judged)
-    return stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))

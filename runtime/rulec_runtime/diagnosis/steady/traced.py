@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import Array
 class Trace:
     """Per sample: verdict, and per fault degree and bounds, shape (faults, n).
 
-    `faults` are the ids of those faults: all that modules list, and others where they are named.
+    `faults` are the ids of those faults: all listed ones, and others if they are named.
     """
 
     time: Array
@@ -24,7 +24,7 @@ class Trace:
     faults: tuple[str, ...]
 
     def of(self, fault: str) -> tuple[Array, Array, Array]:
-        """Degree and bounds of one fault, shape (n,) each; 0 where no sample names it."""
+        """Degree and bounds of one fault, shape (n,) each; 0 if no sample names it."""
         if fault not in self.faults:
             none = np.zeros(len(self.time))
             return none, none, none

@@ -1,4 +1,4 @@
-"""Decide: what each operating point says on its own."""
+"""Verdicts: what each operating point shows on its own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAMED = 4
 
 @dataclass(frozen=True)
 class Verdict:
-    """One stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
+    """Verdict on one stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
     ``unknown``, ``outside`` the calibrated range, or ``blind``; `lost` as in `Period`."""
 
     kind: str
@@ -31,7 +31,7 @@ class Verdict:
 
 
 def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
-    """What one stretch says."""
+    """The verdict on one stretch."""
     ruleset = seen.part.ruleset
     observed, isolation = seen.observed, seen.isolation
     if not isolation.judged[point]:
@@ -44,13 +44,18 @@ def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
         outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
         if outside:
             return Verdict("outside", (), _outside(ruleset, outside[0]))
-        return Verdict("unknown", (), _unexplained(seen, point))
+        names = ", ".join(name for name, _, _ in disagreeing(seen, point))
+        names = names or "the residuals together"
+        text = (
+            f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"
+        )
+        return Verdict("unknown", (), text)
     pair = tuple(int(i) for i in isolation.pair[point])
     return Verdict("fault", (int(np.argmax(chances * ruleset.odds)),) if pair[0] < 0 else pair, "")
 
 
 def why_blind(seen: EvaluatedPoints, point: int) -> str:
-    """Why estimates of a part cannot be used at a point; empty if all can."""
+    """Why estimates of a part are unusable at a point; empty if all are usable."""
     reasons = [
         reason(seen.part.ruleset, seen.observed, int(i), point)
         for i in np.flatnonzero(~seen.observed.valid[:, point])
@@ -62,7 +67,7 @@ def why_blind(seen: EvaluatedPoints, point: int) -> str:
 
 
 def only_lost(seen: EvaluatedPoints, point: int) -> bool:
-    """Whether all estimates that cannot be used at a point lack a reading."""
+    """Whether all estimates that are unusable at a point lack a reading."""
     values = seen.observed.points.values
     missing = {name for name, column in values.items() if not np.isfinite(column[point])}
     missing |= seen.part.ruleset.observed - values.keys()
@@ -71,7 +76,7 @@ def only_lost(seen: EvaluatedPoints, point: int) -> bool:
 
 
 def partly_blind(seen: EvaluatedPoints, point: int) -> str:
-    """What a judged point could not see, and why; empty if it saw everything."""
+    """Which faults a judged point could not show, and why; empty if all."""
     if not seen.isolation.judged[point]:
         return ""
     because = why_blind(seen, point)
@@ -89,7 +94,7 @@ def partly_blind(seen: EvaluatedPoints, point: int) -> str:
 
 
 def shown_without(seen: Iterable[EvaluatedPoints]) -> Iterator[str]:
-    """Faults that show although readings were taken out, because values stand in for these."""
+    """Faults that are detectable despite removed readings, thanks to stand-ins."""
     for one in seen:
         flags = one.observed.points.stood_in.values()
         where = np.flatnonzero(np.any([*flags], axis=0) & one.isolation.judged) if flags else ()
@@ -108,12 +113,6 @@ def _outside(ruleset: Ruleset, name: str) -> str:
         f"nothing known fits: the estimates of the flow disagree while {name} is outside "
         f"{low:.4g} to {high:.4g} {signal.unit}, the range that its equations hold for"
     )
-
-
-def _unexplained(seen: EvaluatedPoints, point: int) -> str:
-    names = ", ".join(name for name, _, _ in disagreeing(seen, point))
-    names = names or "the residuals together"
-    return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"
 
 
 def disagreeing(seen: EvaluatedPoints, point: int) -> tuple[Off, ...]:
