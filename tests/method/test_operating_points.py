@@ -109,7 +109,8 @@ def test_modules_without_common_balance_are_blocks(tmp_path: Path) -> None:
     lines.append("connections: [XA -> XC, XB -> XC, YA -> YC, YB -> YC]")
     (tmp_path / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     rules = compile_plant(tmp_path)
-    blocks = [{o.module[0] for o in rules.observers if b.holds(rules, o)} for b in blocks_of(rules)]
+    flags = [zip(rules.observers, block, strict=True) for block in blocks_of(rules)]
+    blocks = [{o.module[0] for o, inside in each if inside} for each in flags]
     assert [{"X"}, {"Y"}] == blocks
     plant, columns = built("abc"), {}
     for prefix, fault in (("X", "A.leakage"), ("Y", "C.clogging")):

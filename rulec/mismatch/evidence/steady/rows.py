@@ -242,7 +242,7 @@ def _blocks(system: System) -> list[NDArray[np.intp]]:
     ruleset, number = system.ruleset, system.number
     blocks = []
     for block in blocks_of(ruleset):
-        ids = [o.id for o, inside in zip(ruleset.observers, block.observers, strict=True) if inside]
+        ids = [o.id for o, inside in zip(ruleset.observers, block, strict=True) if inside]
         members = [number[name] for name in ids if name in number]
         if len(members) > 1:
             blocks.append(np.array(members))

@@ -1,7 +1,7 @@
 """Diagnosis of a plant that stores: its balances fitted to a moving window of the recording.
 
-windows -> usual misfit -> judge -> spells -> findings. The same types come out as of a plant that
-stands still, so that it is told, drawn and written the same way.
+windows -> usual misfit -> judge -> spells -> findings. The result types are those of a plant that
+settles, so reports, plots and files are the same.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
@@ -27,7 +27,7 @@ from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUD
 
 @dataclass(frozen=True, kw_only=True)
 class StoresJudged:
-    """What a recording says of a plant that stores; `covered` flags its judged samples."""
+    """Judgement of a recording of a plant that stores; `covered` flags its judged samples."""
 
     judged: tuple[Judged, ...]
     found: Found
@@ -43,14 +43,16 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
     said = Found([], [], blind, latest_of(found.judge, found.judged))
     for place, spell in enumerate(spells):
-        since, until = _times(found.judged, spell)
+        (since, until), cause = _times(found.judged, spell), spell.cause
         if spell.brief:
             if not _beside_another(spells, place):
-                said.not_judged.append(Period(since, until, _brief(spell)))
-        elif spell.cause is None:
-            said.unknown.append(Period(since, until, _unknown(ruleset, found, spell)))
+                what = f"{cause.fault} would fit" if cause else "the balances do not fit"
+                text = f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
+                said.not_judged.append(Period(since, until, text))
+        elif cause is None:
+            said.unknown.append(Period(since, until, _unknown(found, spell)))
         else:
-            said.findings.append(_finding(ruleset, windows, found, spells, spell, spell.cause))
+            said.findings.append(_finding(ruleset, windows, found, spells, spell, cause))
     return StoresJudged(
         judged=found.judged,
         found=said,
@@ -65,30 +67,23 @@ def _times(judged: Sequence[Judged], spell: Spell) -> tuple[float, float]:
 
 
 def _beside_another(spells: Sequence[Spell], place: int) -> bool:
-    """Is it the edge of what is named anyway?"""
+    """Whether it is the edge of a spell that is reported anyway."""
     own = spells[place]
     return any(
         not other.brief and other.first <= own.last and own.first <= other.last for other in spells
     )
 
 
-def _brief(spell: Spell) -> str:
-    what = f"{spell.cause.fault} would fit" if spell.cause else "the balances do not fit"
-    return f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
-
-
-def _unknown(ruleset: Ruleset, found: Weighed, spell: Spell) -> str:
-    """Readings that the balances miss most."""
-    assert ruleset.dynamics is not None
-    off = np.zeros(len(ruleset.dynamics.outputs))
+def _unknown(found: Weighed, spell: Spell) -> str:
+    """The reading that the balances miss most."""
+    outputs = found.judge.model.dynamics.outputs
+    off = np.zeros(len(outputs))
     for i in spell.members:
         plain = found.judged[i].plain
         if plain is not None:
             off += np.nan_to_num((plain.error / found.judge.model.spread) ** 2).sum(axis=0)
-    name = ruleset.dynamics.outputs[int(np.argmax(off))]
-    return (
-        f"nothing known fits: {name} moves in a way that the balances explain with no known fault"
-    )
+    what = f"{outputs[int(np.argmax(off))]} moves in a way that the balances explain with no known"
+    return f"nothing known fits: {what} fault"
 
 
 def _finding(
@@ -121,7 +116,7 @@ def _finding(
         cause.remote,
         (),
         evidence_of(model, windows, judged, spell, cause),
-        _readings(ruleset, judged[strongest]),
+        _readings(model.dynamics, judged[strongest]),
         (),
         judged[strongest].known.windows,
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
@@ -132,9 +127,9 @@ def _finding(
 def _edge(
     model: Model, windows: Windows, sound: Judged, faulty: Judged, fault: str, degree: float
 ) -> float:
-    """The time between a sound window and a faulty one at which a fault of a degree sets in.
+    """The time between a sound window and a faulty one at which a fault of a degree begins.
 
-    Where the faulty one comes first, it is the time at which the fault ends.
+    If the faulty one comes first, it is the time at which the fault ends.
     """
     begins = sound.window.first < faulty.window.first
     one, other = (sound, faulty) if begins else (faulty, sound)
@@ -162,9 +157,9 @@ def _behind(
     fault: str,
     until: float,
 ) -> str | None:
-    """What follows a spell: windows that say that it is over, as many as say that a fault is there;
-    the end; or what could not be judged."""
-    # Those that deviate may hold a part of the fault, unless something else is told of them.
+    """What follows a spell: as many windows without the fault as a finding needs; the end; or a
+    part that could not be judged."""
+    # Deviating windows may hold a part of the fault, unless something else is reported for them.
     other = {i for one in spells if not one.brief for i in one.members}
     behind = [i for i in range(spell.last, len(judged)) if judged[i].lacks(fault)]
     gone = sum(not judged[i].deviating or i in other for i in behind)
@@ -179,8 +174,8 @@ def _behind(
 def _sound(
     judged: Sequence[Judged], places: Iterable[int], beside: int, fault: str
 ) -> Judged | None:
-    """The nearest window of the same piece that would show a fault but does not, if brief
-    deviations alone are between."""
+    """The nearest window of the same piece that would show a fault but does not, if only brief
+    deviations are in between."""
     for i in places:
         one = judged[i]
         if one.window.piece != judged[beside].window.piece or one.plain is None:
@@ -192,10 +187,9 @@ def _sound(
     return None
 
 
-def _readings(ruleset: Ruleset, one: Judged) -> tuple[tuple[str, float], ...]:
+def _readings(dynamics: Dynamics, one: Judged) -> tuple[tuple[str, float], ...]:
     """Median readings of a window, SI."""
-    assert ruleset.dynamics is not None
-    names = (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs)
+    names = (*dynamics.inputs, *dynamics.outputs)
     table = np.column_stack([one.window.inputs, one.window.measured])
     return tuple(
         (n, float(np.nanmedian(c)))
@@ -205,7 +199,7 @@ def _readings(ruleset: Ruleset, one: Judged) -> tuple[tuple[str, float], ...]:
 
 
 def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[str]) -> list[Period]:
-    """Windows that say nothing, neighbours with the same reason joined."""
+    """Windows that could not be judged, neighbours with the same reason joined."""
     found: list[Period] = []
     last = -2
     there = np.any([np.isfinite(p.measured).any(axis=0) for p in windows.pieces], axis=0)
@@ -233,14 +227,13 @@ def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[st
 
 
 def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
-    """What the reader should know of thinning, and of what the balances usually miss."""
+    """Notes on thinning, and on the usual misfit of the balances."""
     notes = []
     if windows.thinned > 1:
         notes.append(f"{windows.thinned} samples at a time were averaged")
-    assert ruleset.dynamics is not None
-    for i, name in enumerate(ruleset.dynamics.outputs):
-        seen = any(np.isfinite(p.measured[:, i]).any() for p in windows.pieces)
-        if seen and found.misfit[i] > limits.REMARKABLE_MISFIT * windows.noise[i]:
+    for i, name in enumerate(found.judge.model.dynamics.outputs):
+        measured = any(np.isfinite(p.measured[:, i]).any() for p in windows.pieces)
+        if measured and found.misfit[i] > limits.REMARKABLE_MISFIT * windows.noise[i]:
             signal = ruleset.signal_by_id[name]
             usual, noise = (x[i] / signal.factor for x in (found.misfit, windows.noise))
             slow = 1.0 / found.judge.share[i]

@@ -1,12 +1,13 @@
-"""Errors that last: of parameters, of given readings, of sensors; what is known of them.
+"""Lasting errors of parameters, inputs and sensors, and what is known about them.
 
-Each is an unknown with a standard normal prior. A parameter that is not zero has it on a
-logarithmic scale: it keeps its sign, however uncertain it is. Correlations of parameters are left
-out. Windows without a fault narrow them, so that later ones are judged against these.
+Each is an unknown with a standard normal prior. A non-zero parameter has it on a logarithmic scale:
+it keeps its sign, however uncertain it is. Correlations of parameters are neglected. Windows
+without a fault narrow the errors, and later ones are judged with these.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,9 +21,9 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 @dataclass(frozen=True)
 class LastingError:
-    """One of them: `input` is its plan input, or `output` the number of the reading it shifts.
+    """A lasting error: `input` is its plan input, or `output` the number of the reading it shifts.
 
-    An error of 1 makes `value` exp(`size`) times as large, or `size` larger (SI), if it is 0.
+    An error of 1 multiplies `value` by exp(`size`), or adds `size` (SI) if `value` is 0.
     """
 
     input: str
@@ -32,7 +33,7 @@ class LastingError:
 
     @property
     def is_parameter(self) -> bool:
-        """Does it belong to a constant, which does not drift?"""
+        """Whether it belongs to a constant, which does not drift."""
         return self.value != 0.0
 
     def at(self, error: float) -> float:
@@ -48,7 +49,7 @@ class LastingError:
 
 @dataclass(frozen=True)
 class KnownErrors:
-    """What is known of all errors: mean and covariance, at a time, from so many windows."""
+    """What is known about all errors: mean and covariance, at a time, from so many windows."""
 
     mean: Array
     covariance: Array
@@ -56,14 +57,15 @@ class KnownErrors:
     windows: int = 0
 
     def later(self, time: float, drifts: Array) -> KnownErrors:
-        """What is still known at a later time; `drifts` flags those that lose their memory."""
+        """What is still known at a later time; `drifts` flags those that return to their prior."""
         kept = np.where(drifts, remembered(time - self.time), 1.0)
         covariance = self.covariance * np.outer(kept, kept) + np.diag(1.0 - kept**2)
         return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
 
 
 def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> list[LastingError]:
-    """All of a plant that reach what is measured; `level` is the median of each output, SI."""
+    """All errors of a plant that affect a measured value; `level` is the median of each output,
+    SI."""
     dynamics: Dynamics | None = ruleset.dynamics
     assert dynamics is not None
     signals = ruleset.signal_by_id
@@ -84,6 +86,6 @@ def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> l
     return found
 
 
-def nothing_known(errors: list[LastingError]) -> KnownErrors:
-    """Before anything was seen: what the plant's file says."""
+def nothing_known(errors: Sequence[LastingError]) -> KnownErrors:
+    """Before any window: the prior from the plant's file."""
     return KnownErrors(np.zeros(len(errors)), np.eye(len(errors)))

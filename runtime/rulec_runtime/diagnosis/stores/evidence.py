@@ -1,7 +1,7 @@
-"""What a finding rests on: how far readings are from what the balances predict.
+"""Evidence of a finding: how far readings are from the prediction of the balances.
 
-From the last window without a deviation the balances are followed into the first that is faulty
-from its beginning to its end; what they predict there is compared with what was measured.
+From the last window without a deviation the balances are simulated into the first one that is
+faulty from beginning to end; there their prediction is compared with the readings.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def evidence_of(
     window = windows.joined(reference.window, target.window)
     rows = window.time >= target.window.time[0]
     known = reference.plain.guess
-    # Without a window before, only the part where the misfit is largest says something.
+    # Without a window before, only the part with the largest misfit is evidence.
     guess = Guess(known.starts, known.errors, np.zeros(1))
     try:
         shown, slopes, _ = model.simulate(window, guess, (cause.fault,))
@@ -47,11 +47,12 @@ def evidence_of(
 
 
 def latest_of(judge: Judge, judged: Sequence[Judged]) -> Latest | None:
-    """What the balances without a fault leave of each reading, as its root mean square, beside that
-    from which on the reading alone makes a window deviate; None where no window could be followed.
+    """Residual of each reading with the balances without a fault, as its root mean square, beside
+    the value at which this reading alone makes a window deviate; None if no window could be
+    simulated.
 
-    A finding takes some windows in a row, so of as many that are the last ones it is the window
-    where the reading fits best: none is beyond its threshold while nothing is told.
+    A finding needs some windows in a row, so the window with the best fit among as many last ones
+    counts: none is beyond its threshold while nothing is reported.
     """
     there = [i for i, one in enumerate(judged) if one.plain is not None]
     if not there:
@@ -70,7 +71,7 @@ def latest_of(judge: Judge, judged: Sequence[Judged]) -> Latest | None:
 
 
 def _left(judge: Judge, one: Judged, output: int, chance: float) -> tuple[float, float] | None:
-    """Root mean square that a window leaves of an output, and its uncertainty by which that alone
+    """Root mean square that a window leaves of an output, and the uncertainty at which it alone
     would make the window deviate; None without a reading."""
     assert one.plain is not None
     error = one.plain.error[:, output]

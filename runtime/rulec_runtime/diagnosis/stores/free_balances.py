@@ -1,4 +1,4 @@
-"""Balances whose start and whose given readings may be off: what a fit of a window moves."""
+"""Balances with free start and free errors of inputs, for the fit of a window."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ SHOWN = "shown:"
 
 
 def start_of(state: str) -> str:
-    """Plan input of the value that a state starts from."""
+    """Plan input of the initial value of a state."""
     return f"begin.{state}"
 
 
 def error_of(signal: str) -> str:
-    """Plan input of the error of a given reading, which shows so much more than is there."""
+    """Plan input of the error of an input reading: reading less true value."""
     return f"error.{signal}"
 
 
 def nominal_starts(dynamics: Dynamics) -> Array:
-    """Where states start by the plant's file, SI, shape (states,)."""
+    """Initial states by the plant's file, SI, shape (states,)."""
     names = [f"start:{s.id}" for s in dynamics.states]
     found = dynamics.plan.select(names).run({n: np.asarray(v) for n, v in dynamics.values.items()})
     return np.array([found[name].item() for name in names])
 
 
 def with_free_states(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balances:
-    """The balances with every start, and the error of every given reading, as plan inputs.
+    """The balances with every initial state, and the error of every input reading, as plan inputs.
 
-    Degrees named in `moving` are given sample by sample, behind the readings.
+    Degrees named in `moving` are given sample by sample, after the readings.
     """
     old = dynamics.plan
     starts = [start_of(s.id) for s in dynamics.states]

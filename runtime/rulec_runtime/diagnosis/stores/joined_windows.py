@@ -1,11 +1,12 @@
-"""Neighbouring windows that say the same, and which fault that is.
+"""Neighbouring windows with the same verdict, and which fault explains them.
 
-Neighbours share half of their samples, so what persists must hold in three in a row: the first and
-the last of them share none. In a recording of fewer windows all of them must say it.
+Neighbours share half of their samples, so a persistent fault must fit in three in a row: the first
+and the last of them share none. In a recording of fewer windows it must fit in all of them.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from rulec_runtime.diagnosis.stores.judge import Judged
 
 @dataclass(frozen=True)
 class Cause:
-    """A fault that explains a spell, with what else could be."""
+    """A fault that explains a spell, with its alternatives."""
 
     fault: str
     degree: float
@@ -33,8 +34,8 @@ class Cause:
 
 @dataclass(frozen=True)
 class Spell:
-    """Deviating windows ``first : last`` (excluded) in a row; `cause` is None where nothing known
-    fits, `brief` tells that it does not persist."""
+    """Deviating windows ``first : last`` (excluded) in a row; `cause` is None if nothing known
+    fits, `brief` if it does not persist."""
 
     first: int
     last: int
@@ -48,16 +49,13 @@ class Spell:
 
     @property
     def inside(self) -> range:
-        """Those behind its beginning and before its end, where it has such."""
+        """Those between the first and the last, if there are any."""
         return _inside(self.members)
 
 
 def spells_of(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list[Spell]:
     """All spells of a recording; `faults` by id, in the order of the ruleset."""
-    found: list[Spell] = []
-    for run in _runs(judged):
-        found += _explained(judged, run, faults)
-    return found
+    return [spell for run in _runs(judged) for spell in _explained(judged, run, faults)]
 
 
 def _runs(judged: Sequence[Judged]) -> Iterator[range]:
@@ -75,8 +73,8 @@ def _runs(judged: Sequence[Judged]) -> Iterator[range]:
 def _explained(
     judged: Sequence[Judged], run: range, faults: Mapping[str, FaultSpec]
 ) -> list[Spell]:
-    """One fault for all windows of a run if there is such a one; else one after the other. Where
-    none of them persists, though the deviation does, nothing known fits."""
+    """One fault for all windows of a run if there is one; else one after the other. If none of them
+    persists, but the deviation does, nothing known fits."""
     needed = windows_needed(judged, run[0])
     if names := _fitting(judged, run):
         return [_spell(judged, run, names, faults, needed)]
@@ -98,7 +96,7 @@ def _explained(
 
 
 def windows_needed(judged: Sequence[Judged], place: int) -> int:
-    """In how many windows in a row a finding must hold, in the piece of one of them."""
+    """Number of windows in a row that a finding needs, in the piece of one of them."""
     beside = sum(one.window.piece == judged[place].window.piece for one in judged)
     return min(limits.WINDOWS_IN_A_ROW, beside)
 
@@ -118,8 +116,8 @@ def _spell(
 
 
 def _throughout(judged: Sequence[Judged], run: range, names: set[str]) -> list[int]:
-    """Windows that tell faults apart: those inside that one of them fits, and one at an edge that
-    all of them fit. Where none does, a fault begins or ends, or something else comes in."""
+    """Windows that distinguish faults: inner ones that any of them fits, and outer ones that all of
+    them fit. In the others a fault begins or ends, or another one occurs."""
     inside = _inside(run)
     fitting = {i: names & _accepted(judged[i]) for i in run}
     return [i for i in run if fitting[i] and (i in inside or fitting[i] == names)]
@@ -134,12 +132,9 @@ def _accepted(judged: Judged) -> set[str]:
 
 
 def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
-    """Faults that fit in most of the windows inside."""
+    """Faults that fit in most of the inner windows."""
     inside = _inside(run)
-    counts: dict[str, int] = {}
-    for i in inside:
-        for name in _accepted(judged[i]):
-            counts[name] = counts.get(name, 0) + 1
+    counts = Counter(name for i in inside for name in _accepted(judged[i]))
     return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
 
 
@@ -164,6 +159,6 @@ def _cause(judged: Sequence[Judged], inside: Sequence[int], faults: Sequence[Fau
     tests = [test for test in tests if test.fits] or tests
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
     degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
-    # Lasting errors are the same in all windows: many of them tell no more than one.
+    # Lasting errors are the same in all windows: averaging does not reduce them.
     half = limits.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
     return Cause(names[best], degree, degree - half, degree + half, posterior[best], rivals, remote)

@@ -1,8 +1,8 @@
 """Judge windows one after the other: without a fault, then with each of them.
 
-Windows in which nothing contradicts tell more of the lasting errors, and later ones are judged
-against these, as settled stretches are against a baseline. A window overlaps with half of the one
-before; only every second one is learned from, as no sample may count twice.
+Windows without a contradiction narrow the lasting errors, and later ones are judged with these, as
+settled stretches are with a baseline. A window overlaps with half of the one before; only every
+second one is learned from, as no sample may count twice.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from rulec_runtime.diagnosis.stores.windows import Window
 
 @dataclass(frozen=True)
 class Tested:
-    """A fault in a window: degree and its standard uncertainty, chi-square left, does it fit?
+    """A fault in a window: degree and its standard uncertainty, chi-square left, and whether it
+    fits.
 
-    `fitted` is where the next window starts from.
+    `fitted` is where the fit of the next window starts.
     """
 
     degree: float
@@ -39,11 +40,11 @@ class Tested:
 
 @dataclass(frozen=True)
 class Judged:
-    """A window: what it was judged against, and the result.
+    """A window, the errors known before it, and the result.
 
-    `freedom` is how many independent things its readings say; `floor` the standard uncertainty of
-    the degree of each fault near 0 (absent: the window cannot show it); `tests` are there where it
-    is `deviating`. Without `plain` nothing could be simulated, or `window.because` says why.
+    `freedom` is the number of independent values in its readings; `floor` the standard uncertainty
+    of the degree of each fault near 0 (absent: the window cannot show it); `tests` exist if it is
+    `deviating`. Without `plain` nothing could be simulated; `window.because` may say why.
     """
 
     window: Window
@@ -55,7 +56,7 @@ class Judged:
     tests: Mapping[str, Tested] = field(default_factory=dict)
 
     def lacks(self, fault: str) -> bool:
-        """Would it show a fault, and does not?"""
+        """Whether it would show a fault, and does not."""
         if self.plain is None or fault not in self.floor:
             return False
         return not (fault in self.tests and self.tests[fault].fits)
@@ -63,16 +64,15 @@ class Judged:
 
 @dataclass(frozen=True)
 class Judge:
-    """The model, the independent samples that a sample counts as (per output), and the faults."""
+    """The model, the number of independent samples per sample (per output), and the faults."""
 
     model: Model
     share: Array
     faults: tuple[str, ...]
 
     def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
-        """Judge all windows in order of time; without `learning` each against what was known
-        before the recording."""
-        known, guess = nothing_known(list(self.model.errors)), nominal_starts(self.model.dynamics)
+        """Judge all windows in order of time; without `learning` each with the prior only."""
+        known, guess = nothing_known(self.model.errors), nominal_starts(self.model.dynamics)
         drifts = np.array([not e.is_parameter for e in self.model.errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
@@ -95,7 +95,7 @@ class Judge:
         nominal: Array,
         chance: float,
     ) -> Judged:
-        """Judge a window; it starts from where the one before was at that time."""
+        """Judge a window; its fit starts from the state of the one before at that time."""
         if window.because:
             return Judged(window, known, None, 0, False, {})
         last = before.plain if before is not None else None
@@ -105,17 +105,17 @@ class Judge:
         if plain is None:
             return Judged(window, known, None, 0, False, {})
         pull, information = self._directions(window, known, plain)
-        seen = [i for i in range(len(self.faults)) if information[i] > 0.0]
-        floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in seen}
+        visible = np.flatnonzero(information > 0.0).tolist()
+        floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in visible}
         # Half of the chance of a false alarm goes to "anything is wrong", half to the faults.
-        strongest = quantile(chance / (2 * max(len(seen), 1)))
+        strongest = quantile(chance / (2 * max(len(visible), 1)))
         deviating = plain.chi > chi_square_limit(freedom, quantile(chance / 2))
-        deviating |= any(pull[i] / np.sqrt(information[i]) > strongest for i in seen)
+        deviating |= any(pull[i] / np.sqrt(information[i]) > strongest for i in visible)
         if not deviating:
             return Judged(window, known, plain, freedom, False, floor)
         limit = chi_square_limit(max(freedom - 1, 1), quantile(chance))
         tests = {}
-        for i in seen:
+        for i in visible:
             if pull[i] > 0.0:
                 fault = self.model.ruleset.fault_by_id[self.faults[i]]
                 largest = limits.LARGEST_START * fault.highest
@@ -141,7 +141,8 @@ class Judge:
         limit: float,
         faults: tuple[str, ...] = (),
     ) -> Fitted | None:
-        """The best fit, with the degrees of some faults free; guesses are tried until one does."""
+        """The best fit, with the degrees of some faults free; guesses are tried until one is good
+        enough."""
         best: Fitted | None = None
         for guess in guesses:
             found = self.model.fit(window, known, guess, faults)
@@ -152,13 +153,13 @@ class Judge:
         return best
 
     def freedom(self, window: Window) -> int:
-        """Independent things that the readings of a window say beyond where it starts."""
+        """Independent values in the readings of a window, less its initial states."""
         counts = np.isfinite(window.measured).sum(axis=0)
         said = float(counts @ self.share) - len(self.model.dynamics.states)
         return max(int(said), 1)
 
     def _directions(self, window: Window, known: KnownErrors, plain: Fitted) -> tuple[Array, Array]:
-        """Pull on each degree from 0, and the information on it beside all errors."""
+        """Gradient by each degree at 0, and the information on it with all errors free."""
         guess = Guess(plain.guess.starts, plain.guess.errors, np.zeros(len(self.faults)))
         _, slopes, _ = self.model.simulate(window, guess, self.faults)
         table = self.model.rows_of_slopes(plain.error, slopes)
@@ -184,12 +185,11 @@ class Judge:
         guesses: Sequence[Guess],
         limit: float,
     ) -> Tested:
-        """The window with the degree of one fault free."""
         found = self._fitted(window, known, guesses, limit, (fault.id,))
         if found is None or found.chi > plain.chi:
             return Tested(0.0, np.inf, plain.chi, False)
         u = float(np.sqrt(found.covariance[-1, -1]))
-        # A real fault never looks quite like its law.
+        # A real fault never follows its law exactly.
         tolerated = fault.tolerance**2 * (plain.chi - found.chi)
         degree = float(found.guess.degrees[0])
         fits = found.chi <= limit + tolerated and degree < fault.credible
@@ -197,9 +197,9 @@ class Judge:
         return Tested(degree, u, found.chi, fits, found)
 
     def _is_possible(self, window: Window, found: Fitted, fault: FaultSpec) -> bool:
-        """Is what a sensor should show, but for its fault, within the range it was built for?
+        """Whether the true value of a faulty sensor is within its range.
 
-        Else a wrong level may do duty for whatever is missing in the balances.
+        Else a wrong level could compensate any error of the balances.
         """
         outputs = self.model.dynamics.outputs
         own = [i for i, name in enumerate(outputs) if name in fault.scales]
@@ -217,7 +217,7 @@ class Judge:
         return judged.plain.chi < chi_square_limit(judged.freedom, limits.CALM)
 
     def _learned(self, judged: Judged) -> KnownErrors:
-        """What a calm window adds to what was known."""
+        """Update of the known errors by a calm window."""
         plain = judged.plain
         assert plain is not None
         starts = len(plain.guess.starts)
@@ -227,7 +227,7 @@ class Judge:
 
 
 def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:
-    """States of a fit of the window before at the time at which a window begins, if known."""
+    """States of a fit of the window before, when this window begins, if known."""
     if before is None or fitted is None:
         return []
     at = int(np.searchsorted(before.window.time, window.time[0]))

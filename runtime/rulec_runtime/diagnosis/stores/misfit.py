@@ -1,8 +1,8 @@
-"""What balances usually miss of a recording, so that only what is unusual counts.
+"""The usual misfit of balances, so that only an unusual one counts.
 
-The model of a real plant is off by more than noise, and for many samples alike. How far, the
-recording says itself: the error that a window without a fault usually leaves, and for how long it
-stays as it is, set the weight of each reading.
+The model of a real plant is off by more than noise, and equally for many samples. The recording
+itself shows how far: the error that a window without a fault usually leaves, and its correlation
+time, set the weight of each reading.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Weighed:
 
 
 def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
-    """Find the usual misfit, and judge all windows against it."""
+    """Find the usual misfit, and judge all windows with it."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
     model = Model.of(ruleset, (), windows.noise)
@@ -57,7 +57,7 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
 
 
 def _left(judged: Sequence[Judged], noise: Array) -> tuple[Array, Array]:
-    """Standard deviation and memory of what windows leave of each output, robustly."""
+    """Robust standard deviation and correlation time of the residuals of each output."""
     errors = [j.plain.error for j in judged if j.plain is not None]
     misfit, memory = noise.copy(), np.ones(len(noise))
     for i in range(len(noise)):

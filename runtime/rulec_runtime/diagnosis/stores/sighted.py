@@ -1,7 +1,8 @@
-"""Which faults of a plant that stores its readings can show: the balances followed once.
+"""Which faults of a plant that stores its readings can show: the balances simulated once.
 
-Given readings swing around their reference, so that every fault has a course of its own; sensors
-have no noise but their resolution. What start levels and lasting errors leave of a fault is seen.
+Inputs swing around their reference, so that every fault has a characteristic course; sensors have
+no noise but their resolution. A fault is detectable by what initial states and lasting errors
+cannot explain of it.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from rulec_runtime.simulation.balances import RanAway
 
 @dataclass(frozen=True)
 class StoresSighted:
-    """Slopes of what is shown, in standard deviations, by starts, `errors` and degrees: shape
-    (samples, outputs, unknowns); none where the balances cannot be followed, and then every fault
-    counts as seen while given readings and some other are there."""
+    """Slopes of the outputs, in standard deviations, by initial states, `errors` and degrees: shape
+    (samples, outputs, unknowns). None if the balances cannot be simulated; then every fault counts
+    as detectable while all inputs and some output are there."""
 
     ruleset: Ruleset
     slopes: Array | None
@@ -48,7 +49,7 @@ class StoresSighted:
         return self.ruleset.dynamics
 
     def information(self, lost: Set[str], still: Set[str] = frozenset()) -> Array:
-        """As `Sighted` has it; balances hold at standstill as well."""
+        """See `Sighted`; balances hold at standstill as well."""
         key = frozenset(lost)
         if key not in self.known:
             self.known[key] = self._information(key)
@@ -74,7 +75,7 @@ class StoresSighted:
 
 
 def sighted(ruleset: Ruleset) -> StoresSighted:
-    """Follow the balances of a plant from their nominal start."""
+    """Simulate the balances of a plant from their nominal start."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
     signals = [ruleset.signal_by_id[name] for name in dynamics.outputs]
@@ -93,7 +94,7 @@ def sighted(ruleset: Ruleset) -> StoresSighted:
 
 
 def swinging(ruleset: Ruleset, dynamics: Dynamics) -> Window:
-    """A window without readings in which each given one swings at a pace of its own."""
+    """A window without readings in which each input swings at a pace of its own."""
     n = limits.SIGNATURE_SAMPLES
     time: Array = np.arange(n, dtype=np.float64) * limits.SIGNATURE_STEP
     levels = [ruleset.signal_by_id[name].reference for name in dynamics.inputs]

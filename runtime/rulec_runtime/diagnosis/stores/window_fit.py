@@ -1,4 +1,4 @@
-"""Fit balances to one window: where it starts, lasting errors, and degrees of faults.
+"""Fit balances to one window: initial states, lasting errors, and degrees of faults.
 
 Source: Gauss-Newton with damping (Levenberg 1944, Marquardt 1963); maximum a posteriori.
 """
@@ -21,7 +21,7 @@ from rulec_runtime.simulation.balances import Balances, RanAway
 
 @dataclass(frozen=True)
 class Guess:
-    """Unknowns of a window: starts of states, SI; lasting errors; degrees of some faults."""
+    """Unknowns of a window: initial states, SI; lasting errors; degrees of some faults."""
 
     starts: Array
     errors: Array
@@ -39,7 +39,7 @@ class Fitted:
     """A fit of a window.
 
     `error` is measured less shown, shape (n, outputs), SI; `slopes`, shape (n, outputs, unknowns),
-    are derivatives of what is shown. `information` counts window and prior together.
+    are derivatives of what is shown. `information` includes window and prior.
     """
 
     guess: Guess
@@ -57,9 +57,9 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Model:
-    """The balances of a plant with everything that a window may move.
+    """The balances of a plant with all unknowns of a window.
 
-    `spread` is the standard deviation by which each output is weighted, shape (outputs,), SI.
+    `spread` is the standard deviation that weights each output, shape (outputs,), SI.
     """
 
     ruleset: Ruleset
@@ -81,13 +81,13 @@ class Model:
         return replace(self, spread=spread)
 
     def with_course_of(self, fault: str) -> Model:
-        """The same where the degree of a fault is given sample by sample, behind the readings."""
+        """The same if the degree of a fault is given sample by sample, after the readings."""
         return replace(self, balances=with_free_states(self.dynamics, (f"x.{fault}",)))
 
     def simulate(
         self, window: Window, guess: Guess, faults: Sequence[str] = ()
     ) -> tuple[Array, Array, Array]:
-        """What is shown, its slopes by all unknowns, and the states; raises `RanAway`.
+        """Outputs, their slopes by all unknowns, and the states; raises `RanAway`.
 
         `faults` are those of the degrees of the guess.
         """
@@ -115,7 +115,7 @@ class Model:
     def fit(
         self, window: Window, known: KnownErrors, guess: Guess, faults: Sequence[str] = ()
     ) -> Fitted | None:
-        """The most probable unknowns, from a guess; None where nothing can be simulated."""
+        """The most probable unknowns, from a guess; None if nothing can be simulated."""
         specs = [self.ruleset.fault_by_id[f] for f in faults]
         low = np.array([s.lowest for s in specs])
         high = np.array([s.highest * (1.0 - limits.BELOW_HIGHEST) for s in specs])
@@ -167,7 +167,7 @@ class Model:
         return weighted
 
     def rows_of_slopes(self, error: Array, slopes: Array) -> Array:
-        """Slopes of what is shown, weighted alike, shape (known, unknowns)."""
+        """Slopes of the outputs with the same weights, shape (known, unknowns)."""
         table: Array = (slopes / self.spread[:, None])[np.isfinite(error)]
         return table
 
@@ -197,7 +197,7 @@ class Model:
 
 
 def inverse(information: Array) -> Array:
-    """Inverse of a symmetric positive matrix of very different scales."""
+    """Inverse of a symmetric positive matrix with entries of very different scales."""
     diagonal = np.diag(information)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = information / np.outer(size, size) + limits.LEAST_CURVATURE * np.eye(len(size))

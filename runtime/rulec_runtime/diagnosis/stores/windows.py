@@ -1,4 +1,5 @@
-"""A recording cut into windows, half overlapping, each long enough to show what a fault does."""
+"""A recording cut into windows, half overlapping, each long enough to show the effect of a
+fault."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ class Window:
 
     `inputs`, shape (n, given), are finite; `measured`, shape (n, outputs), is NaN where a sensor
     shows nothing, or the end of its range; SI. `piece` numbers runs without a pause, `first` is the
-    first sample in it. Where `because` is not empty the window cannot be judged.
+    first sample in it. If `because` is not empty, the window cannot be judged.
     """
 
     time: Array
@@ -45,10 +46,9 @@ class Window:
 class Windows:
     """Windows in order of time, each overlapping with half of the next of its piece.
 
-    `pieces` are what they are cut from.
-
-    `noise` is the standard deviation of white noise of each output, shape (outputs,), SI; `level`
-    its median, `thinned` how many samples were averaged; `too_short` are pieces left out.
+    They are cut from `pieces`. `noise` is the standard deviation of white noise of each output,
+    shape (outputs,), SI; `level` its median, `thinned` the number of samples averaged; `too_short`
+    are pieces left out.
     """
 
     pieces: tuple[Window, ...]
@@ -100,7 +100,7 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
 
 
 def rows_of_a_finding(count: int) -> int:
-    """Rows of the windows in a row that a finding takes, of a recording of so many."""
+    """Rows of the windows that a finding needs, in a recording of so many rows."""
     factor = _averaged(count)
     return (limits.WINDOWS_IN_A_ROW + 1) * _length(count // factor) * factor // 2
 
@@ -147,8 +147,8 @@ def _piece(
 
 
 def _inside(signal: SignalSpec, values: Array) -> Array:
-    """Readings without glitches, and without those at the ends of the range: there a sensor shows
-    only that there is more, or less."""
+    """Readings without glitches, and without those at the ends of the range, where the true value
+    may be beyond."""
     if not np.isfinite(values).any():
         return values
     low, high = signal.ends
