@@ -205,7 +205,6 @@ def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:
         # A recording is mirrored at its ends.
         here = np.pad(here, (beside - (low - first), beside - (last - high)), mode="reflect")
         count = np.concatenate([[0], np.cumsum(here)])
-        most: np.ndarray = 2 * (count[width:] - count[:-width]) > width
-        return most
+        return np.asarray(2 * (count[width:] - count[:-width]) > width)
 
     return runs_where(n, mostly, limits.PERSISTENCE)

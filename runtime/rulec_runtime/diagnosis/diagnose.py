@@ -118,12 +118,12 @@ def _of_stores(
     # The integrator takes a second to load, and only plants that store need it.
     from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
-    said = judge_stores(recording, ruleset)
-    notes = said.notes
+    result = judge_stores(recording, ruleset)
+    notes = result.notes
     if mode != "default":
         odd = f"mode {mode} knows no balances of what is stored: judged as by default"
         notes = (odd, *notes)
-    return int(said.covered.sum()), said.found, notes
+    return int(result.covered.sum()), result.found, notes
 
 
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
@@ -132,31 +132,34 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])
         return 0, Found([], [], [Period(since, until, restless(len(recording)))])
-    seen = evaluate_stretches(recording, ruleset, stretches, noise, mode)
-    judged, found = told_of(ruleset, timeline_of(recording.time, stretches), seen)
-    found.findings.extend(events_of(recording, ruleset, stretches, noise, seen, mode))
+    evaluated = evaluate_stretches(recording, ruleset, stretches, noise, mode)
+    judged, found = told_of(ruleset, timeline_of(recording.time, stretches), evaluated)
+    found.findings.extend(events_of(recording, ruleset, stretches, noise, evaluated, mode))
     return judged, found
 
 
 def told_of(
-    ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints]
+    ruleset: Ruleset, timeline: Timeline, evaluated: Sequence[EvaluatedPoints]
 ) -> tuple[int, Found]:
     """Number of judged samples, and what all parts of a plant show in settled stretches."""
-    each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in seen]
-    return together(ruleset, timeline, seen, each)
+    each = [against_sheet(timeline, p, found_of(timeline, ruleset, p)) for p in evaluated]
+    return together(ruleset, timeline, evaluated, each)
 
 
 def together(
-    ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints], each: Sequence[Found]
+    ruleset: Ruleset,
+    timeline: Timeline,
+    evaluated: Sequence[EvaluatedPoints],
+    each: Sequence[Found],
 ) -> tuple[int, Found]:
     """The same, given the results of each part."""
-    judged = np.any([part.isolation.judged for part in seen], axis=0)
-    found = joined(each, latest_of(ruleset, timeline, seen))
+    judged = np.any([part.isolation.judged for part in evaluated], axis=0)
+    found = joined(each, latest_of(ruleset, timeline, evaluated))
     found = replace(
         found,
-        regimes=regimes_of(ruleset, timeline, seen[0].points),
-        visited=visited_of(timeline, seen[0].points, judged),
-        without=frozenset(shown_without(seen)),
+        regimes=regimes_of(ruleset, timeline, evaluated[0].points),
+        visited=visited_of(timeline, evaluated[0].points, judged),
+        without=frozenset(shown_without(evaluated)),
     )
     return int(timeline.samples[judged].sum()), found
 

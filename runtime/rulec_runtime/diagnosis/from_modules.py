@@ -50,11 +50,11 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         ruleset = replace(ruleset, undo=undo, unlisted=(), unlisted_cells=())
         points = replace(points, values={**points.values, **results.columns})
     halves = halves_of_results(results, ruleset)
-    seen = [
+    evaluated = [
         evaluate_observed(part, observed_of(results, part.ruleset, points), points, halves)
         for part in parts_of(ruleset)
     ]
-    judged, found = told_of(ruleset, timeline_of_results(results), seen)
+    judged, found = told_of(ruleset, timeline_of_results(results), evaluated)
     blind = _blind(results, ruleset, points)
     return Diagnosis(
         ruleset=ruleset,

@@ -45,11 +45,11 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     chosen = np.concatenate(
         [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     )
-    for here, seen in evaluate_samples(recording, ruleset, noise, stretches, known, chosen):
-        sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in seen], axis=0)
+    for here, evaluated in evaluate_samples(recording, ruleset, noise, stretches, known, chosen):
+        sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in evaluated], axis=0)
         for i, sample in enumerate(here.tolist()):
-            words[sample] = "ok" if sound[i] else _word(seen, i)
-        for one in seen:
+            words[sample] = "ok" if sound[i] else _word(evaluated, i)
+        for one in evaluated:
             own = [i for i, f in enumerate(one.part.ruleset.faults) if f.id in rows]
             there = np.array([rows[one.part.ruleset.faults[i].id] for i in own], dtype=int)
             at = np.ix_(there, here)
@@ -63,23 +63,25 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
 
 def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
     """Unlisted faults that some stretch names."""
-    for seen in known:
-        faults = seen.part.ruleset.faults
-        for point in np.flatnonzero(seen.isolation.deviating).tolist():
-            yield from (faults[i].id for i in verdict_at(seen, point).faults if faults[i].unlisted)
+    for evaluated in known:
+        faults = evaluated.part.ruleset.faults
+        for point in np.flatnonzero(evaluated.isolation.deviating).tolist():
+            yield from (
+                faults[i].id for i in verdict_at(evaluated, point).faults if faults[i].unlisted
+            )
 
 
-def _word(seen: Sequence[EvaluatedPoints], point: int) -> str:
+def _word(evaluated: Sequence[EvaluatedPoints], point: int) -> str:
     """Verdicts of all parts as written to the trace: ids of faults, or another word."""
-    words = dict.fromkeys(_of_part(part, point) for part in seen)
+    words = dict.fromkeys(_of_part(part, point) for part in evaluated)
     loud = [word for word in words if word not in QUIET]
     return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
 
 
-def _of_part(seen: EvaluatedPoints, point: int) -> str:
-    verdict = verdict_at(seen, point)
+def _of_part(evaluated: EvaluatedPoints, point: int) -> str:
+    verdict = verdict_at(evaluated, point)
     if verdict.kind == "fault":
-        return " + ".join(seen.part.ruleset.faults[i].id for i in verdict.faults)
+        return " + ".join(evaluated.part.ruleset.faults[i].id for i in verdict.faults)
     return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)
 
 
@@ -88,8 +90,8 @@ def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
     # The integrator takes a second to load, and only plants that store need it.
     from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
-    said = judge_stores(recording, ruleset)
-    judged = said.judged
+    result = judge_stores(recording, ruleset)
+    judged = result.judged
     words = ["cannot judge"] * len(recording)
     degree = np.zeros((len(ruleset.faults), len(recording)))
     half = np.zeros_like(degree)
@@ -99,7 +101,7 @@ def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
         order = np.argsort(middles, kind="stable")
         edges = 0.5 * (middles[order][1:] + middles[order][:-1])
         nearest = order[np.searchsorted(edges, recording.time)]
-        for sample in np.flatnonzero(said.covered).tolist():
+        for sample in np.flatnonzero(result.covered).tolist():
             one = judged[int(nearest[sample])]
             if one.plain is not None:
                 words[sample] = "ok"
@@ -107,9 +109,9 @@ def _of_stores(recording: Recording, ruleset: Ruleset) -> Trace:
                 if test.fits:
                     degree[row[name], sample] = test.degree
                     half[row[name], sample] = limits.COVERAGE * test.u
-    for period in said.found.unknown:
+    for period in result.found.unknown:
         _say(words, recording, period.since, period.until, "unknown")
-    for finding in said.found.findings:
+    for finding in result.found.findings:
         _say(words, recording, finding.since, finding.until, finding.fault.id)
     lower = np.maximum(degree - half, 0.0)
     return Trace(recording.time, tuple(words), degree, lower, degree + half, tuple(row))

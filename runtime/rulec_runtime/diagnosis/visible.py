@@ -88,8 +88,7 @@ class PartSighted:
         if not len(basis):
             return np.zeros((len(self.faults), len(self.faults)))
         spread = basis @ self.covariance[np.ix_(usable, usable)] @ basis.T
-        found: Array = effects.T @ inverse_of(spread[None])[0] @ effects
-        return found
+        return np.asarray(effects.T @ inverse_of(spread[None])[0] @ effects)
 
 
 @dataclass(frozen=True)

@@ -61,8 +61,7 @@ class Changed:
         block = np.where(dropped[:, :, None] & dropped[:, None], weight, 0.0)
         towards = np.where(dropped, pull, 0.0)
         back = np.linalg.pinv(block, rcond=limits.PSEUDO_INVERSE, hermitian=True)
-        without: Array = left - np.einsum("ni,nij,nj->n", towards, back, towards)
-        return without
+        return np.asarray(left - np.einsum("ni,nij,nj->n", towards, back, towards))
 
     def _moved(
         self, places: np.ndarray, rows: np.ndarray, step: Array, change: Array

@@ -178,8 +178,7 @@ def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
 
 
 def _readers(bench: Bench, misread: Misread) -> np.ndarray:
-    flags: np.ndarray = np.any([bench.readers(s) for s in misread.signals], axis=0)
-    return flags
+    return np.asarray(np.any([bench.readers(s) for s in misread.signals], axis=0))
 
 
 def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
@@ -225,8 +224,7 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
 def _judged(bench: Bench, misread: Misread) -> np.ndarray:
     """Stretches, shape (n,), in which estimates that read the columns can be compared."""
     before = bench.recorded
-    flags: np.ndarray = before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1)
-    return flags
+    return np.asarray(before.valid[_readers(bench, misread)].any(axis=0) & (before.freedom > 1))
 
 
 def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) -> bool:
@@ -279,8 +277,8 @@ def _near_ones(near: Near, name: str, misreads: Sequence[Misread]) -> Iterator[M
     noise = np.array([one.noise[name] for one in misreads])
     if len(values):
         apart = np.array([_apart(one, _read(near.bench, one)) for one in misreads])
-        told = near.judge(name, values, noise, [None] * len(values))
-        left = _left(apart, told.allowed, told.lost & ~near.gains(name), told.stays)
+        verdicts = near.judge(name, values, noise, [None] * len(values))
+        left = _left(apart, verdicts.allowed, verdicts.lost & ~near.gains(name), verdicts.stays)
         yield from compress(misreads, [bool(flag) for flag in left])
 
 
@@ -316,10 +314,10 @@ def _swapped(near: Near, plain: Bench, used: Sequence[SignalSpec]) -> Iterator[t
         lost, stays = np.zeros((2, *apart.shape), dtype=bool)
         for i, name in enumerate(names):
             (tried,) = np.nonzero(left[i])
-            told = near.judge(name, values[tried], noise[tried], [names[j] for j in tried])
-            allowed[i, tried] &= told.allowed
-            lost[i, tried] |= told.lost & ~gains[i] & ~gains[tried]
-            stays[i, tried] |= told.stays
+            verdicts = near.judge(name, values[tried], noise[tried], [names[j] for j in tried])
+            allowed[i, tried] &= verdicts.allowed
+            lost[i, tried] |= verdicts.lost & ~gains[i] & ~gains[tried]
+            stays[i, tried] |= verdicts.stays
             left[i, tried] = _left(*(table[i, tried] for table in (apart, allowed, lost, stays)))
             for table in (allowed, lost, stays, left):
                 table[tried, i] = table[i, tried]

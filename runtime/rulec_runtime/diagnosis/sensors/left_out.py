@@ -39,8 +39,7 @@ class LeftOut:
         block = self.weight[:, observers][:, :, observers]
         pull = self.pull[:, observers]
         back = np.linalg.pinv(block, rcond=limits.PSEUDO_INVERSE, hermitian=True)
-        left: Array = self.chi - np.einsum("ni,nij,nj->n", pull, back, pull)
-        return left
+        return np.asarray(self.chi - np.einsum("ni,nij,nj->n", pull, back, pull))
 
 
 def left_out(ruleset: Ruleset, observed: Observed) -> LeftOut:

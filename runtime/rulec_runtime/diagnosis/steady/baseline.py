@@ -124,8 +124,7 @@ def _covariance(shared: Array, errors: Array) -> Array:
     """Covariance of flows, shape (flows, flows, n), by their slopes, (flows, errors, n), and the
     covariance of the errors."""
     if len(shared) < limits.MANY_RESIDUALS:
-        few: Array = np.einsum("omn,pmn->opn", shared, errors @ shared)
-        return few
+        return np.asarray(np.einsum("omn,pmn->opn", shared, errors @ shared))
     # One product of large matrices per point, in place of one per flow.
     slopes = np.ascontiguousarray(shared.transpose(2, 0, 1))
     many: Array = (slopes @ errors) @ slopes.transpose(0, 2, 1)

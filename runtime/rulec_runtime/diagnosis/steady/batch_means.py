@@ -46,7 +46,7 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
     before, after = (means_of_stretches(recording, ruleset, part) for part in (early, late))
     excess = stretches.lengths**2 / (early.lengths * late.lengths)
 
-    def told(part: slice) -> Halves:
+    def of_batch(part: slice) -> Halves:
         one, other = (
             flows_at(ruleset, {name: mean[part] for name, mean in means.items()})
             for means in (before, after)
@@ -54,7 +54,7 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
         let_go(*before.values(), *after.values())
         return Halves(other - one, excess[part])
 
-    return in_batches(len(stretches), {"apart": 1, "excess": 0}, told)
+    return in_batches(len(stretches), {"apart": 1, "excess": 0}, of_batch)
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.recordings.scratch import arrays, let_go
 
-Told = TypeVar("Told")
+Tables = TypeVar("Tables")
 """A frozen dataclass of tables."""
 
 FIRST, SECOND, THIRD = ({"along": axis} for axis in range(3))
@@ -29,17 +29,17 @@ def batches(count: int) -> Iterator[slice]:
         yield slice(low, min(low + limits.POINTS_AT_ONCE, count))
 
 
-def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told]) -> Told:
+def in_batches(count: int, axis: Mapping[str, int], of_batch: Callable[[slice], Tables]) -> Tables:
     """The results for all points, joined from those of each batch.
 
     `axis` gives the axis of the points per table; other fields are those of the first batch.
     """
     if count <= limits.POINTS_AT_ONCE:
-        return told(slice(0, count))
+        return of_batch(slice(0, count))
     tables: dict[str, np.ndarray] = {}
     first = None
     for part in batches(count):
-        here = told(part)
+        here = of_batch(part)
         if first is None:
             first = here
             tables = _tables(here, axis, count)
@@ -48,10 +48,10 @@ def in_batches(count: int, axis: Mapping[str, int], told: Callable[[slice], Told
         let_go(*tables.values())
     assert first is not None
     changed: dict[str, Any] = {n: np.moveaxis(table, 0, axis[n]) for n, table in tables.items()}
-    return cast(Told, replace(cast(Any, first), **changed))
+    return cast(Tables, replace(cast(Any, first), **changed))
 
 
-def _tables(first: Told, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
+def _tables(first: Tables, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
     """Room for the tables of all points; the values of a point are contiguous."""
     names = [f.name for f in fields(cast(Any, first)) if f.name in axis]
     tables = (np.moveaxis(getattr(first, name), axis[name], 0) for name in names)
@@ -59,16 +59,16 @@ def _tables(first: Told, axis: Mapping[str, int], count: int) -> dict[str, np.nd
     return dict(zip(names, arrays(specs), strict=True))
 
 
-def part_of(told: Told, axis: Mapping[str, int], part: slice, count: int) -> Told:
+def part_of(tables: Tables, axis: Mapping[str, int], part: slice, count: int) -> Tables:
     """Tables of some of so many points; points are last in memory, as tables are made."""
     if part.start == 0 and part.stop == count:
-        return told
+        return tables
     changed: dict[str, Any] = {}
     for name, at in axis.items():
-        table = np.moveaxis(getattr(told, name), at, -1)[..., part]
+        table = np.moveaxis(getattr(tables, name), at, -1)[..., part]
         changed[name] = np.moveaxis(np.ascontiguousarray(table), -1, at)
         let_go(table)
-    return cast(Told, replace(cast(Any, told), **changed))
+    return cast(Tables, replace(cast(Any, tables), **changed))
 
 
 def of_points(table: np.ndarray, places: tuple[np.ndarray, ...], points: np.ndarray) -> np.ndarray:

@@ -35,23 +35,25 @@ class Cause:
     when: str
 
 
-def fits_of_runs(seen: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[Fits]:
+def fits_of_runs(evaluated: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[Fits]:
     """Hypotheses that fit each run; none are tried where points are not combined."""
-    if not seen.combined:
+    if not evaluated.combined:
         return [Fits([], 0) for _ in runs]
-    return fits_of(seen.part.ruleset, seen.plain, seen.baselines, seen.isolation, runs)
+    return fits_of(
+        evaluated.part.ruleset, evaluated.plain, evaluated.baselines, evaluated.isolation, runs
+    )
 
 
 def causes_of(
-    seen: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
+    evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
 ) -> list[Cause]:
     """The causes of a run by its fits: one fault, or two at once; `known` are faults found just
     before."""
-    ruleset = seen.part.ruleset
-    hypotheses = hypotheses_of(fits, seen.isolation.chance, ruleset.odds, known)
+    ruleset = evaluated.part.ruleset
+    hypotheses = hypotheses_of(fits, evaluated.isolation.chance, ruleset.odds, known)
     if not hypotheses:
-        hypotheses = [_average(seen.isolation, members, ruleset.odds)]
-    fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0
+        hypotheses = [_average(evaluated.isolation, members, ruleset.odds)]
+    fitting = evaluated.isolation.probability[:, members].max(axis=1) > 0.0
     best = _named(ruleset, hypotheses)
     return [_cause(ruleset, hypotheses, best, fault, fitting) for fault in best.faults]
 

@@ -54,8 +54,7 @@ class ChiSquare:
         """Information on degrees, shape (degrees, degrees, n), that move flows by `effect`, shape
         (flows, degrees, n)."""
         weighted = np.einsum("ijn,jdn->idn", self.curvature, effect)
-        information: Array = np.einsum("ien,idn->edn", effect, weighted)
-        return information
+        return np.asarray(np.einsum("ien,idn->edn", effect, weighted))
 
     def tolerating(self, spread: Array) -> ChiSquare:
         """The same with a covariance, shape (flows, flows, n), added to that of the flows.
@@ -87,14 +86,12 @@ class Weighing:
     @cached_property
     def weighted(self) -> Array:
         """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
-        weighted: Array = (self.inverse @ self.residuals[:, :, None])[:, :, 0]
-        return weighted
+        return np.asarray((self.inverse @ self.residuals[:, :, None])[:, :, 0])
 
     @cached_property
     def value(self) -> Array:
         """Chi-square as measured, shape (n,)."""
-        value: Array = np.einsum("nr,nr->n", self.residuals, self.weighted)
-        return value
+        return np.asarray(np.einsum("nr,nr->n", self.residuals, self.weighted))
 
     @cached_property
     def of_flows(self) -> tuple[Array, Array]:
@@ -127,20 +124,17 @@ class Metric:
     @property
     def inverse(self) -> Array:
         """Inverse covariances, shape (n, residuals, residuals), (s/m3)^2."""
-        chosen: Array = self.weighing.inverse[self.which]
-        return chosen
+        return np.asarray(self.weighing.inverse[self.which])
 
     @property
     def weighted(self) -> Array:
         """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
-        chosen: Array = self.weighing.weighted[self.which]
-        return chosen
+        return np.asarray(self.weighing.weighted[self.which])
 
     @property
     def value(self) -> Array:
         """Chi-square as measured, shape (n,)."""
-        chosen: Array = self.weighing.value[self.which]
-        return chosen
+        return np.asarray(self.weighing.value[self.which])
 
     def problems(self, chosen: np.ndarray | slice) -> Metric:
         """Some of the problems."""
@@ -261,16 +255,13 @@ def solved(matrix: Array, right: Array) -> Array:
 def _product(one: Array, other: Array) -> Array:
     """Products of matrices, problems last."""
     if len(one) < limits.MANY_RESIDUALS:
-        few: Array = np.einsum("ijn,jkn->ikn", one, other)
-        return few
-    many: Array = (one.transpose(2, 0, 1) @ other.transpose(2, 0, 1)).transpose(1, 2, 0)
-    return many
+        return np.asarray(np.einsum("ijn,jkn->ikn", one, other))
+    return np.asarray((one.transpose(2, 0, 1) @ other.transpose(2, 0, 1)).transpose(1, 2, 0))
 
 
 def _regular(matrices: Array, sound: np.ndarray) -> Array:
     """Matrices, shape (n, rank, rank), with the identity in place of unsound ones."""
-    regular: Array = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
-    return regular
+    return np.asarray(np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1])))
 
 
 def inverse_information(information: Array) -> Array:

@@ -51,7 +51,7 @@ class Columns:
         u = spread_of(information)
         usable = np.isfinite(left) & np.isfinite(u).all(axis=0) & self._believed(best.degree)
         if len(u) > 1:
-            usable &= told_apart(information)
+            usable &= distinguishable(information)
         # Nor must the tolerance count against a fault: no penalty for the wider covariance.
         evidence = np.where(usable, -0.5 * left, -np.inf)
         believed = usable if len(u) > 1 else self._believed(best.degree)
@@ -119,8 +119,7 @@ class Columns:
 
     def _everywhere(self, degree: Array) -> Array:
         """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""
-        everywhere: Array = degree[..., None, :] * self.test.present
-        return everywhere
+        return np.asarray(degree[..., None, :] * self.test.present)
 
     def _small(self, starts: Array) -> Array:
         """The first credible degree, of shape (1, starts, n), ascending from 0, that leaves as
@@ -143,8 +142,7 @@ class Columns:
         degree = np.clip(starts, low[:, None], top[:, None])
         distance, _ = chi.at(in_a_row(self._undoing.moved(self._everywhere(degree))))
         best = np.argmin(finite(distance), axis=0)
-        chosen: Array = np.take_along_axis(degree, best[None, None], axis=1)[:, 0]
-        return chosen
+        return np.asarray(np.take_along_axis(degree, best[None, None], axis=1)[:, 0])
 
     def _place(self, chi: ChiSquare, degree: Array) -> Place:
         """Chi-square with the faults undone at degrees, shape (faults, n)."""
@@ -250,8 +248,7 @@ class Place:
         values would lose the last steps of the search in rounding.
         """
         gain = np.einsum("in,in->n", self.moved - other.moved, self.slope + other.slope)
-        better: np.ndarray = np.isfinite(self.distance) & (gain < 0)
-        return better
+        return np.asarray(np.isfinite(self.distance) & (gain < 0))
 
     def where(self, better: np.ndarray, other: Place) -> Place:
         """Take over the problems where `other` is better."""
@@ -291,7 +288,7 @@ def spread_of(information: Array) -> Array:
     return np.where(np.isfinite(u), u, np.inf)
 
 
-def told_apart(information: Array) -> np.ndarray:
+def distinguishable(information: Array) -> np.ndarray:
     """Whether the effects of simultaneous faults point in different directions, shape (n,)."""
     own = np.prod(np.einsum("iin->in", information), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):

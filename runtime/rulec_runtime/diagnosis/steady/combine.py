@@ -167,11 +167,11 @@ def _fits_alike(
     test = stacked_test(ruleset, observed, first.valid, members, later)
     candidates = [set(_candidates(ruleset, isolation, s.members)) for s in stacks]
     singles = [(i,) for i in range(len(ruleset.faults))]
-    seen = np.ones((len(singles), 1), dtype=bool)
+    shows = np.ones((len(singles), 1), dtype=bool)
     if len(test.basis) >= limits.MANY_RESIDUALS:
-        basis, told = _telling(ruleset, observed, isolation, stacks)
+        basis, shown = _contrasts(ruleset, observed, isolation, stacks)
         test = test.seen_by(basis)
-        seen = np.isin(np.arange(len(singles)), told)[:, None]
+        shows = np.isin(np.arange(len(singles)), shown)[:, None]
     tried, times = [_asked(singles, candidates)], [ONSET]
     if len(first.learned):
         times += [THROUGHOUT, ENDED]
@@ -179,7 +179,7 @@ def _fits_alike(
         tried.append(_explaining(earlier, ruleset.is_listed))
         test = test.at_other_times(np.hstack([later, earlier.present]))
     limit = accepted(test.freedom, 1, isolation.chance)
-    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried) & seen))
+    fits = fit(test, [(f,) for f in ruleset.faults], may_fit(test, limit, np.hstack(tried) & shows))
     found = [
         [
             one
@@ -199,7 +199,7 @@ def _fits_alike(
     return {s.run: Fits(own, test.freedom) for s, own in zip(stacks, found, strict=True)}
 
 
-def _telling(
+def _contrasts(
     ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
 ) -> tuple[Array, list[int]]:
     """Combinations that show the most probable faults of some runs, and these faults."""

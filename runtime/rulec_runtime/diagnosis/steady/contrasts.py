@@ -68,26 +68,26 @@ class Contrasts:
         """Independent combinations that show faults, orthonormal, shape (rank, flows), and the
         faults they show: the first ones, as long as combinations are few."""
         rows: dict[tuple[int, int], Array] = {}
-        told: list[int] = []
+        shown: list[int] = []
         for fault in faults:
             if fault not in self.test.each:
                 continue
             more = self.rows(fault)
-            if told and len(rows.keys() | more.keys()) > limits.ROWS_TOGETHER:
+            if shown and len(rows.keys() | more.keys()) > limits.ROWS_TOGETHER:
                 break
             rows |= more
-            told.append(fault)
-        return _orthonormal([*rows.values()], self.test.basis.shape[1]), told
+            shown.append(fault)
+        return _orthonormal([*rows.values()], self.test.basis.shape[1]), shown
 
     def groups(self) -> Iterator[tuple[Array, list[int]]]:
         """All faults in groups of neighbours, with the combinations that show each group."""
         left = list(self.test.each)
         while left:
-            basis, told = self.basis(left)
-            if not told:
+            basis, shown = self.basis(left)
+            if not shown:
                 return
-            left = left[left.index(told[-1]) + 1 :]
-            yield basis, told
+            left = left[left.index(shown[-1]) + 1 :]
+            yield basis, shown
 
 
 def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
@@ -96,5 +96,4 @@ def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
     if not unit:
         return np.zeros((0, flows))
     _, sizes, basis = np.linalg.svd(np.array(unit), full_matrices=False)
-    independent: Array = basis[sizes > limits.SAME_ROWS * sizes[0]]
-    return independent
+    return np.asarray(basis[sizes > limits.SAME_ROWS * sizes[0]])

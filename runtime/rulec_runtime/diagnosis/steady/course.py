@@ -155,8 +155,7 @@ class _Weighed:
     @property
     def weight(self) -> Array:
         """Probabilities of the courses, shape (courses,)."""
-        weight: Array = np.exp(self.gain - self.total)
-        return weight
+        return np.asarray(np.exp(self.gain - self.total))
 
     def moments(self, rows: Array) -> tuple[Array, Array]:
         """Mean over all courses, and standard uncertainty, of numbers that are linear in the
@@ -235,8 +234,7 @@ class Stack:
     @property
     def points(self) -> np.ndarray:
         """The stretches, by their places among all, shape (points,)."""
-        found: np.ndarray = self.test.members[:, 0]
-        return found
+        return np.asarray(self.test.members[:, 0])
 
     @cached_property
     def sound(self) -> tuple[Array, Array]:
@@ -293,7 +291,7 @@ class Stack:
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
         in_order: tuple[Moments, ...] = ()
         if weighed is steps:
-            in_order, onset = _told_steps(self.time, weighed), _first_step(weighed)
+            in_order, onset = _steps_in_order(self.time, weighed), _first_step(weighed)
         later = self.end + (self.end - self.time[min(onset, len(self.time) - 2)]) * _AHEAD
         ahead, u_ahead = weighed.moments(shapes.table(later))
         return Course(
@@ -444,7 +442,7 @@ def _first_step(weighed: _Weighed) -> int:
     return int(weighed.columns[0][sure if sure.any() else slice(None)].min())
 
 
-def _told_steps(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
+def _steps_in_order(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
     """Times, s, and sizes of steps, in order."""
     pairs = zip(weighed.columns[0].tolist(), weighed.parts[0].tolist(), strict=True)
     return tuple((float(time[k]), size) for k, size in sorted(pairs))

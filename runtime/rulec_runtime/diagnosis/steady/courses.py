@@ -30,30 +30,32 @@ from rulec_runtime.diagnosis.steady.screen import may_fit
 from rulec_runtime.recordings.stationary import Timeline
 
 
-def found_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
+def found_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -> Found:
     """Results of a part over a recording, by runs of stretches and by courses over all of them.
 
     One growing fault may replace the others, and each fault that is still present is extrapolated.
     """
-    found = findings_of(timeline, ruleset, seen)
-    judged = np.flatnonzero(seen.isolation.judged)
-    if not seen.combined or not len(judged):
+    found = findings_of(timeline, ruleset, evaluated)
+    judged = np.flatnonzero(evaluated.isolation.judged)
+    if not evaluated.combined or not len(judged):
         return found
-    faults = seen.part.ruleset.faults
+    faults = evaluated.part.ruleset.faults
     place = {fault.id: i for i, fault in enumerate(faults)}
     named = list(dict.fromkeys(place[f.fault.id] for f in found.findings))
-    stack = stack_of(seen.part.ruleset, seen.plain, judged, float(timeline.until[-1]), named)
-    courses = [] if stack is None else _explaining(stack, named, seen.isolation.chance)
-    if stack is not None and courses and not _is_told(found, faults, courses[0]):
-        found = _with_the_best(timeline, ruleset, seen, found, stack, courses)
+    stack = stack_of(
+        evaluated.part.ruleset, evaluated.plain, judged, float(timeline.until[-1]), named
+    )
+    courses = [] if stack is None else _explaining(stack, named, evaluated.isolation.chance)
+    if stack is not None and courses and not _is_reported(found, faults, courses[0]):
+        found = _with_the_best(timeline, ruleset, evaluated, found, stack, courses)
     elif courses:
         growth = growth_of(faults[courses[0].fault], courses[0], float(timeline.until[-1]))
         found = _with_growth(found, faults[courses[0].fault].id, growth)
-    findings = [_followed(timeline, seen, found, one, place) for one in found.findings]
+    findings = [_followed(timeline, evaluated, found, one, place) for one in found.findings]
     return replace(found, findings=findings)
 
 
-def _is_told(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
+def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> bool:
     """Whether runs of stretches say as much as a course: it goes in steps, and agrees with them."""
     if course.grows:
         return False
@@ -82,10 +84,10 @@ def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
 
 
 def found_again(
-    timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints, before: Found
+    timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints, before: Found
 ) -> Found:
     """The same after a few more rows, with the courses found `before`."""
-    found = findings_of(timeline, ruleset, seen)
+    found = findings_of(timeline, ruleset, evaluated)
     for old in before.findings:
         if old.growth is None or not old.active:
             continue
@@ -129,13 +131,13 @@ def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Cours
 def _with_the_best(
     timeline: Timeline,
     ruleset: Ruleset,
-    seen: EvaluatedPoints,
+    evaluated: EvaluatedPoints,
     found: Found,
     stack: Stack,
     courses: Sequence[Course],
 ) -> Found:
     """Results of a part with a growing fault in place of all that was reported during it."""
-    faults, best = seen.part.ruleset.faults, courses[0]
+    faults, best = evaluated.part.ruleset.faults, courses[0]
     prior = np.log([faults[c.fault].odds for c in courses])
     evidence = np.array([c.evidence for c in courses])
     chance, alone = (shares(e[:, None])[:, 0] for e in (evidence + prior, evidence))
@@ -157,23 +159,27 @@ def _with_the_best(
         ONSET,
     )
     # The learned baseline contains the fault.
-    plain = replace(seen, observed=seen.plain, baselines=nothing_known(seen.plain))
+    plain = replace(evaluated, observed=evaluated.plain, baselines=nothing_known(evaluated.plain))
     last = int(stack.points[-1])
     one = finding_of(ruleset, plain, cause, [last], (since, until))
     growth = growth_of(faults[best.fault], best, stack.end)
-    one = replace(one, behind=behind_of(timeline, seen, [last]), growth=growth)
+    one = replace(one, behind=behind_of(timeline, evaluated, [last]), growth=growth)
     return _in_place(found, one, since)
 
 
 def _followed(
-    timeline: Timeline, seen: EvaluatedPoints, found: Found, one: Finding, place: dict[str, int]
+    timeline: Timeline,
+    evaluated: EvaluatedPoints,
+    found: Found,
+    one: Finding,
+    place: dict[str, int],
 ) -> Finding:
     """A finding with its present size, if it is still there and its stretches show it."""
     if one.growth is not None or not one.active:
         return one
     others = [f for f in found.findings if f is not one]
     now = Growth(time=one.until, degree=one.degree, lower=one.lower, upper=one.upper)
-    isolation = seen.isolation
+    isolation = evaluated.isolation
     here = isolation.judged & (timeline.since >= one.since)
     before = isolation.judged & ~isolation.deviating & (timeline.until < one.since)
     for other in others:
@@ -184,7 +190,7 @@ def _followed(
         return replace(one, growth=now)
     fault = place[one.fault.id]
     stack = stack_of(
-        seen.part.ruleset, seen.plain, np.concatenate([healthy, run]), one.until, [fault]
+        evaluated.part.ruleset, evaluated.plain, np.concatenate([healthy, run]), one.until, [fault]
     )
     onset = -1 if stack is None else int(np.searchsorted(stack.points, run[0]))
     if stack is None or onset >= len(stack.points):

@@ -144,8 +144,7 @@ def _directions(gradients: Gradients, errors: list[str]) -> Array:
     _, sizes, directions = np.linalg.svd(rows, full_matrices=False)
     behind = np.append(np.cumsum(sizes[::-1] ** 2)[::-1], 0.0)
     enough = int(np.argmax(behind <= limits.LEFT_OF_ERRORS * behind[0]))
-    found: Array = directions[:enough].T
-    return found
+    return np.asarray(directions[:enough].T)
 
 
 def _table(gradients: Gradients, errors: tuple[str, ...]) -> tuple[list[int], Array]:

@@ -112,12 +112,12 @@ def evaluate_part(
     if mode != PAPER and not keep and has_many(part.ruleset):
         return _evaluate_many(part, points, alike, halves)
 
-    def told(chosen: slice) -> Observed:
+    def of_batch(chosen: slice) -> Observed:
         found = observe_part(whole, part, points.at(chosen))
         let_go(*points.values.values(), *points.lag.values())
         return found
 
-    return _evaluate(part, told, points, alike, mode, halves, keep=keep)
+    return _evaluate(part, of_batch, points, alike, mode, halves, keep=keep)
 
 
 def _evaluate_many(
@@ -131,20 +131,20 @@ def _evaluate_many(
     every = estimate(ruleset, own)
     directions = every.at(thinned(np.arange(len(own)))).directions()
 
-    def told(chosen: slice) -> Observed:
+    def of_batch(chosen: slice) -> Observed:
         here = {name: flags[chosen] for name, flags in outside.items()}
         plain = replace(every.at(chosen).observed(directions), extrapolated=here)
         return _wandering(ruleset, plain, halves, part.observers, chosen)
 
-    found = see_many(ruleset, len(points), told)
+    found = see_many(ruleset, len(points), of_batch)
     give_back()
     plain, compared = (
         replace(one, points=own, extrapolated=outside) for one in (found.plain, found.compared)
     )
-    return _seen(part, points, plain, compared, found.baselines, found.isolation)
+    return _evaluated(part, points, plain, compared, found.baselines, found.isolation)
 
 
-def _seen(
+def _evaluated(
     part: Part,
     points: Points,
     plain: Observed,
@@ -191,7 +191,7 @@ def evaluate_observed(
 
 def _evaluate(
     part: Part,
-    told: Callable[[slice], Observed],
+    of_batch: Callable[[slice], Observed],
     points: Points,
     alike: tuple[Points, Mapping[str, np.ndarray]],
     mode: str,
@@ -199,12 +199,12 @@ def _evaluate(
     *,
     keep: bool = False,
 ) -> EvaluatedPoints:
-    """The same if `told` gives the estimates of a batch of points; `alike` are the points as the
+    """The same if `of_batch` gives the estimates of a batch; `alike` are the points as the
     part reads them, and flags of readings outside the calibrated range."""
     ruleset, count = part.ruleset, len(points)
 
     def observed(chosen: slice) -> Observed:
-        plain = told(chosen)
+        plain = of_batch(chosen)
         if mode == PAPER:
             return plain
         return _wandering(ruleset, plain, halves, part.observers, chosen)
@@ -225,33 +225,33 @@ def _evaluate(
     learner = Learner(ruleset, keep=keep)
     compared = _compared(ruleset, plain, learner)
     isolation = _isolated(ruleset, compared, mode)
-    return _seen(part, points, plain, compared, learner.baselines(), isolation)
+    return _evaluated(part, points, plain, compared, learner.baselines(), isolation)
 
 
 def _compared(ruleset: Ruleset, plain: Observed, learner: Learner) -> Observed:
     """Estimates relative to the baselines that are learned on the way."""
 
-    def told(part: slice) -> Observed:
+    def of_batch(part: slice) -> Observed:
         some = plain.part(part)
         found = against(ruleset, some, learner.take(some, part.start))
         let_go(plain.flows)
         return found
 
     along = {name: POINTS_ALONG[name] for name in SHIFTED}
-    found = in_batches(len(plain), along, told)
+    found = in_batches(len(plain), along, of_batch)
     return replace(plain, **{name: getattr(found, name) for name in SHIFTED})
 
 
 def _isolated(ruleset: Ruleset, observed: Observed, mode: str) -> Isolation:
     count = len(observed)
 
-    def told(part: slice) -> Isolation:
+    def of_batch(part: slice) -> Isolation:
         some = observed.part(part)
         found = isolate(ruleset, some, count)
         let_go(observed.flows, observed.covariance)
         return _by_paper(ruleset, some, found) if mode == PAPER else found
 
-    return in_batches(count, EXPLAINED_ALONG, told)
+    return in_batches(count, EXPLAINED_ALONG, of_batch)
 
 
 def nothing_known(observed: Observed) -> Baselines:
@@ -264,7 +264,7 @@ def evaluate_samples(
     ruleset: Ruleset,
     noise: Mapping[str, float],
     stretches: Stretches,
-    stretches_seen: list[EvaluatedPoints],
+    of_stretches: list[EvaluatedPoints],
     chosen: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, list[EvaluatedPoints]]]:
     """Evaluate every chosen sample on its own, in batches, against the baselines of its stretch."""
@@ -273,39 +273,39 @@ def evaluate_samples(
     place = np.maximum(place, 0)
     lag = lag_errors(recording, ruleset, stretches, noise)
     points = replace(points, lag={name: errors[place] for name, errors in lag.items()})
-    points = of_samples(points, stretches_seen[0].points, place)
+    points = of_samples(points, of_stretches[0].points, place)
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
         some, at, looks = points.at(here), place[here], len(chosen)
-        yield here, [_evaluate_samples(ruleset, some, s, at, looks) for s in stretches_seen]
+        yield here, [_evaluate_samples(ruleset, some, s, at, looks) for s in of_stretches]
 
 
 def _evaluate_samples(
-    whole: Ruleset, points: Points, seen: EvaluatedPoints, place: np.ndarray, looks: int
+    whole: Ruleset, points: Points, evaluated: EvaluatedPoints, place: np.ndarray, looks: int
 ) -> EvaluatedPoints:
-    ruleset, plain = seen.part.ruleset, observe_part(whole, seen.part, points)
-    if not seen.combined:
+    ruleset, plain = evaluated.part.ruleset, observe_part(whole, evaluated.part, points)
+    if not evaluated.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
-        return replace(seen, points=points, plain=plain, observed=plain, isolation=isolation)
-    plain = wandering(plain, seen.plain.wander[place])
-    compared = against(ruleset, plain, seen.baselines, seen.baselines.at[place])
+        return replace(evaluated, points=points, plain=plain, observed=plain, isolation=isolation)
+    plain = wandering(plain, evaluated.plain.wander[place])
+    compared = against(ruleset, plain, evaluated.baselines, evaluated.baselines.at[place])
     isolation = isolate(ruleset, compared, looks)
-    return replace(seen, points=points, plain=plain, observed=compared, isolation=isolation)
+    return replace(evaluated, points=points, plain=plain, observed=compared, isolation=isolation)
 
 
-def residuals_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> tuple[Array, Array]:
+def residuals_at(ruleset: Ruleset, evaluated: list[EvaluatedPoints]) -> tuple[Array, Array]:
     """Residuals and their uncertainties, shape (residuals, n), each from its part."""
-    values, u = np.full((2, len(ruleset.residuals), len(seen[0].plain)), np.nan)
-    for one in seen:
+    values, u = np.full((2, len(ruleset.residuals), len(evaluated[0].plain)), np.nan)
+    for one in evaluated:
         rows = one.part.residuals
         values[rows], u[rows] = one.observed.residuals, one.observed.residual_u
     return values, u
 
 
-def usable_at(ruleset: Ruleset, seen: list[EvaluatedPoints]) -> np.ndarray:
+def usable_at(ruleset: Ruleset, evaluated: list[EvaluatedPoints]) -> np.ndarray:
     """Usable estimates, flags of shape (observers, n)."""
-    valid = np.zeros((len(ruleset.observers), len(seen[0].plain)), dtype=bool)
-    for one in seen:
+    valid = np.zeros((len(ruleset.observers), len(evaluated[0].plain)), dtype=bool)
+    for one in evaluated:
         valid[one.part.observers] |= one.observed.valid
     return valid
 

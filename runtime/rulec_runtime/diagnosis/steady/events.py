@@ -52,16 +52,16 @@ def events_of(
     ruleset: Ruleset,
     stretches: Stretches,
     noise: Mapping[str, float],
-    seen: list[EvaluatedPoints],
+    evaluated: list[EvaluatedPoints],
     mode: str,
 ) -> Iterator[Finding]:
     """One finding per intermittent fault."""
     gaps = _without_reason(recording, ruleset, stretches, noise)
-    if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in seen):
+    if len(gaps) < limits.FEWEST_EVENTS or not all(part.combined for part in evaluated):
         return
     samples = np.concatenate([np.arange(a, b) for a, b in zip(gaps.first, gaps.last, strict=True)])
     alone = points_of_samples(recording, ruleset, noise).at(samples)
-    for part in seen:
+    for part in evaluated:
         if has_many(part.part.ruleset):
             continue
         sound = _sound(part)
@@ -98,9 +98,9 @@ def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
     return bool(np.ptp(values) <= limit)
 
 
-def _events(gaps: _Gaps, seen: EvaluatedPoints, off: np.ndarray) -> _Gaps:
+def _events(gaps: _Gaps, evaluated: EvaluatedPoints, off: np.ndarray) -> _Gaps:
     """The samples that deviate, in gaps between stretches in which a part of the plant is sound."""
-    sound = seen.isolation.judged & ~seen.isolation.deviating
+    sound = evaluated.isolation.judged & ~evaluated.isolation.deviating
     found = []
     for a, b, before in zip(gaps.first, gaps.last, gaps.before, strict=True):
         (there,) = np.nonzero(off[a:b])
@@ -115,29 +115,31 @@ def _pooled(
     ruleset: Ruleset,
     events: _Gaps,
     noise: Mapping[str, float],
-    seen: EvaluatedPoints,
+    evaluated: EvaluatedPoints,
     mode: str,
 ) -> Iterator[Finding]:
     """Findings by all events of a part of a plant together, beside its sound stretches."""
     spans = Stretches(events.first, events.last)
-    sound = _sound(seen)
+    sound = _sound(evaluated)
     own = points_of_stretches(recording, ruleset, spans, noise)
-    both = evaluate_part(ruleset, seen.part, _behind(seen.points.at(sound), own), mode)
+    both = evaluate_part(ruleset, evaluated.part, _behind(evaluated.points.at(sound), own), mode)
     timeline = _one_after_the_other(timeline_of(recording.time, spans), len(sound))
     for finding in findings_of(timeline, ruleset, both).findings:
         there = np.flatnonzero(
             (timeline.since[len(sound) :] >= finding.since)
             & (timeline.until[len(sound) :] <= finding.until)
         )
-        told = _told(recording, ruleset, events.of(there), own.at(there))
-        glitch = finding.fault.in_sensor and told.samples < limits.LEAST_EVENT * told.count
-        if told.count >= limits.FEWEST_EVENTS and not glitch and finding.behind is not ENDED:
-            yield replace(finding, events=told, text=f"{finding.text}; {told.text}", behind=ENDED)
+        summary = _summary(recording, ruleset, events.of(there), own.at(there))
+        glitch = finding.fault.in_sensor and summary.samples < limits.LEAST_EVENT * summary.count
+        if summary.count >= limits.FEWEST_EVENTS and not glitch and finding.behind is not ENDED:
+            yield replace(
+                finding, events=summary, text=f"{finding.text}; {summary.text}", behind=ENDED
+            )
 
 
-def _sound(seen: EvaluatedPoints) -> np.ndarray:
+def _sound(evaluated: EvaluatedPoints) -> np.ndarray:
     """Some stretches in which a part of the plant is sound, spread evenly."""
-    sound = np.flatnonzero(seen.isolation.judged & ~seen.isolation.deviating)
+    sound = np.flatnonzero(evaluated.isolation.judged & ~evaluated.isolation.deviating)
     return thinned(sound, limits.STRETCHES_LOOKED_AT)
 
 
@@ -159,7 +161,7 @@ def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
     )
 
 
-def _told(recording: Recording, ruleset: Ruleset, events: _Gaps, points: Points) -> Events:
+def _summary(recording: Recording, ruleset: Ruleset, events: _Gaps, points: Points) -> Events:
     samples = int((events.last - events.first).sum())
     interval = float(recording.interval)
     whole = float(recording.time[-1] - recording.time[0]) + interval

@@ -39,19 +39,19 @@ class Latest:
     residuals: tuple[Evidence, ...]
 
 
-def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[EvaluatedPoints]) -> Latest:
+def latest_of(ruleset: Ruleset, timeline: Timeline, evaluated: Sequence[EvaluatedPoints]) -> Latest:
     """Residuals of the last settled stretch, in the ruleset's order."""
     last = len(timeline) - 1
-    found = {e.residual: e for part in seen for e in evidence_at(part, last)}
+    found = {e.residual: e for part in evaluated for e in evidence_at(part, last)}
     ordered = tuple(found[r.id] for r in ruleset.residuals if r.id in found)
     return Latest(float(timeline.since[last]), float(timeline.until[last]), ordered)
 
 
 def evidence_at(
-    seen: EvaluatedPoints, point: int, fault: FaultSpec | None = None
+    evaluated: EvaluatedPoints, point: int, fault: FaultSpec | None = None
 ) -> tuple[Evidence, ...]:
     """All residuals of a part at a point, beside those that a fault predicts: 0 without one."""
-    ruleset, observed = seen.part.ruleset, seen.observed
+    ruleset, observed = evaluated.part.ruleset, evaluated.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]
     signs = {c.residual: c.sign for c in cells}
     index = ruleset.observer_index

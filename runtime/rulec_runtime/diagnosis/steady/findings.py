@@ -168,43 +168,43 @@ class Found:
     without: frozenset[str] = frozenset()
 
 
-def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> Found:
+def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints) -> Found:
     """Join neighbouring stretches with the same verdict; blind ones do not interrupt a finding."""
     give_back()
-    verdicts = _verdicts(timeline, seen)
-    found = Found([], [], _in_part(timeline, seen))
+    verdicts = _verdicts(timeline, evaluated)
+    found = Found([], [], _in_part(timeline, evaluated))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
     runs = []
-    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+    for kind, members in runs_of(verdicts, evaluated.isolation, pauses, _slow(ruleset, evaluated)):
         # Of other runs, which may be long, only the first and last stretch are needed.
         whole = kind in ("fault", "unknown")
         runs.append((kind, members if whole else [members[0], members[-1]]))
-        let_go(seen.isolation.floor)
-    faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
-    fits = _fits(seen, faulty)
+        let_go(evaluated.isolation.floor)
+    faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(evaluated, timeline, m)]
+    fits = _fits(evaluated, faulty)
     for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
-        if kind == "fault" and _too_brief(seen, timeline, members):
-            fault = seen.part.ruleset.faults[verdicts[members[0]].faults[0]]
+        if kind == "fault" and _too_brief(evaluated, timeline, members):
+            fault = evaluated.part.ruleset.faults[verdicts[members[0]].faults[0]]
             text = f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
             found.not_judged.append(Period(since, until, text))
         elif kind == "fault":
-            fitted = by_temperature(seen, members, _evident(seen, members, next(fits)))
-            causes = causes_of(seen, members, fitted, known)
+            fitted = by_temperature(evaluated, members, _evident(evaluated, members, next(fits)))
+            causes = causes_of(evaluated, members, fitted, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
-                times = _when(timeline, seen, cause, members)
-                one = finding_of(ruleset, seen, cause, members, times)
-                behind = OVER if cause.when == ENDED else behind_of(timeline, seen, members)
-                if seen.combined and cause.when != ENDED and one.is_contradicted:
+                times = _when(timeline, evaluated, cause, members)
+                one = finding_of(ruleset, evaluated, cause, members, times)
+                behind = OVER if cause.when == ENDED else behind_of(timeline, evaluated, members)
+                if evaluated.combined and cause.when != ENDED and one.is_contradicted:
                     text = f"nothing known fits: the evidence contradicts {one.fault.id}"
-                    off = disagreeing(seen, _worst(seen, members))
+                    off = disagreeing(evaluated, _worst(evaluated, members))
                     found.unknown.append(Period(*times, text, off))
                 else:
                     found.findings.append(replace(one, behind=behind))
-            let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
+            let_go(evaluated.isolation.floor, evaluated.observed.flows, evaluated.observed.offsets)
             let_go(timeline.since)
         elif kind == "blind":
             lost = verdicts[members[0]].lost
@@ -212,23 +212,23 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: EvaluatedPoints) -> 
         elif kind == "ok":
             known = frozenset()
         else:
-            off = disagreeing(seen, _worst(seen, members))
+            off = disagreeing(evaluated, _worst(evaluated, members))
             found.unknown.append(Period(since, until, text, off))
     return found
 
 
-def _fits(seen: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
+def _fits(evaluated: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
     """Fits of each run, some runs at a time to save memory."""
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
-        yield from fits_of_runs(seen, runs[low : low + limits.RUNS_AT_ONCE])
+        yield from fits_of_runs(evaluated, runs[low : low + limits.RUNS_AT_ONCE])
         give_back()
 
 
-def _evident(seen: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
+def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
     """Fits of a run without single faults that are contradicted where it deviates most: no residual
     may move against the prediction."""
-    ruleset, signs = seen.part.ruleset, {"+": 1, "-": -1}
-    rows = evidence_at(seen, _worst(seen, members)) if fits.tried else ()
+    ruleset, signs = evaluated.part.ruleset, {"+": 1, "-": -1}
+    rows = evidence_at(evaluated, _worst(evaluated, members)) if fits.tried else ()
     moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
     against = {c.fault for c in ruleset.cells if c.sign * moved.get(c.residual, 0) < 0}
 
@@ -239,22 +239,22 @@ def _evident(seen: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
     return replace(fits, tried=[fit for fit in fits.tried if stands(fit)])
 
 
-def _verdicts(timeline: Timeline, seen: EvaluatedPoints) -> list[Verdict]:
+def _verdicts(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Verdict]:
     """The verdict of each stretch; equal ones are shared."""
     known: dict[Verdict, Verdict] = {}
     found = []
     for i in range(len(timeline)):
-        verdict = verdict_at(seen, i)
+        verdict = verdict_at(evaluated, i)
         found.append(known.setdefault(verdict, verdict))
         if not i % limits.POINTS_AT_ONCE:
-            let_go(seen.isolation.floor, seen.observed.flows, seen.observed.offsets)
+            let_go(evaluated.isolation.floor, evaluated.observed.flows, evaluated.observed.offsets)
     return found
 
 
-def _too_brief(seen: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
+def _too_brief(evaluated: EvaluatedPoints, timeline: Timeline, members: list[int]) -> bool:
     """Whether a deviation is short, and small enough for the end of a transient."""
-    isolation = seen.isolation
-    strongest = _worst(seen, members)
+    isolation = evaluated.isolation
+    strongest = _worst(evaluated, members)
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
     brief = timeline.samples[members].sum() < limits.PERSISTENCE
@@ -262,68 +262,68 @@ def _too_brief(seen: EvaluatedPoints, timeline: Timeline, members: list[int]) ->
     return bool(brief and not far)
 
 
-def _worst(seen: EvaluatedPoints, members: list[int]) -> int:
-    return members[int(np.argmax(seen.isolation.misfit[members]))]
+def _worst(evaluated: EvaluatedPoints, members: list[int]) -> int:
+    return members[int(np.argmax(evaluated.isolation.misfit[members]))]
 
 
 def _when(
-    timeline: Timeline, seen: EvaluatedPoints, cause: Cause, members: list[int]
+    timeline: Timeline, evaluated: EvaluatedPoints, cause: Cause, members: list[int]
 ) -> tuple[float, float]:
     """First and last time of a cause: that of the run, of its baseline, or of both."""
     first, last = members[0], members[-1]
     if cause.when != ONSET:
-        learned = seen.baselines.learned_at(first)
+        learned = evaluated.baselines.learned_at(first)
         first, last = learned[0], learned[-1] if cause.when == ENDED else last
     return float(timeline.since[first]), float(timeline.until[last])
 
 
-def behind_of(timeline: Timeline, seen: EvaluatedPoints, members: list[int]) -> str | None:
+def behind_of(timeline: Timeline, evaluated: EvaluatedPoints, members: list[int]) -> str | None:
     """What follows a run: judged stretches, the end, or rows that could not be judged."""
     last = members[-1]
-    if seen.isolation.judged[last + 1 :].any():
+    if evaluated.isolation.judged[last + 1 :].any():
         return OVER
     if timeline.later[last] < limits.PERSISTENCE:
         return TO_THE_END
     return UNSETTLED if last + 1 == len(timeline) else UNJUDGED
 
 
-def _in_part(timeline: Timeline, seen: EvaluatedPoints) -> list[Period]:
+def _in_part(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
-    whole = np.asarray(seen.observed.valid.all(axis=0))
-    for flags in seen.observed.points.stood_in.values():
+    whole = np.asarray(evaluated.observed.valid.all(axis=0))
+    for flags in evaluated.observed.points.stood_in.values():
         whole &= ~flags
     for i in range(len(timeline)):
-        text = "" if whole[i] else partly_blind(seen, i)
+        text = "" if whole[i] else partly_blind(evaluated, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
         elif text:
-            found.append(Period(since, until, text, partly=True, lost=only_lost(seen, i)))
+            found.append(Period(since, until, text, partly=True, lost=only_lost(evaluated, i)))
         last = text
     let_go(timeline.since)
     return found
 
 
-def _slow(ruleset: Ruleset, seen: EvaluatedPoints) -> set[int]:
+def _slow(ruleset: Ruleset, evaluated: EvaluatedPoints) -> set[int]:
     """Stretches in which a reading that an estimate uses moves."""
-    lag = seen.points.lag
+    lag = evaluated.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
 def finding_of(
     ruleset: Ruleset,
-    seen: EvaluatedPoints,
+    evaluated: EvaluatedPoints,
     cause: Cause,
     members: list[int],
     times: tuple[float, float],
 ) -> Finding:
     """A cause with its evidence at the strongest point of a run."""
-    own = seen.part.ruleset
+    own = evaluated.part.ruleset
     fault = own.faults[cause.fault]
-    strongest = _worst(seen, members)
-    cause, further = with_temperature(seen, members, cause)
+    strongest = _worst(evaluated, members)
+    cause, further = with_temperature(evaluated, members, cause)
     text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
     return Finding(
         fault,
@@ -335,10 +335,10 @@ def finding_of(
         tuple((own.faults[i].id, p) for i, p in cause.rivals),
         tuple((own.faults[i].id, p) for i, p in cause.remote),
         tuple(own.faults[i].id for i in cause.together),
-        evidence_at(seen, strongest, fault),
-        _readings(ruleset, seen.points, strongest),
-        _flows(own, seen.observed, strongest),
-        seen.baselines.count_at(members[0]),
+        evidence_at(evaluated, strongest, fault),
+        _readings(ruleset, evaluated.points, strongest),
+        _flows(own, evaluated.observed, strongest),
+        evaluated.baselines.count_at(members[0]),
         f"{text}{further}",
     )
 

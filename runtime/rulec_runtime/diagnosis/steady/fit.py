@@ -85,8 +85,7 @@ def fit(
 
 def _unread(test: HypothesisTest, fault: FaultSpec) -> np.ndarray:
     """Problems in which a fault would affect a reading that was removed, shape (n,)."""
-    flags: np.ndarray = np.any(test.unread(fault) & (test.present > 0.0), axis=0)
-    return flags
+    return np.asarray(np.any(test.unread(fault) & (test.present > 0.0), axis=0))
 
 
 def _portions(
@@ -127,8 +126,7 @@ def _single(faults: Faults) -> Array:
     low = fault.lowest / fault.scale
     top = fault.highest * (1.0 - limits.BELOW_HIGHEST) / fault.scale
     starts = np.array(limits.FIT_STARTS)
-    tried: Array = starts[(starts == 0.0) | ((low < starts) & (top > starts))] * fault.scale
-    return tried
+    return np.asarray(starts[(starts == 0.0) | ((low < starts) & (top > starts))] * fault.scale)
 
 
 def pair_starts() -> Array:

@@ -168,8 +168,7 @@ class _Alone:
         noise = self.observed.noise[points][:, self.valid][:, :, self.valid]
         lasting = self.observed.covariance[points][:, self.valid][:, :, self.valid] - noise
         own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
-        result: Array = self.basis @ own @ self.basis.T
-        return result
+        return np.asarray(self.basis @ own @ self.basis.T)
 
     def change(self, members: np.ndarray, scales: Scales, places: np.ndarray) -> Array:
         (points,) = members
@@ -179,8 +178,7 @@ class _Alone:
         lasting = self.observed.covariance[rows][:, :, usable] - noise
         changed = noise * (_factors(scales.noise[:, 0], places) - 1.0)
         changed += lasting * (_factors(scales.lasting[:, 0], places) - 1.0)
-        there: Array = changed * (places >= 0).T[:, :, None]
-        return there
+        return np.asarray(changed * (places >= 0).T[:, :, None])
 
     def seen_by(self, basis: Array) -> _Alone:
         return replace(self, basis=basis)
@@ -195,8 +193,7 @@ def _factors(scale: Array, places: np.ndarray) -> Array:
 
 def _scaled(covariance: Array, factors: Array) -> Array:
     """Covariances, shape (n, flows, flows), of flows times factors, shape (flows, n)."""
-    scaled: Array = covariance * factors.T[:, :, None] * factors.T[:, None, :]
-    return scaled
+    return np.asarray(covariance * factors.T[:, :, None] * factors.T[:, None, :])
 
 
 def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool, pairs: bool) -> None:
@@ -320,8 +317,7 @@ def shares(evidence: Array) -> Array:
     known = np.isfinite(best)
     weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)
     total = weight.sum(axis=0)
-    result: Array = weight / np.where(total > 0, total, 1.0)
-    return result
+    return np.asarray(weight / np.where(total > 0, total, 1.0))
 
 
 def accepted(rank: int, fitted: int, chance: float) -> float:

@@ -42,15 +42,15 @@ class Learner:
         it."""
         states = [self._last or nothing_learned(observed)]
         at = np.zeros(len(observed), dtype=int)
-        every, done = [*_said_by(self._ruleset, observed)], 0
+        every, done = [*_groups_by(self._ruleset, observed)], 0
         while done < len(observed):
             # Where points add nothing new, many are skipped together.
             until = min(done + self._at_once, len(observed))
-            worth = [said.worth_learning(states[-1], done, until) for said in every]
+            worth = [group.worth_learning(states[-1], done, until) for group in every]
             found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
             last = until if found is None else found[0] + 1
-            for said in every:
-                at[said.between(done, last)] = len(states) - 1
+            for group in every:
+                at[group.between(done, last)] = len(states) - 1
             taken = None if found is None else every[found[1]].taken_up(states[-1], found[0])
             if taken is not None:
                 states.append(taken)
@@ -73,7 +73,7 @@ class Learner:
 
 
 @dataclass(frozen=True)
-class _Said:
+class _Group:
     """Judgeable points that share their valid observers, in order of time, m of them.
 
     Residuals (m, rank), their gradients by the lasting errors (m, rank, errors), covariance of the
@@ -92,8 +92,7 @@ class _Said:
     def between(self, first: int, last: int) -> np.ndarray:
         """Those of the points ``first : last`` of the recording."""
         low, high = np.searchsorted(self.points, [first, last])
-        found: np.ndarray = self.points[low:high]
-        return found
+        return np.asarray(self.points[low:high])
 
     def worth_learning(self, before: Baseline, first: int, last: int) -> np.ndarray:
         """Those among points that may be learned from, given the baseline before them."""
@@ -144,7 +143,7 @@ class _Said:
         )
 
 
-def _said_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Said]:
+def _groups_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Group]:
     time = times_of(observed)
     outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
     for valid, members, basis in groups_of(ruleset, observed.valid):
@@ -155,4 +154,4 @@ def _said_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Said]:
         sound = np.isfinite(residuals).all(axis=1) & np.isfinite(shared).all(axis=(1, 2))
         size = np.linalg.slogdet(noise)[1]
         calm = sound & ~outside[members]
-        yield _Said(members, time[members], residuals, shared, noise, size, calm)
+        yield _Group(members, time[members], residuals, shared, noise, size, calm)

@@ -45,54 +45,58 @@ class Warming:
         return f"{name} {way} by {abs(self.rise):.2g} K"
 
 
-def by_temperature(seen: EvaluatedPoints, members: Sequence[int], fits: Fits) -> Fits:
+def by_temperature(evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits) -> Fits:
     """Fits of a run, with the evidence of temperatures for changes of the liquid."""
-    changes = _changes(seen)
+    changes = _changes(evaluated)
 
     def weighed(fit: Fit) -> Fit:
         faults = zip(fit.faults, fit.degrees, strict=True)
         found = [(changes[i], x) for i, x in faults if i in changes]
         if not found or fit.when != ONSET:
             return fit
-        evidence = sum(_evidence(change, x, _warming(seen, change, members)) for change, x in found)
+        evidence = sum(
+            _evidence(change, x, _warming(evaluated, change, members)) for change, x in found
+        )
         return replace(fit, evidence=fit.evidence + evidence)
 
     return replace(fits, tried=[weighed(fit) for fit in fits.tried]) if changes else fits
 
 
 def with_temperature(
-    seen: EvaluatedPoints, members: Sequence[int], cause: Cause
+    evaluated: EvaluatedPoints, members: Sequence[int], cause: Cause
 ) -> tuple[Cause, str]:
     """A cause, and an addition to its text. For a change of the liquid, its bounds include the
     tolerance of its laws, and the text says what temperatures show."""
-    change = _changes(seen).get(cause.fault)
+    change = _changes(evaluated).get(cause.fault)
     if change is None:
         return cause, ""
     half = limits.COVERAGE * change.fault.tolerance * cause.degree
     lower = cause.degree - math.hypot(half, cause.degree - cause.lower)
     upper = cause.degree + math.hypot(half, cause.upper - cause.degree)
     wide = replace(cause, lower=lower, upper=upper)
-    warming = _warming(seen, change, members) if cause.when == ONSET else None
+    warming = _warming(evaluated, change, members) if cause.when == ONSET else None
     if warming is None:
         return wide, ""
-    said = _evidence(change, cause.degree, warming)
-    meaning = "which speaks for it" if said > 0.0 else "which speaks against it"
-    return wide, f"; meanwhile {warming.words()}{', ' + meaning if said else ''}"
+    evidence = _evidence(change, cause.degree, warming)
+    meaning = "which speaks for it" if evidence > 0.0 else "which speaks against it"
+    return wide, f"; meanwhile {warming.words()}{', ' + meaning if evidence else ''}"
 
 
-def _changes(seen: EvaluatedPoints) -> dict[int, LiquidSpec]:
+def _changes(evaluated: EvaluatedPoints) -> dict[int, LiquidSpec]:
     """Changes of the liquid by their places among the faults of a part."""
-    ruleset = seen.part.ruleset
+    ruleset = evaluated.part.ruleset
     known = {change.fault.id: change for change in ruleset.liquid}
     return {i: known[f.id] for i, f in enumerate(ruleset.faults) if f.id in known}
 
 
-def _warming(seen: EvaluatedPoints, change: LiquidSpec, members: Sequence[int]) -> Warming | None:
+def _warming(
+    evaluated: EvaluatedPoints, change: LiquidSpec, members: Sequence[int]
+) -> Warming | None:
     """Change of temperatures; None if the property depends on none, or none is known."""
-    learned = seen.baselines.learned_at(members[0])
+    learned = evaluated.baselines.learned_at(members[0])
     if not (change.per_kelvin and len(learned)):
         return None
-    values, rises = seen.points.values, {}
+    values, rises = evaluated.points.values, {}
     for name in change.thermometers:
         if name in values:
             before, now = values[name][learned], values[name][np.asarray(members)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines, against
+from rulec_runtime.diagnosis.steady.batches import Tables
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.learn import Learner
 from rulec_runtime.diagnosis.steady.observe import POINTS_ALONG, Observed
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.scratch import arrays, let_go
-
-Told = TypeVar("Told")
-"""A frozen dataclass of tables."""
 
 KEPT_ALONG = {n: a for n, a in POINTS_ALONG.items() if n not in ("noise", "shared")} | {"u": 1}
 """Axis of the points in each kept table of an `Observed`."""
@@ -54,14 +52,14 @@ def at_once(ruleset: Ruleset) -> int:
     return max(limits.ESTIMATES_AT_ONCE // max(len(ruleset.observers), 1) ** 2, 1)
 
 
-def see_many(ruleset: Ruleset, count: int, told: Callable[[slice], Observed]) -> Many:
-    """Judge so many points in order of time; `told` observes a few of them."""
+def see_many(ruleset: Ruleset, count: int, of_batch: Callable[[slice], Observed]) -> Many:
+    """Judge so many points in order of time; `of_batch` observes a few of them."""
     learner = Learner(ruleset, keep=False)
     plain, compared, isolations = [], [], []
     tables: list[Array] = []
     for low in range(0, count, at_once(ruleset)):
         part = slice(low, min(low + at_once(ruleset), count))
-        here = told(part)
+        here = of_batch(part)
         found = against(ruleset, here, learner.take(here, low))
         isolations.append(isolate(ruleset, found, count))
         both = here.noise, np.moveaxis(here.shared, -1, 0)
@@ -89,9 +87,9 @@ def _without_tables(observed: Observed) -> Observed:
     return replace(observed, **tables, u=u)
 
 
-def _joined(parts: Sequence[Told], along: Mapping[str, int]) -> Told:
+def _joined(parts: Sequence[Tables], along: Mapping[str, int]) -> Tables:
     tables: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=axis)
         for name, axis in along.items()
     }
-    return cast(Told, replace(cast(Any, parts[0]), **tables))
+    return cast(Tables, replace(cast(Any, parts[0]), **tables))

@@ -64,19 +64,15 @@ class Observed:
         """Covariance of flows less offsets at some points, shape (points, observers, observers);
         without the shift by a baseline if that of all points would be too large."""
         if self.u is None:
-            own: Array = self.covariance[points]
-            return own
+            return np.asarray(self.covariance[points])
         shared = np.ascontiguousarray(np.moveaxis(self.shared[:, :, points], -1, 0))
-        whole: Array = self.noise[points] + shared @ shared.transpose(0, 2, 1)
-        return whole
+        return np.asarray(self.noise[points] + shared @ shared.transpose(0, 2, 1))
 
     def u_at(self, point: int) -> Array:
         """Standard uncertainties of flows less offsets at a point, shape (observers,), m3/s."""
         if self.u is not None:
-            known: Array = self.u[:, point]
-            return known
-        u: Array = np.sqrt(np.diagonal(self.covariance[point]))
-        return u
+            return np.asarray(self.u[:, point])
+        return np.asarray(np.sqrt(np.diagonal(self.covariance[point])))
 
     def part(self, chosen: slice) -> Observed:
         """Some of the points."""

@@ -32,8 +32,7 @@ class PaperResult:
 
     def winner(self) -> np.ndarray:
         """Index of the fault with the largest degree per point."""
-        winner: np.ndarray = np.argmax(self.degree, axis=0)
-        return winner
+        return np.asarray(np.argmax(self.degree, axis=0))
 
 
 def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:

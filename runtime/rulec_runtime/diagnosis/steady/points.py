@@ -48,8 +48,7 @@ class Points:
     def statistical(self, signal: str) -> Array:
         """Standard uncertainty that is new at each point, shape (n,), SI."""
         whole, shared = self.u[signal], self.systematic[signal]
-        part: Array = np.sqrt(np.maximum(whole**2 - shared**2, 0.0))
-        return part
+        return np.asarray(np.sqrt(np.maximum(whole**2 - shared**2, 0.0)))
 
     def at(self, chosen: np.ndarray | slice) -> Points:
         """Some of the points."""
@@ -148,8 +147,7 @@ def _reasons(recording: Recording, ruleset: Ruleset) -> dict[str, str]:
 
 def is_bad(signal: SignalSpec, values: Array) -> np.ndarray:
     """Flags of readings that cannot be right, shape (n,)."""
-    bad: np.ndarray = ~np.isfinite(values) | outside_range(signal, values)
-    return bad
+    return np.asarray(~np.isfinite(values) | outside_range(signal, values))
 
 
 def _sound(signal: SignalSpec, values: Array) -> Array:

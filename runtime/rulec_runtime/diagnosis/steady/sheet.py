@@ -23,22 +23,24 @@ from rulec_runtime.recordings.stationary import Timeline
 ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
 
 
-def against_sheet(timeline: Timeline, seen: EvaluatedPoints, found: Found) -> Found:
+def against_sheet(timeline: Timeline, evaluated: EvaluatedPoints, found: Found) -> Found:
     """Results of a part over a recording. If it was never calibrated and deviates in every stretch,
     this is reported once, and not as faults of meters only."""
-    ruleset, judged = seen.part.ruleset, np.flatnonzero(seen.isolation.judged)
-    if not (seen.combined and len(judged) and (found.findings or found.unknown)):
+    ruleset, judged = evaluated.part.ruleset, np.flatnonzero(evaluated.isolation.judged)
+    if not (evaluated.combined and len(judged) and (found.findings or found.unknown)):
         return found
-    first = disagreeing(seen, int(judged[0]))
+    first = disagreeing(evaluated, int(judged[0]))
     calibrated = any(ruleset.signal_by_id[n].valid_from is not None for n in ruleset.observed)
-    if calibrated or not (first and seen.isolation.deviating[judged].all()):
+    if calibrated or not (first and evaluated.isolation.deviating[judged].all()):
         return found
     if any(_in_the_plant(ruleset, f) for f in found.findings):
         return replace(found, findings=[replace(f, from_sheet=True) for f in found.findings])
-    if not _explains(seen, judged):
+    if not _explains(evaluated, judged):
         return found
     since, until = float(timeline.since[judged[0]]), float(timeline.until[judged[-1]])
-    off = disagreeing(seen, int(judged[np.argmax(seen.isolation.misfit[judged])])) or first
+    off = (
+        disagreeing(evaluated, int(judged[np.argmax(evaluated.isolation.misfit[judged])])) or first
+    )
     (module,) = (r.module for r in ruleset.residuals if r.id == off[0][0])
     text = f"{module} is not as its sheet says, {ADVICE}"
     if found.findings:
@@ -52,9 +54,9 @@ def _in_the_plant(ruleset: Ruleset, finding: Finding) -> bool:
     return not all(ruleset.fault_by_id[name].in_sensor for name in names)
 
 
-def _explains(seen: EvaluatedPoints, judged: np.ndarray) -> bool:
+def _explains(evaluated: EvaluatedPoints, judged: np.ndarray) -> bool:
     """Whether parameters within the error of a sheet leave no contradiction."""
-    ruleset, plain = seen.part.ruleset, seen.plain
+    ruleset, plain = evaluated.part.ruleset, evaluated.plain
     lags = [f"lag:{name}" for name in plain.points.lag]
     errors = sorted({*(name.split(":", 2)[2] for name in slope_names(ruleset)), *lags})
     if len(errors) != plain.shared.shape[1]:
@@ -64,5 +66,5 @@ def _explains(seen: EvaluatedPoints, judged: np.ndarray) -> bool:
     points, valid = spread_evenly(plain, judged)
     wide = replace(plain, shared=plain.shared * reach[:, None])
     test = stacked_test(ruleset, wide, valid, points[:, None], np.ones((len(points), 1)))
-    limit = accepted(test.freedom, 0, seen.isolation.chance)
+    limit = accepted(test.freedom, 0, evaluated.isolation.chance)
     return bool(test.metric.value[0] <= limit)

@@ -34,8 +34,7 @@ def spread_evenly(
 def thinned(points: np.ndarray, most: int = limits.STACKED) -> np.ndarray:
     """At most so many points, spread evenly."""
     places = np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int)
-    some: np.ndarray = points[places]
-    return some
+    return np.asarray(points[places])
 
 
 def stacked_test(

@@ -76,7 +76,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     found = shares(evidence[:, None])
     fitting = np.flatnonzero(np.isfinite(evidence))
 
-    def told(part: slice) -> Isolation:
+    def of_batch(part: slice) -> Isolation:
         own, here = part_of(isolation, POINTS_ALONG, part, len(observed)), lasting[part]
         degree, u = own.degree.copy(), own.u.copy()
         for i in fitting:
@@ -90,7 +90,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
             pair=np.where(here[:, None], -1, own.pair),
         )
 
-    return in_batches(len(observed), POINTS_ALONG, told)
+    return in_batches(len(observed), POINTS_ALONG, of_batch)
 
 
 def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
@@ -115,12 +115,12 @@ def _telling_most(
     middle = whole.members[len(whole.members) // 2]
     one = test_of(whole.ruleset, whole.observed, whole.valid, whole.basis, middle)
     scores, best, own = np.zeros(len(every)), whole, every
-    for basis, told in Contrasts(one, len(whole.members)).groups():
+    for basis, shown in Contrasts(one, len(whole.members)).groups():
         test = whole.seen_by(basis)
-        found = _scores(test, told)[:, 0]
+        found = _scores(test, shown)[:, 0]
         if found.max() > scores.max():
-            best, own = test, np.isin(np.arange(len(every)), told)
-        scores[told] = found
+            best, own = test, np.isin(np.arange(len(every)), shown)
+        scores[shown] = found
     # Stacking faults that move hundreds of flows is expensive: only for the best candidate.
     faults = whole.ruleset.faults
     narrow = np.array([len(fault.affects) <= limits.ROWS_OF_A_FAULT for fault in faults])

@@ -30,13 +30,13 @@ class Verdict:
     lost: bool = False
 
 
-def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
+def verdict_at(evaluated: EvaluatedPoints, point: int) -> Verdict:
     """The verdict on one stretch."""
-    ruleset = seen.part.ruleset
-    observed, isolation = seen.observed, seen.isolation
+    ruleset = evaluated.part.ruleset
+    observed, isolation = evaluated.observed, evaluated.isolation
     if not isolation.judged[point]:
-        because = why_blind(seen, point) or "too few estimates of the same flow"
-        return Verdict("blind", (), because, only_lost(seen, point))
+        because = why_blind(evaluated, point) or "too few estimates of the same flow"
+        return Verdict("blind", (), because, only_lost(evaluated, point))
     if not isolation.deviating[point]:
         return Verdict("ok", (), "")
     chances = isolation.probability[:, point]
@@ -44,7 +44,7 @@ def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
         outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
         if outside:
             return Verdict("outside", (), _outside(ruleset, outside[0]))
-        names = ", ".join(name for name, _, _ in disagreeing(seen, point))
+        names = ", ".join(name for name, _, _ in disagreeing(evaluated, point))
         names = names or "the residuals together"
         text = (
             f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"
@@ -54,36 +54,38 @@ def verdict_at(seen: EvaluatedPoints, point: int) -> Verdict:
     return Verdict("fault", (int(np.argmax(chances * ruleset.odds)),) if pair[0] < 0 else pair, "")
 
 
-def why_blind(seen: EvaluatedPoints, point: int) -> str:
+def why_blind(evaluated: EvaluatedPoints, point: int) -> str:
     """Why estimates of a part are unusable at a point; empty if all are usable."""
     reasons = [
-        reason(seen.part.ruleset, seen.observed, int(i), point)
-        for i in np.flatnonzero(~seen.observed.valid[:, point])
+        reason(evaluated.part.ruleset, evaluated.observed, int(i), point)
+        for i in np.flatnonzero(~evaluated.observed.valid[:, point])
     ]
-    points = seen.observed.points
+    points = evaluated.observed.points
     taken_out = (name for name, flags in points.stood_in.items() if flags[point])
     reasons += [f"{name}: {points.why[name]}" for name in taken_out]
     return "; ".join(dict.fromkeys(reasons))
 
 
-def only_lost(seen: EvaluatedPoints, point: int) -> bool:
+def only_lost(evaluated: EvaluatedPoints, point: int) -> bool:
     """Whether all estimates that are unusable at a point lack a reading."""
-    values = seen.observed.points.values
+    values = evaluated.observed.points.values
     missing = {name for name, column in values.items() if not np.isfinite(column[point])}
-    missing |= seen.part.ruleset.observed - values.keys()
-    observers = zip(seen.part.ruleset.observers, seen.observed.valid[:, point], strict=True)
+    missing |= evaluated.part.ruleset.observed - values.keys()
+    observers = zip(
+        evaluated.part.ruleset.observers, evaluated.observed.valid[:, point], strict=True
+    )
     return all(usable or not missing.isdisjoint(o.signals) for o, usable in observers)
 
 
-def partly_blind(seen: EvaluatedPoints, point: int) -> str:
+def partly_blind(evaluated: EvaluatedPoints, point: int) -> str:
     """Which faults a judged point could not show, and why; empty if all."""
-    if not seen.isolation.judged[point]:
+    if not evaluated.isolation.judged[point]:
         return ""
-    because = why_blind(seen, point)
+    because = why_blind(evaluated, point)
     unseen = [
         fault.id
         for fault, floor in zip(
-            seen.part.ruleset.faults, seen.isolation.floor[:, point], strict=True
+            evaluated.part.ruleset.faults, evaluated.isolation.floor[:, point], strict=True
         )
         if not (fault.unlisted or threshold_of(floor) < fault.highest)
     ]
@@ -93,9 +95,9 @@ def partly_blind(seen: EvaluatedPoints, point: int) -> str:
     return f"in part: {because}; cannot see {names}"
 
 
-def shown_without(seen: Iterable[EvaluatedPoints]) -> Iterator[str]:
+def shown_without(evaluated: Iterable[EvaluatedPoints]) -> Iterator[str]:
     """Faults that are detectable despite removed readings, thanks to stand-ins."""
-    for one in seen:
+    for one in evaluated:
         flags = one.observed.points.stood_in.values()
         where = np.flatnonzero(np.any([*flags], axis=0) & one.isolation.judged) if flags else ()
         if len(where):
@@ -115,10 +117,10 @@ def _outside(ruleset: Ruleset, name: str) -> str:
     )
 
 
-def disagreeing(seen: EvaluatedPoints, point: int) -> tuple[Off, ...]:
+def disagreeing(evaluated: EvaluatedPoints, point: int) -> tuple[Off, ...]:
     """Residuals beyond their thresholds at a point, at most three, the farthest first; each with
     its size and its threshold, as shares of the flow that it is a part of."""
-    observed, ruleset = seen.observed, seen.part.ruleset
+    observed, ruleset = evaluated.observed, evaluated.part.ruleset
     value, u = observed.residuals[:, point], observed.residual_u[:, point]
     ratio = np.abs(value) / u
     ratio[~np.isfinite(ratio)] = 0.0

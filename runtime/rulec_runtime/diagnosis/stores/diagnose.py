@@ -41,21 +41,21 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     found = weighed(ruleset, windows)
     spells = spells_of(found.judged, ruleset.fault_by_id)
     blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
-    said = Found([], [], blind, latest_of(found.judge, found.judged))
+    result = Found([], [], blind, latest_of(found.judge, found.judged))
     for place, spell in enumerate(spells):
         (since, until), cause = _times(found.judged, spell), spell.cause
         if spell.brief:
             if not _beside_another(spells, place):
                 what = f"{cause.fault} would fit" if cause else "the balances do not fit"
                 text = f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
-                said.not_judged.append(Period(since, until, text))
+                result.not_judged.append(Period(since, until, text))
         elif cause is None:
-            said.unknown.append(Period(since, until, _unknown(found, spell)))
+            result.unknown.append(Period(since, until, _unknown(found, spell)))
         else:
-            said.findings.append(_finding(ruleset, windows, found, spells, spell, cause))
+            result.findings.append(_finding(ruleset, windows, found, spells, spell, cause))
     return StoresJudged(
         judged=found.judged,
-        found=said,
+        found=result,
         notes=tuple(_notes(ruleset, windows, found)),
         covered=_covered(recording, found.judged),
     )

@@ -88,8 +88,7 @@ def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:
     count = len(window.time)
     part = np.arange(count) * 3 // count
     off = np.nan_to_num(np.abs(window.measured - shown) / model.spread).sum(axis=1)
-    worst: np.ndarray = part == int(np.argmax(np.bincount(part, off)))
-    return worst
+    return np.asarray(part == int(np.argmax(np.bincount(part, off))))
 
 
 def _entries(

@@ -163,13 +163,11 @@ class Model:
 
     def rows(self, error: Array) -> Array:
         """Errors where something was measured, in standard deviations, shape (known,)."""
-        weighted: Array = (error / self.spread)[np.isfinite(error)]
-        return weighted
+        return np.asarray((error / self.spread)[np.isfinite(error)])
 
     def rows_of_slopes(self, error: Array, slopes: Array) -> Array:
         """Slopes of the outputs with the same weights, shape (known, unknowns)."""
-        table: Array = (slopes / self.spread[:, None])[np.isfinite(error)]
-        return table
+        return np.asarray((slopes / self.spread[:, None])[np.isfinite(error)])
 
     def _step(
         self,
