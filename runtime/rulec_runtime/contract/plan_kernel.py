@@ -36,7 +36,7 @@ Function = Callable[[int, int, int, int], None]
 
 _FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
 _IN_USE: dict[str, tuple[Function, ...]] = {}
-"""By name: code that this process has loaded, for as long as it lives."""
+"""By name: code that this process has loaded; it stays as long as the process."""
 
 
 class PlanKernel:

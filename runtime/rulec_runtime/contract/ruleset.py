@@ -340,8 +340,8 @@ class RegimeCondition:
 
 @dataclass(frozen=True, kw_only=True)
 class RegimeSpec:
-    """A way of running, such as dry, that the delivery laws of a module do not cover; all
-    conditions must hold."""
+    """A way of running that the delivery laws of a module omit, such as dry; all conditions
+    hold."""
 
     id: str
     module: str

@@ -178,21 +178,26 @@ def _builder(kind: Any) -> Callable[[Any], Any]:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
         return _group_builder(kind)
-    if origin is tuple:
-        if arguments[-1] is Ellipsis:
-            return _list_builder(arguments[0])
+    if origin is tuple and arguments[-1] is not Ellipsis:
         return _row_builder(arguments)
+    if origin is tuple:
+        item = _builder(arguments[0])
+        return lambda data: tuple(map(item, _checked(data, list, "a list")))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return _mapping_builder(arguments[1])
+        value = _builder(arguments[1])
+        return lambda data: {n: value(v) for n, v in _checked(data, dict, "a group").items()}
     if origin is typing.Literal:
         return _choice_builder(arguments)
     if origin in (types.UnionType, typing.Union):
         whole = _builder(next(a for a in arguments if a is not types.NoneType))
         return lambda data: None if data is None else whole(data)
     if kind is float:
-        return _number
+        number = (int, float)
+        return lambda data: (
+            data if type(data) is float else float(_checked(data, number, "a number"))
+        )
     if kind in _WORDS:
-        return _plain_builder(kind)
+        return lambda data: data if type(data) is kind else _checked(data, kind, _WORDS[kind])
     return lambda data: data
 
 
@@ -203,21 +208,11 @@ def _group_builder(kind: Any) -> Callable[[Any], Any]:
     optional = {f.name for f in fields if f.default is not dataclasses.MISSING}
 
     def build(data: Any) -> Any:
-        _expect(data, dict, "a group")
+        _checked(data, dict, "a group")
         missing = [n for n in builders if n not in data and n not in optional]
         if missing:
             raise Damaged(f"no '{missing[0]}'")
         return kind(**{n: b(data[n]) for n, b in builders.items() if n in data})
-
-    return build
-
-
-def _list_builder(kind: Any) -> Callable[[Any], Any]:
-    one = _builder(kind)
-
-    def build(data: Any) -> Any:
-        _expect(data, list, "a list")
-        return tuple(map(one, data))
 
     return build
 
@@ -227,34 +222,13 @@ def _row_builder(kinds: tuple[Any, ...]) -> Callable[[Any], Any]:
     plain = kinds if all(kind in _WORDS for kind in kinds) else None
 
     def build(data: Any) -> Any:
-        _expect(data, list, "a list")
+        _checked(data, list, "a list")
         # Plans have hundreds of thousands of rows: rows of plain values are checked in one go.
         if (*map(type, data),) == plain:
             return tuple(data)
         if len(data) != len(builders):
             raise Damaged(f"{len(data)} entries where {len(builders)} belong")
         return tuple([one(item) for one, item in zip(builders, data, strict=True)])
-
-    return build
-
-
-def _mapping_builder(kind: Any) -> Callable[[Any], Any]:
-    one = _builder(kind)
-
-    def build(data: Any) -> Any:
-        _expect(data, dict, "a group")
-        return {name: one(value) for name, value in data.items()}
-
-    return build
-
-
-def _plain_builder(kind: Any) -> Callable[[Any], Any]:
-    word = _WORDS[kind]
-
-    def build(data: Any) -> Any:
-        if type(data) is not kind:
-            _expect(data, kind, word)
-        return data
 
     return build
 
@@ -268,15 +242,10 @@ def _choice_builder(choices: tuple[str, ...]) -> Callable[[Any], Any]:
     return build
 
 
-def _number(data: Any) -> float:
-    if type(data) is not float:
-        _expect(data, (int, float), "a number")
-    return float(data)
-
-
 _WORDS: dict[Any, str] = {str: "text", int: "a whole number", bool: "true or false"}
 
 
-def _expect(data: Any, kind: Any, what: str) -> None:
+def _checked(data: Any, kind: Any, what: str) -> Any:
     if not isinstance(data, kind) or (isinstance(data, bool) and kind is not bool):
         raise Damaged(f"{str(data)[:30]!r} where {what} belongs")
+    return data

@@ -60,7 +60,11 @@ def blind_of(recording: Recording, ruleset: Ruleset) -> tuple[Blind, ...]:
     if not lost:
         return ()
     why = {name: (recording.unfit or {}).get(name, "no reading") for name in recording.values}
-    still = dict(_still(recording, ruleset))
+    still = {
+        s.id: _runs(recording.values[s.id], partial(np.greater, s.minimum))
+        for s in ruleset.signals
+        if s.minimum is not None and s.id in recording.values
+    }
     return blind_between(ruleset, (recording.time, recording.time), lost, still, why)
 
 
@@ -108,8 +112,7 @@ Spell = tuple[str, int, int, tuple[str, ...]]
 def _spells(
     ruleset: Ruleset, count: int, lost: Mapping[str, Runs], still: Mapping[str, Runs]
 ) -> Iterator[Spell]:
-    """Runs of rows in which a fault is never detectable, between the first and last row in which
-    lost readings hide it."""
+    """Runs of rows in which a fault is never detectable; lost readings hide it in the end rows."""
     visible = visible_of(ruleset)
     known: dict[tuple[frozenset[str], frozenset[str]], dict[str, tuple[str, ...]]] = {}
     begun: dict[str, Spell] = {}
@@ -132,8 +135,7 @@ def _spells(
 
 
 def _at_rest(ruleset: Ruleset, low: frozenset[str]) -> frozenset[str]:
-    """Estimates that read a signal below its minimum; all of a module if the signal is its
-    input."""
+    """Estimates with a signal below its minimum; for an input, all of its module."""
     modules = {n.partition(".")[0] for n in low if ruleset.signal_by_id[n].is_input}
     return frozenset(
         o.id
@@ -166,8 +168,8 @@ def _because(readings: Sequence[str], why: Mapping[str, str]) -> str:
 
 
 def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
-    """Signals in use, with the rows in which they have no reading. If all columns come by a map,
-    the plant does not have the signals that the map omits."""
+    """Signals in use, with the rows without a reading. If all columns come by a map, the plant
+    lacks the signals that the map omits."""
     mapped = {column.signal for column in ruleset.columns}
     by_map = mapped >= recording.values.keys()
     for signal in ruleset.signals:
@@ -178,14 +180,6 @@ def _lost(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
             yield signal.id, _runs(values, partial(is_bad, signal))
         elif not (mapped and by_map) or signal.id in mapped:
             yield signal.id, ((0, len(recording)),)
-
-
-def _still(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[str, Runs]]:
-    """Signals with the rows in which they are below the minimum that estimates need."""
-    for signal in ruleset.signals:
-        least, values = signal.minimum, recording.values.get(signal.id)
-        if least is not None and values is not None:
-            yield signal.id, _runs(values, partial(np.greater, least))
 
 
 def _runs(values: Array, flags: Callable[[Array], np.ndarray]) -> Runs:

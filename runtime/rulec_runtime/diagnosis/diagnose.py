@@ -69,7 +69,14 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     if ruleset.dynamics is None:
         judged, found = _of_settled(sound, ruleset, mode)
     else:
-        judged, found, notes = _of_stores(sound, ruleset, mode)
+        # The integrator takes a second to load, and only plants that store need it.
+        from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+
+        result = judge_stores(sound, ruleset)
+        judged, found, notes = int(result.covered.sum()), result.found, result.notes
+        if mode != "default":
+            odd = f"mode {mode} knows no balances of what is stored: judged as by default"
+            notes = (odd, *notes)
     return assembled(health, ruleset, mode, judged=judged, found=found, notes=notes)
 
 
@@ -111,23 +118,7 @@ def assembled(
     )
 
 
-def _of_stores(
-    recording: Recording, ruleset: Ruleset, mode: str
-) -> tuple[int, Found, tuple[str, ...]]:
-    """The same for a plant that stores, with notes for the reader."""
-    # The integrator takes a second to load, and only plants that store need it.
-    from rulec_runtime.diagnosis.stores.diagnose import judge_stores
-
-    result = judge_stores(recording, ruleset)
-    notes = result.notes
-    if mode != "default":
-        odd = f"mode {mode} knows no balances of what is stored: judged as by default"
-        notes = (odd, *notes)
-    return int(result.covered.sum()), result.found, notes
-
-
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
-    """Number of judged samples, and what the settled stretches show."""
     stretches, noise = judgeable(recording, ruleset, mode)
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])

@@ -62,7 +62,6 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
 
 
 def _unlisted(known: Sequence[EvaluatedPoints]) -> Iterator[str]:
-    """Unlisted faults that some stretch names."""
     for evaluated in known:
         faults = evaluated.part.ruleset.faults
         for point in np.flatnonzero(evaluated.isolation.deviating).tolist():

@@ -107,8 +107,7 @@ class Visible:
         return {fault: tuple(parts) for fault, parts in found.items()}
 
     def sees(self, fault: str, lost: Set[str] = NONE, still: Set[str] = NONE) -> bool:
-        """Whether a fault is detectable without some signals while some observers are at
-        standstill."""
+        """Whether a fault is detectable without some signals, with some observers at standstill."""
         return any(_sees(one, fault, lost, still) for one in self.of_fault.get(fault, ()))
 
     def unseen(self, lost: Set[str], still: Set[str] = NONE) -> list[str]:

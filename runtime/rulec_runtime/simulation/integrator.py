@@ -44,12 +44,11 @@ LIVELY = 1.0
 2.8. Origin: numerical."""
 
 EXACT = 1e-7
-"""Error of a step, as a share of each state's largest value so far, beyond which it is split.
-Origin: numerical."""
+"""Error of a step, as a share of each state's peak so far, beyond which it is split. Origin:
+numerical."""
 
 PIECES = 4
-"""Most pieces of a sample's explicit step; faster modes are stepped implicitly. Origin:
-numerical."""
+"""Most pieces of an explicit sample's step; faster modes go implicitly. Origin: numerical."""
 
 GROWN = 256
 """Most pieces where a state grows by itself. Origin: numerical."""
@@ -59,8 +58,7 @@ ROUGH = 3e-4
 value so far; a step that crosses an edge is split until they agree. Origin: numerical."""
 
 SMOOTH = 3.0
-"""Without an edge the last stage bends at most so many times as much as the middle of the step.
-Origin: assumed."""
+"""Bend of the last stage over that of the middle beyond which there is an edge. Origin: assumed."""
 
 FINEST = 256
 """Most pieces of a sample's implicit step. Origin: numerical."""
@@ -206,7 +204,7 @@ class Given(NamedTuple):
 
 @compiled(inline="always")
 def _run(machine: Machine) -> None:
-    """Run the moving operations, by machine code if there is any."""
+    """By machine code, if there is any."""
     tape, kernel, values, slopes = machine
     if kernel.evaluate != 0:
         kernel_call.evaluate(kernel.evaluate, values, slopes)
@@ -216,8 +214,7 @@ def _run(machine: Machine) -> None:
 
 @compiled(inline="always")
 def _factor(matrix: np.ndarray, shares: np.ndarray, pivots: np.ndarray) -> None:
-    """Triangular form of a small matrix, in place (Gauss, with pivots); fills `shares` and
-    `pivots`, the multipliers and exchanged rows."""
+    """Triangular form of a small matrix, in place (Gauss); fills multipliers and exchanged rows."""
     n = matrix.shape[0]
     for i in range(n):
         pivot = i
@@ -266,7 +263,6 @@ def _solve(
 
 @compiled(inline="always")
 def _given(given: Given, j: int, sample: int, share: float) -> float:
-    """An input at a share of the way from one sample to the next."""
     u: float = given.inputs[sample, j]
     if not given.held[j]:
         u += share * (given.inputs[sample + 1, j] - u)
@@ -328,7 +324,6 @@ def _aim(
 
 @compiled(inline="always")
 def _place(machine: Machine, x: np.ndarray, dx: np.ndarray) -> None:
-    """Put states where the plan reads them."""
     slots, values, slopes = machine.tape.states, machine.values, machine.slopes
     for i in range(slots.shape[0]):
         values[slots[i]] = x[i]

@@ -27,14 +27,12 @@ def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 
 def _evaluate(_: Any, address: Any, values: Any, slopes: Any) -> Any:
-    """`kernel_code.EVALUATE` at an address."""
     return types.void(address, values, slopes), _call
 
 
 def _advance(
     _: Any, address: Any, values: Any, slopes: Any, x: Any, dx: Any, k: Any, given: Any, step: Any
 ) -> Any:
-    """`kernel_code.ADVANCE` at an address."""
     return types.void(address, values, slopes, x, dx, k, given, step), _call
 
 

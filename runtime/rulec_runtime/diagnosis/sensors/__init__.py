@@ -1,2 +1,1 @@
-"""Sensor health: is a reading valid? Judged before physics, for everything that reads
-recordings."""
+"""Sensor health: is a reading valid? Judged before physics, for all that reads recordings."""

@@ -171,8 +171,7 @@ class Bench:
                 yield one, together.part(slice(i * n, (i + 1) * n))
 
     def explained(self, found: Agreement, *, all_tried: bool = True) -> Explained:
-        """Sound stretches, and which faults fit where; unless `all_tried`, degrees and distances of
-        faults that may fit only."""
+        """Sound stretches, and which faults fit where; by default all faults are evaluated."""
         isolation = isolate(self.ruleset, found.observed, all_tried=all_tried, pairs=False)
         fits = isolation.probability > 0
         quiet = isolation.judged & ~isolation.deviating

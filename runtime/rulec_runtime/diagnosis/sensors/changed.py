@@ -155,8 +155,8 @@ class Changed:
 
     @cached_property
     def _errors(self) -> list[dict[str, tuple[np.ndarray, Array]]]:
-        """Gradients of all estimates as recorded, by kind and error: their places, and a table of
-        shape (places, n)."""
+        """Gradients of all estimates as recorded, by kind and error: places and table (places,
+        n)."""
         ruleset, points = self.bench.ruleset, self.bench.points
         slopes, n = estimate(ruleset, points).slopes, len(points)
         with np.errstate(invalid="ignore"):

@@ -122,7 +122,6 @@ def _shows(bench: Bench, signal: SignalSpec, point: int, flow: float, u: float) 
 
 
 def _one_value(signal: SignalSpec, values: Array) -> bool:
-    """Whether a reading is constant while it is at zero."""
     levels: set[float] = set()
     for part in parts_of(values, partial(at_zero, signal)):
         levels.update(np.unique(part)[:2].tolist())
@@ -156,7 +155,6 @@ def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[f
 
 
 def _runs(bench: Bench, module: str, point: int) -> bool:
-    """Whether the inputs show that a module runs."""
     given = [
         s
         for s in bench.ruleset.signals

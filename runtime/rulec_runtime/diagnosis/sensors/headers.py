@@ -156,7 +156,6 @@ def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Cha
 
 
 def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
-    """Whether readings agree that disagreed everywhere before."""
     running = _running(bench, misread, found)
     if running.sum() == 0:
         return False
@@ -182,7 +181,6 @@ def _readers(bench: Bench, misread: Misread) -> np.ndarray:
 
 
 def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
-    """Stretches in which the other reading differs and can be compared."""
     flags: np.ndarray = found.valid[_readers(bench, misread)].any(axis=0) & (found.freedom > 0)
     flags &= _apart(misread, found.points)
     return flags

@@ -89,7 +89,6 @@ def examine(
 def _as_mended(
     recording: Recording, ruleset: Ruleset, misread: Misread, before: Set[str]
 ) -> Health:
-    """The sensors of a recording whose columns are read differently."""
     rest = examine(
         read_by(recording, misread.mendings), ruleset, mended={*before, *misread.signals}
     )
@@ -137,7 +136,6 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
 
 
 def _errors(signal: SignalSpec, values: Array) -> Iterator[Array]:
-    """Standard uncertainties of readings, SI."""
     return (systematic_u(signal, part) + np.zeros(len(part)) for part in parts_of(values))
 
 

@@ -11,7 +11,7 @@ Source: own derivation; the bound is the Cauchy-Schwarz inequality.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,8 +63,8 @@ class Near:
     def judge(
         self, signal: str, values: Array, noise: Array, others: Sequence[str | None]
     ) -> Verdicts:
-        """Verdicts on values, as in `u`; `others`, k of them, name the other reading that changes
-        as well (None: none)."""
+        """Verdicts on values, as in `u`; `others`, (k,), name the other changed reading (None:
+        none)."""
         watching = self._watching.get(signal, ())
         allowed: np.ndarray = np.ones(values.shape, dtype=bool)
         lost, stays = np.zeros((2, *values.shape), dtype=bool)
@@ -97,15 +97,14 @@ class Near:
         return Verdicts(allowed, lost, stays)
 
     def gains(self, signal: str) -> np.ndarray:
-        """Stretches, shape (n,), in which an estimate that reads it is unusable as recorded:
-        another value may make it usable."""
+        """Stretches, shape (n,), in which another value may make an unusable estimate usable."""
         return np.asarray(~self.bench.recorded.valid[self.bench.readers(signal)].all(axis=0))
 
     def _run(
         self, signal: str, values: Array, noise: Array, watching: Sequence[ResidualSpec]
     ) -> tuple[dict[str, Array], dict[str, np.ndarray]]:
-        """Outputs of the plan, shape (k * n,), and which estimates are usable by their readings,
-        shape (k, n)."""
+        """Outputs of the plan, shape (k * n,), and estimates usable by their readings, shape (k,
+        n)."""
         ruleset = self._ruleset
         names = dict.fromkeys(t.observer for r in watching for t in r.terms)
         observers = [ruleset.observer_by_id[name] for name in names]
@@ -115,7 +114,15 @@ class Near:
             outputs += [f"{kind}:{r.id}" for r in watching for kind in ("R", "u")]
             self._plans[signal] = ruleset.plan.selected(dict.fromkeys(outputs)).narrowed()
         plan = self._plans[signal]
-        points = self._points(signal, values, noise, {s for o in observers for s in o.signals})
+        # As recorded but for one reading: one way to read it after the other.
+        own = self.bench.points.of({s for o in observers for s in o.signals})
+        recorded, u, lag = (
+            {name: np.tile(column, len(values)) for name, column in table.items()}
+            for table in (own.values, own.u, own.lag)
+        )
+        recorded[signal] = values.ravel()
+        u[signal] = self.u(signal, values, noise).ravel()
+        points = Points(recorded, u, {}, {}, {}, None, lag)
         ran = plan.run(plan_inputs(points))
         out = {n: np.broadcast_to(v, (values.size,)) for n, v in ran.items()}
         return out, {
@@ -123,24 +130,12 @@ class Near:
             for o in observers
         }
 
-    def _points(self, signal: str, values: Array, noise: Array, read: Set[str]) -> Points:
-        """The recorded points with one reading changed: one way to read it after the other."""
-        own, k = self.bench.points.of(read), len(values)
-        recorded, u, lag = (
-            {name: np.tile(column, k) for name, column in table.items()}
-            for table in (own.values, own.u, own.lag)
-        )
-        recorded[signal] = values.ravel()
-        u[signal] = self.u(signal, values, noise).ravel()
-        return Points(recorded, u, {}, {}, {}, None, lag)
-
     @property
     def _ruleset(self) -> Ruleset:
         return self.bench.ruleset
 
     @cached_property
     def _plans(self) -> dict[str, Plan]:
-        """By reading: other values of it will be tried again."""
         return {}
 
     @cached_property
@@ -164,7 +159,7 @@ class Near:
 
     @cached_property
     def _still(self) -> np.ndarray:
-        """Estimates none of whose readings lags, shape (observers, n): another value can make them
+        """Estimates without a lagging reading, shape (observers, n): another value can make them
         usable."""
         points = self.bench.points
         moving = {name: column != 0.0 for name, column in points.lag.items()}

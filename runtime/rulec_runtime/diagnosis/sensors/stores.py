@@ -30,7 +30,9 @@ def silent_readings(
     assert dynamics is not None
     names = [n for n in dynamics.outputs if n in recording.values]
     silent = [n for n in names if never_moves(recording.values[n])]
-    if not silent or not _given_moves(recording, dynamics):
+    if not silent or not recording.values.keys() >= set(dynamics.inputs):
+        return
+    if not any(np.nanstd(recording.values[n]) > 0 for n in dynamics.inputs):
         return
     predicted = _predicted(recording, ruleset, dynamics)
     for name in silent:
@@ -50,13 +52,6 @@ def silent_readings(
         shown = float(values[np.isfinite(values)][0])
         if (high is None or shown < high) and _should_move(signal, shown, course):
             yield signal, None
-
-
-def _given_moves(recording: Recording, dynamics: Dynamics) -> bool:
-    known = [n for n in dynamics.inputs if n in recording.values]
-    return len(known) == len(dynamics.inputs) and any(
-        np.nanstd(recording.values[n]) > 0 for n in known
-    )
 
 
 def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:

@@ -121,8 +121,7 @@ SHIFTED = ("offsets", "covariance", "residuals", "residual_u", "residual_systema
 
 
 def _covariance(shared: Array, errors: Array) -> Array:
-    """Covariance of flows, shape (flows, flows, n), by their slopes, (flows, errors, n), and the
-    covariance of the errors."""
+    """Covariance of flows, (flows, flows, n), by slopes, (flows, errors, n), and that of errors."""
     if len(shared) < limits.MANY_RESIDUALS:
         return np.asarray(np.einsum("omn,pmn->opn", shared, errors @ shared))
     # One product of large matrices per point, in place of one per flow.

@@ -58,8 +58,8 @@ def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> H
 
 
 def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
-    """Covariance of the flows by the excess difference of their halves, (m3/s)^2, shape (n,
-    observers, observers)."""
+    """Covariance of flows by the excess difference of halves, (m3/s)^2, (n, observers,
+    observers)."""
     found = np.zeros_like(observed.noise)
     for valid, members, basis in groups_of(ruleset, observed.valid & np.isfinite(halves.apart)):
         apart = (basis @ halves.apart[valid][:, members]).T

@@ -42,21 +42,16 @@ def in_batches(count: int, axis: Mapping[str, int], of_batch: Callable[[slice], 
         here = of_batch(part)
         if first is None:
             first = here
-            tables = _tables(here, axis, count)
+            names = [f.name for f in fields(cast(Any, here)) if f.name in axis]
+            samples = (np.moveaxis(getattr(here, name), axis[name], 0) for name in names)
+            room = arrays([((count, *one.shape[1:]), one.dtype) for one in samples])
+            tables = dict(zip(names, room, strict=True))
         for name, table in tables.items():
             table[part] = np.moveaxis(getattr(here, name), axis[name], 0)
         let_go(*tables.values())
     assert first is not None
     changed: dict[str, Any] = {n: np.moveaxis(table, 0, axis[n]) for n, table in tables.items()}
     return cast(Tables, replace(cast(Any, first), **changed))
-
-
-def _tables(first: Tables, axis: Mapping[str, int], count: int) -> dict[str, np.ndarray]:
-    """Room for the tables of all points; the values of a point are contiguous."""
-    names = [f.name for f in fields(cast(Any, first)) if f.name in axis]
-    tables = (np.moveaxis(getattr(first, name), axis[name], 0) for name in names)
-    specs = [((count, *table.shape[1:]), table.dtype) for table in tables]
-    return dict(zip(names, arrays(specs), strict=True))
 
 
 def part_of(tables: Tables, axis: Mapping[str, int], part: slice, count: int) -> Tables:

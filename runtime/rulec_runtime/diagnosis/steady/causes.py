@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
+from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, hypotheses_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
@@ -35,20 +35,10 @@ class Cause:
     when: str
 
 
-def fits_of_runs(evaluated: EvaluatedPoints, runs: Sequence[Sequence[int]]) -> list[Fits]:
-    """Hypotheses that fit each run; none are tried where points are not combined."""
-    if not evaluated.combined:
-        return [Fits([], 0) for _ in runs]
-    return fits_of(
-        evaluated.part.ruleset, evaluated.plain, evaluated.baselines, evaluated.isolation, runs
-    )
-
-
 def causes_of(
     evaluated: EvaluatedPoints, members: Sequence[int], fits: Fits, known: frozenset[int]
 ) -> list[Cause]:
-    """The causes of a run by its fits: one fault, or two at once; `known` are faults found just
-    before."""
+    """The causes of a run by its fits: one fault, or two; `known` are faults found just before."""
     ruleset = evaluated.part.ruleset
     hypotheses = hypotheses_of(fits, evaluated.isolation.chance, ruleset.odds, known)
     if not hypotheses:
@@ -59,8 +49,7 @@ def causes_of(
 
 
 def _named(ruleset: Ruleset, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
-    """The most probable hypothesis; of those that no reading distinguishes from it, the most
-    frequent."""
+    """The most probable hypothesis; of indistinguishable ones, the most frequent."""
     first = hypotheses[0]
     groups = {frozenset(_twins(ruleset, f)) for f in first.faults}
     alike = [

@@ -51,8 +51,8 @@ class ChiSquare:
         return value, slope
 
     def information(self, effect: Array) -> Array:
-        """Information on degrees, shape (degrees, degrees, n), that move flows by `effect`, shape
-        (flows, degrees, n)."""
+        """Information, (degrees, degrees, n), on degrees with `effect` (flows, degrees, n) on
+        flows."""
         weighted = np.einsum("ijn,jdn->idn", self.curvature, effect)
         return np.asarray(np.einsum("ien,idn->edn", effect, weighted))
 

@@ -17,9 +17,8 @@ from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,); the test
-    has the problem of each column. `touched` are the usable observers of each hypothesis, `most` at
-    most."""
+    """Hypotheses tried on problems: `which` of them in each column, ascending, shape (n,), on the
+    problem of this column in `test`. `touched` are the usable observers of each, `most` at most."""
 
     test: HypothesisTest
     hypotheses: Sequence[Faults]

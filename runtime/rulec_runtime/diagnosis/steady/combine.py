@@ -234,8 +234,8 @@ def _entered(
 
 
 def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarray) -> Array:
-    """Start degrees of pairs, shape (2, pairs): as isolated, and some others; shape (2, starts,
-    pairs, runs)."""
+    """Start degrees of pairs, shape (2, pairs), as isolated and others: (2, starts, pairs,
+    runs)."""
     degrees = np.array([isolation.degree[:, s.members].mean(axis=1) for s in stacks]).T
     own = degrees[pairs][:, None]
     usual = pair_starts()
@@ -246,8 +246,8 @@ def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarr
 def _candidates(
     ruleset: Ruleset, isolation: Isolation, members: Sequence[int]
 ) -> Iterator[tuple[int, ...]]:
-    """Single faults, or pairs where only pairs fit; unlisted ones only if some stretch has no
-    better explanation."""
+    """Single faults, or pairs where only pairs fit; unlisted ones if nothing explains a stretch
+    better."""
     own = isolation.probability[:, members]
     pairs = isolation.pair[members[0], 0] >= 0
     if not pairs:

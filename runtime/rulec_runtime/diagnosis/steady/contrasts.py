@@ -36,8 +36,8 @@ class Contrasts:
 
     @cached_property
     def _weights(self) -> tuple[Array, Array]:
-        """For differences and for the mean, half the second derivative of chi-square by the flows,
-        shape (flows, flows)."""
+        """Half the second derivative of chi-square by flows, (flows, flows): of differences, of the
+        mean."""
         test = self.test
         observed, basis = test.observed, test.basis
         (point,) = test.members
@@ -91,7 +91,6 @@ class Contrasts:
 
 
 def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
-    """Orthonormal basis of the span of some rows of so many flows."""
     unit = [row / size for row in rows if (size := np.linalg.norm(row)) > 0.0]
     if not unit:
         return np.zeros((0, flows))

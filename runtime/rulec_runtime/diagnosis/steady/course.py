@@ -91,8 +91,7 @@ class Shapes:
     constant: np.ndarray
 
     def table(self, time: Array) -> Array:
-        """Jumps, ramps and curves that begin at each point, at some times, s, shape (times, 3 *
-        points)."""
+        """Jumps, ramps and curves from each point, at some times, s, shape (times, 3 * points)."""
         whole = self.time[-1] - self.time[0]
         since = np.maximum((time[:, None] - self.time) / whole, 0.0)
         begun = (time[:, None] >= self.time).astype(float)
@@ -244,8 +243,8 @@ class Stack:
         return white @ self.test.residuals[0], white
 
     def gain_at_first(self, fault: int) -> float:
-        """Log-likelihood that a course gains over a sound plant, to first order; minus infinity if
-        no estimate shows the fault."""
+        """Log-likelihood gain over a sound plant, to first order; -inf if no estimate shows the
+        fault."""
         residuals, white = self.sound
         slopes = self._in_columns(self.test.effects([fault])[0, :, 0])
         if not slopes.any():
@@ -310,24 +309,21 @@ class Stack:
             residuals=count,
         )
 
-    def _columns(self, fault: int, degree: Array) -> Columns:
-        spec = self.test.ruleset.faults[fault]
+    def _undone(
+        self, fault: int, degree: Array, *, lenient: bool = False
+    ) -> tuple[Array, Array, Array] | None:
+        """Residuals with the fault undone, their slopes by the degree at each point, and the
+        whitening matrix; `lenient`: with the tolerance of its law. None if the law has no value
+        there."""
+        spec, basis = self.test.ruleset.faults[fault], self.test.basis
         names = self.test.touched((spec,))
-        return Columns(
+        columns = Columns(
             test=replace(self.test, present=degree[:, None], known=None),
             hypotheses=[(spec,)],
             touched=[names],
             which=np.zeros(1, dtype=int),
             most=len(names),
         )
-
-    def _undone(
-        self, fault: int, degree: Array, *, lenient: bool = False
-    ) -> tuple[Array, Array, Array] | None:
-        """Residuals with the fault undone, their slopes by the degree at each point, and the
-        whitening matrix; `lenient`: with the tolerance of the fault's law. None if a law has no
-        value at such a degree."""
-        columns, basis = self._columns(fault, degree), self.test.basis
         moved, slopes = columns.undone(degree[None, :, None])
         places = columns.places[:, 0]
         own = basis[:, places]
@@ -336,9 +332,8 @@ class Stack:
         scales = columns.scales(np.ones((1, 1)))
         covariance = self.test.spread.whole(self.test.members, scales)[0]
         if lenient:
-            tolerance = self.test.ruleset.faults[fault].tolerance
             for row, place in enumerate(places):
-                off = tolerance * (moved[row, :, 0][:, None] * basis[:, place]).ravel()
+                off = spec.tolerance * (moved[row, :, 0][:, None] * basis[:, place]).ravel()
                 covariance = covariance + np.outer(off, off)
         white = _whitener(covariance)
         if white is None or not (np.isfinite(residuals).all() and np.isfinite(table).all()):
@@ -346,8 +341,7 @@ class Stack:
         return residuals, table, white
 
     def _left(self, fault: int, degree: Array, shapes: Shapes) -> tuple[float, float, int] | None:
-        """Chi-square left with the tolerance of the fault's law, the log-likelihood, and the number
-        of residuals."""
+        """Chi-square and log-likelihood with the tolerance of the law, and number of residuals."""
         if (undone := self._undone(fault, degree, lenient=True)) is None:
             return None
         residuals, slopes, white = undone
@@ -443,6 +437,5 @@ def _first_step(weighed: _Weighed) -> int:
 
 
 def _steps_in_order(time: Array, weighed: _Weighed) -> tuple[Moments, ...]:
-    """Times, s, and sizes of steps, in order."""
     pairs = zip(weighed.columns[0].tolist(), weighed.parts[0].tolist(), strict=True)
     return tuple((float(time[k]), size) for k, size in sorted(pairs))

@@ -71,7 +71,6 @@ def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> b
 
 
 def _with_growth(found: Found, fault: str, growth: Growth) -> Found:
-    """With the growth in steps of a fault that is still present."""
     findings = [
         replace(
             f, growth=replace(growth, time=f.until, degree=f.degree, lower=f.lower, upper=f.upper)
@@ -109,8 +108,8 @@ def _in_place(found: Found, one: Finding, since: float) -> Found:
 
 
 def _explaining(stack: Stack, named: Sequence[int], chance: float) -> list[Course]:
-    """Courses of one fault each that explain all stretches, the best first, if significant; among
-    them those of faults `named` so far."""
+    """Significant courses of one fault each that explain all stretches, the best first; faults
+    `named` so far are tried as well."""
     faults = stack.test.ruleset.faults
     limit = accepted(stack.test.freedom, limits.PARTS_OF_A_COURSE, chance)
     may = np.flatnonzero(may_fit(stack.test, limit).any(axis=1)).tolist()

@@ -21,8 +21,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.points import Points
 
 Gradients = dict[str, dict[int, Array]]
-"""Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
-shape (n,)."""
+"""Per error the observers (places) it reaches: derivative times standard uncertainty, m3/s,
+(n,)."""
 
 
 def errors_of(

@@ -63,8 +63,7 @@ class EvaluatedPoints:
 def judgeable(
     recording: Recording, ruleset: Ruleset, mode: str
 ) -> tuple[Stretches, dict[str, float]]:
-    """Stretches that a mode judges, and the noise of readings; the paper judges only settled
-    ones."""
+    """Stretches that a mode judges, and the noise of readings; the paper takes settled ones."""
     return settle(recording, ruleset) if mode == PAPER else settle_or_slow(recording, ruleset)
 
 
@@ -152,8 +151,8 @@ def _evaluated(
     baselines: Baselines,
     isolation: Isolation,
 ) -> EvaluatedPoints:
-    """The evaluation of points, unless one fault throughout explains them better: then the learned
-    baseline is the fault."""
+    """Evaluated points; if one fault throughout explains them better, their baseline is that
+    fault."""
     give_back()
     lasting = throughout(part.ruleset, plain, isolation)
     if lasting is not None:

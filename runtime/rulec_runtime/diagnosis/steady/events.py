@@ -33,8 +33,8 @@ from rulec_runtime.recordings.when import ENDED
 
 @dataclass(frozen=True)
 class _Gaps:
-    """Samples ``first : last`` left out between two stretches, and the place of the stretch before
-    each."""
+    """Samples ``first : last`` left out between two stretches, and the place of the stretch
+    before."""
 
     first: np.ndarray
     last: np.ndarray
@@ -99,7 +99,7 @@ def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
 
 
 def _events(gaps: _Gaps, evaluated: EvaluatedPoints, off: np.ndarray) -> _Gaps:
-    """The samples that deviate, in gaps between stretches in which a part of the plant is sound."""
+    """Samples that deviate, in gaps between sound stretches of a part of the plant."""
     sound = evaluated.isolation.judged & ~evaluated.isolation.deviating
     found = []
     for a, b, before in zip(gaps.first, gaps.last, gaps.before, strict=True):
@@ -138,7 +138,6 @@ def _pooled(
 
 
 def _sound(evaluated: EvaluatedPoints) -> np.ndarray:
-    """Some stretches in which a part of the plant is sound, spread evenly."""
     sound = np.flatnonzero(evaluated.isolation.judged & ~evaluated.isolation.deviating)
     return thinned(sound, limits.STRETCHES_LOOKED_AT)
 

@@ -19,8 +19,7 @@ Outputs = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Part:
-    """A hypothesis and the `columns` in which it is tried; `touched` are the usable observers that
-    its faults bias."""
+    """A hypothesis and its `columns`; `touched` are the usable observers that its faults bias."""
 
     faults: Faults
     touched: Sequence[str]
@@ -46,8 +45,8 @@ class Undoing:
     kept: Array
 
     def moved(self, degree: Array) -> Array:
-        """Movement of the flows, shape (touched, ..., points, columns), m3/s; degrees (faults, ...,
-        points, columns)."""
+        """Movement of flows, (touched, ..., points, columns), m3/s; degrees (faults, ..., points,
+        columns)."""
         moved = np.zeros((len(self.measured), *degree.shape[1:]))
         for part, out in self._undone(degree, slopes=False):
             self._enter(moved, part, out)
@@ -67,7 +66,6 @@ class Undoing:
         return moved, slopes * self.kept[:, None]
 
     def _enter(self, moved: Array, part: Part, out: Outputs) -> None:
-        """Write the outputs of a hypothesis to its columns."""
         for row, observer in enumerate(part.touched):
             own = (row, slice(None), part.columns)
             moved[row, ..., part.columns] = (out[f"q:{observer}"] - self.measured[own]) * self.kept[

@@ -11,14 +11,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
-from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits
+from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
+from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits, fits_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.liquid import by_temperature, with_temperature
-from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.regimes import RegimeFinding
 from rulec_runtime.diagnosis.steady.runs import runs_of
@@ -219,14 +218,19 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
 
 def _fits(evaluated: EvaluatedPoints, runs: list[list[int]]) -> Iterator[Fits]:
     """Fits of each run, some runs at a time to save memory."""
+    if not evaluated.combined:
+        yield from (Fits([], 0) for _ in runs)
+        return
+    ruleset, isolation = evaluated.part.ruleset, evaluated.isolation
     for low in range(0, len(runs), limits.RUNS_AT_ONCE):
-        yield from fits_of_runs(evaluated, runs[low : low + limits.RUNS_AT_ONCE])
+        some = runs[low : low + limits.RUNS_AT_ONCE]
+        yield from fits_of(ruleset, evaluated.plain, evaluated.baselines, isolation, some)
         give_back()
 
 
 def _evident(evaluated: EvaluatedPoints, members: list[int], fits: Fits) -> Fits:
-    """Fits of a run without single faults that are contradicted where it deviates most: no residual
-    may move against the prediction."""
+    """Fits of a run without single faults whose prediction a residual contradicts where it is
+    worst."""
     ruleset, signs = evaluated.part.ruleset, {"+": 1, "-": -1}
     rows = evidence_at(evaluated, _worst(evaluated, members)) if fits.tried else ()
     moved = {e.residual: signs.get(e.verdict, 0) for e in rows}
@@ -307,7 +311,7 @@ def _in_part(timeline: Timeline, evaluated: EvaluatedPoints) -> list[Period]:
 
 
 def _slow(ruleset: Ruleset, evaluated: EvaluatedPoints) -> set[int]:
-    """Stretches in which a reading that an estimate uses moves."""
+    """Stretches in which a reading in use moves."""
     lag = evaluated.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
@@ -325,6 +329,19 @@ def finding_of(
     strongest = _worst(evaluated, members)
     cause, further = with_temperature(evaluated, members, cause)
     text = fault.text.replace("{degree}", degree_in_words(fault, cause.degree))
+    values, observed = evaluated.points.values, evaluated.observed
+    readings = tuple(
+        (s.id, float(values[s.id][strongest]))
+        for s in ruleset.signals
+        if s.id in ruleset.observed and s.id in values
+    )
+    net = observed.flows[:, strongest] - observed.offsets[:, strongest]
+    u = observed.u_at(strongest)
+    flows = tuple(
+        (o.id, float(net[i]), float(u[i]))
+        for i, o in enumerate(own.observers)
+        if observed.valid[i, strongest]
+    )
     return Finding(
         fault,
         cause.degree,
@@ -336,29 +353,10 @@ def finding_of(
         tuple((own.faults[i].id, p) for i, p in cause.remote),
         tuple(own.faults[i].id for i in cause.together),
         evidence_at(evaluated, strongest, fault),
-        _readings(ruleset, evaluated.points, strongest),
-        _flows(own, evaluated.observed, strongest),
+        readings,
+        flows,
         evaluated.baselines.count_at(members[0]),
         f"{text}{further}",
-    )
-
-
-def _readings(ruleset: Ruleset, points: Points, point: int) -> tuple[tuple[str, float], ...]:
-    return tuple(
-        (s.id, float(points.values[s.id][point]))
-        for s in ruleset.signals
-        if s.id in ruleset.observed and s.id in points.values
-    )
-
-
-def _flows(
-    ruleset: Ruleset, observed: Observed, point: int
-) -> tuple[tuple[str, float, float], ...]:
-    spread = observed.u_at(point)
-    return tuple(
-        (o.id, float(observed.flows[i, point] - observed.offsets[i, point]), float(spread[i]))
-        for i, o in enumerate(ruleset.observers)
-        if observed.valid[i, point]
     )
 
 

@@ -14,8 +14,7 @@ from rulec_runtime.recordings.wall_clock import DAY, HOUR
 
 @dataclass(frozen=True, kw_only=True)
 class Reaches:
-    """A degree that a fault will reach, and between which times, s; `open_end` if it may be later
-    still."""
+    """A degree that a fault will reach, and when, s; `open_end` if it may be later still."""
 
     degree: float
     earliest: float
@@ -49,8 +48,8 @@ class Growth:
 
     @property
     def per(self) -> tuple[float, str]:
-        """Reporting interval of growth, s, and its unit: an hour, or a day if it was followed for
-        more than two."""
+        """Unit of growth rates, s, and its name: a day if followed for more than two, else an
+        hour."""
         lasted = self.time - self.path[0][0] if self.path else 0.0
         return (DAY, "d") if lasted > 2.0 * DAY else (HOUR, "h")
 

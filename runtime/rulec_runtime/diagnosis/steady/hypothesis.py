@@ -131,9 +131,8 @@ class HypothesisTest:
         return found
 
     def effects(self, chosen: Sequence[int] | None = None) -> Array:
-        """Slopes of the residuals by a small degree of each fault of the ruleset, or of some by
-        their places: shape (n, points * rank, faults), m3/s; 0 where the residuals do not show a
-        fault."""
+        """Slopes of the residuals by a small degree of each fault, or of some by their places,
+        shape (n, points * rank, faults), m3/s; 0 where the residuals do not show a fault."""
         asked = range(len(self.ruleset.faults)) if chosen is None else chosen
         table = np.zeros((len(self.basis), len(asked), *self.members.shape))
         own = np.zeros((len(asked), len(self)))
@@ -149,20 +148,25 @@ class HypothesisTest:
     def each(self) -> dict[int, tuple[list[int], Array]]:
         """Per fault of the ruleset, by its place, the places of the usable flows that it moves, and
         their slopes by a small degree: shape (touched, points, n), m3/s."""
-        slopes, found = self._undone_at_zero(), {}
+        plan = self.ruleset.undone_slopes(tuple(self.places))
+        inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
+        inputs |= {n: readings.ravel() for n, readings in self.readings(plan.used_inputs).items()}
+        slopes, found = plan.run(inputs), {}
         for i, fault in enumerate(self.ruleset.faults):
             observers = [o for o in fault.affects if f"dq:{o}:{fault.id}" in slopes]
             if observers:
                 kept = self.kept((fault,), observers)
-                own = np.array([slopes[f"dq:{o}:{fault.id}"] for o in observers])
+                own = np.empty((len(observers), self.members.size))
+                for row, observer in zip(own, observers, strict=True):
+                    row[:] = slopes[f"dq:{observer}:{fault.id}"]
                 places = [self.places[o] for o in observers]
                 found[i] = places, own.reshape(kept.shape) * kept * ~self.unread(fault)
         return found
 
     def towards(self, chosen: Sequence[int] | None = None) -> tuple[Array, Array]:
         """Decrease of half of chi-square per small degree of each fault, or of some by their
-        places, and the information on the degree, both shape (faults, n); 0 where no usable
-        observer shows it."""
+        places, and information on the degree, both (faults, n); 0 where no usable observer shows
+        it."""
         if chosen is None and self.metric.is_large:
             return self._towards_by_flows()
         asked = len(self.ruleset.faults) if chosen is None else len(chosen)
@@ -246,18 +250,6 @@ class HypothesisTest:
             if fault.in_sensor and name in fault.scales:
                 flags |= stood_in[self.members]
         return flags
-
-    def _undone_at_zero(self) -> dict[str, Array]:
-        """Slopes of the usable flows at degrees of zero, shape (points * n,), by their names in the
-        plan."""
-        plan = self.ruleset.undone_slopes(tuple(self.places))
-        inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
-        inputs |= {n: readings.ravel() for n, readings in self.readings(plan.used_inputs).items()}
-        whole = (self.members.size,)
-        return {
-            name: slope if slope.shape == whole else np.broadcast_to(slope, whole)
-            for name, slope in plan.run(inputs).items()
-        }
 
     def _in_a_row(self, table: Array) -> Array:
         """A table of residuals, shape (rank, columns, points, n), as that of the problems, shape

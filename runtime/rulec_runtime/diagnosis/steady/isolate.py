@@ -78,22 +78,6 @@ def quantile(chance: float) -> float:
     return NormalDist().inv_cdf(1.0 - chance)
 
 
-def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
-    return Isolation(
-        judged=np.zeros(n, dtype=bool),
-        deviating=np.zeros(n, dtype=bool),
-        misfit=np.zeros(n),
-        freedom=np.zeros(n, dtype=int),
-        degree=np.zeros((faults, n)),
-        u=np.full((faults, n), np.inf),
-        floor=np.full((faults, n), np.inf),
-        distance=np.full((faults, n), np.inf),
-        probability=np.zeros((faults, n)),
-        pair=np.full((n, 2), -1),
-        chance=chance,
-    )
-
-
 def isolate(
     ruleset: Ruleset,
     observed: Observed,
@@ -109,7 +93,20 @@ def isolate(
     Without `pairs`, two simultaneous faults are not tried.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
-    result = _nothing_judged(len(ruleset.faults), len(observed), chance)
+    faults, n = len(ruleset.faults), len(observed)
+    result = Isolation(
+        judged=np.zeros(n, dtype=bool),
+        deviating=np.zeros(n, dtype=bool),
+        misfit=np.zeros(n),
+        freedom=np.zeros(n, dtype=int),
+        degree=np.zeros((faults, n)),
+        u=np.full((faults, n), np.inf),
+        floor=np.full((faults, n), np.inf),
+        distance=np.full((faults, n), np.inf),
+        probability=np.zeros((faults, n)),
+        pair=np.full((n, 2), -1),
+        chance=chance,
+    )
     for test in tests_of(ruleset, observed):
         _judge_group(test, result, all_tried=all_tried, pairs=pairs)
     return result
@@ -185,8 +182,8 @@ class _Alone:
 
 
 def _factors(scale: Array, places: np.ndarray) -> Array:
-    """Factors on the covariance of some flows with all, shape (n, touched, flows), if flows are
-    scaled, shape (flows, n)."""
+    """Factors on the covariance of some flows with all, (n, touched, flows), by scales (flows,
+    n)."""
     own: Array = np.take_along_axis(scale, np.maximum(places, 0), axis=0)
     return own.T[:, :, None] * scale.T[:, None, :]
 
@@ -247,8 +244,8 @@ def _explain(
 
 
 def _tried(test: HypothesisTest, gain: Array, limit: float, *, all_tried: bool) -> Outcomes:
-    """Single faults that may fit; `gain` is the decrease of chi-square by each to first order,
-    shape (faults, n)."""
+    """Single faults that may fit; `gain` is each one's decrease of chi-square to first order,
+    (faults, n)."""
     faults = test.ruleset.faults
     hypotheses = [(fault,) for fault in faults]
     promising = beside_listed(gain, test.ruleset.is_listed, limits.GAIN_AT_FIRST)

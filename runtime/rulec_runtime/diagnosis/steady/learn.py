@@ -38,8 +38,7 @@ class Learner:
         self._at_once = 1
 
     def take(self, observed: Observed, first: int) -> Baselines:
-        """Learn from a batch, whose first point has the number `first`; the baselines that apply to
-        it."""
+        """Learn from a batch that begins with point `first`; the baselines that apply to it."""
         states = [self._last or nothing_learned(observed)]
         at = np.zeros(len(observed), dtype=int)
         every, done = [*_groups_by(self._ruleset, observed)], 0

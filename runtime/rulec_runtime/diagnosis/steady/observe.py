@@ -137,8 +137,7 @@ class Estimates:
         )
 
     def observed(self, directions: Directions | None = None) -> Observed:
-        """Estimates with their errors; `directions` represent the lasting ones, by default each by
-        itself."""
+        """Estimates with their errors; `directions` represent the lasting ones, if given."""
         observed = with_errors(
             self.ruleset,
             self.points,

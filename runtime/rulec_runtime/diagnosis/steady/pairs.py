@@ -53,8 +53,8 @@ def _screened(test: HypothesisTest) -> list[tuple[int, int]]:
 
 
 def _linear(test: HypothesisTest, metric: Metric) -> tuple[list[tuple[int, int]], Array]:
-    """Pairs with linear effects and non-negative degrees, and the distance left by each, shape
-    (pairs, n)."""
+    """Pairs with linear effects and non-negative degrees, and the distance left, shape (pairs,
+    n)."""
     slope = test.effects()
     products = (slope.transpose(0, 2, 1) @ (metric.inverse @ slope)).transpose(1, 2, 0)
     pull = -np.einsum("nrf,nr->fn", slope, metric.weighted)

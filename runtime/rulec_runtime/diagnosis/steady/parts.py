@@ -18,8 +18,7 @@ from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 @dataclass(frozen=True)
 class Part:
     """A block of estimates with all that concerns it; observers and residuals by their places in
-    the ruleset of the plant. In the ruleset of the part, changes of the liquid follow the
-    faults."""
+    the ruleset of the plant. In that of the part, changes of the liquid follow the faults."""
 
     ruleset: Ruleset
     observers: np.ndarray
@@ -36,7 +35,6 @@ def parts_of(ruleset: Ruleset) -> tuple[Part, ...]:
 
 
 def _part(ruleset: Ruleset, flags: np.ndarray) -> Part:
-    """The part of a block of observers, by flags."""
     observers = np.flatnonzero(flags)
     members = {ruleset.observers[i].id for i in observers}
     reached = [not members.isdisjoint(t.observer for t in r.terms) for r in ruleset.residuals]
@@ -94,7 +92,6 @@ _MOVED = {"ql": "q", "dql": "dq"}
 
 
 def _of(output: str) -> Set[str]:
-    """What an output of a plan may belong to: ``kind:of:...``, or the residual of a rule at its
-    end."""
+    """Owners of an output of a plan: ``kind:of:...``, or the residual of a rule at its end."""
     kind, _, rest = output.partition(":")
     return {rest.rpartition(":")[2] if kind in ("x", "ux") else rest.split(":")[0]}

@@ -70,8 +70,7 @@ def _margins(ruleset: Ruleset, points: Points) -> dict[str, Array]:
 def _held(
     ruleset: Ruleset, regime: RegimeSpec, points: Points, out: Mapping[str, Array]
 ) -> tuple[np.ndarray, dict[str, Array]]:
-    """Stretches in which all conditions of a regime hold, shape (n,), and by how many standard
-    uncertainties each does."""
+    """Stretches in which a regime holds, shape (n,), and margins of its conditions, (n,) each."""
     there, sure = np.ones(len(points), dtype=bool), {}
     nothing = np.full(len(points), np.nan)
     with np.errstate(invalid="ignore"):

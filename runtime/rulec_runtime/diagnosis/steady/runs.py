@@ -73,7 +73,6 @@ def _continues(
 
 
 def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> bool:
-    """Whether the degree is unchanged, within its bounds and scatter."""
     before = isolation.degree[fault, recent]
     # Neighbouring stretches share systematic errors, so their scatter is the measure, if there are
     # enough of them to have one.

@@ -24,12 +24,7 @@ def may_fit(test: HypothesisTest, limit: float, tried: np.ndarray | None = None)
     for part in test.portions():
         for i, left in _least_left(test.at(part), found[:, part]):
             found[i, part] &= left <= limits.ROUNDED_OTHERWISE * limit
-    return _towards(test, limit, found)
-
-
-def _towards(test: HypothesisTest, limit: float, found: np.ndarray) -> np.ndarray:
-    """Of faults of no module, which move all flows and which nothing above excludes, only those in
-    the direction of the residuals."""
+    # The bound excludes no fault that moves the flows of all modules: its direction decides.
     wide = [i for i, f in enumerate(test.ruleset.faults) if not f.module and found[i].any()]
     if wide:
         gain = gain_of(*test.towards(wide))

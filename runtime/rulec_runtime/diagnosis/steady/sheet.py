@@ -49,7 +49,6 @@ def against_sheet(timeline: Timeline, evaluated: EvaluatedPoints, found: Found) 
 
 
 def _in_the_plant(ruleset: Ruleset, finding: Finding) -> bool:
-    """Whether it may be more than a meter."""
     names = (finding.fault.id, *(name for name, _ in finding.alternatives))
     return not all(ruleset.fault_by_id[name].in_sensor for name in names)
 

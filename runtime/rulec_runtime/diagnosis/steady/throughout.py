@@ -94,8 +94,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
 
 
 def _named(isolation: Isolation, judged: np.ndarray) -> np.ndarray:
-    """Faults that some stretch names on its own, shape (faults,): these are compared, however many
-    flows they move."""
+    """Faults that some stretch names alone, shape (faults,): these are always compared."""
     named = np.zeros(len(isolation.probability), dtype=bool)
     for part in batches(len(judged)):
         named |= (isolation.probability[:, judged[part]] > limits.NAMED_ALONE).any(axis=1)
@@ -128,8 +127,8 @@ def _telling_most(
 
 
 def _scores(test: HypothesisTest, chosen: Sequence[int] | None = None) -> Array:
-    """Degree of each fault, or of some by their places, over its standard uncertainty, shape
-    (faults, n)."""
+    """Degree over its standard uncertainty of each fault, or of some by their places, (faults,
+    n)."""
     pull, information = test.towards(chosen)
     with np.errstate(divide="ignore", invalid="ignore"):
         scores = np.maximum(pull, 0.0) / np.sqrt(information)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.observe import reason
@@ -43,7 +42,16 @@ def verdict_at(evaluated: EvaluatedPoints, point: int) -> Verdict:
     if chances.max(initial=0.0) <= 0:
         outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
         if outside:
-            return Verdict("outside", (), _outside(ruleset, outside[0]))
+            signal = ruleset.signal_by_id[outside[0]]
+            assert signal.valid_from is not None
+            assert signal.valid_to is not None
+            low, high = signal.shown(signal.valid_from), signal.shown(signal.valid_to)
+            text = (
+                f"nothing known fits: the estimates of the flow disagree while {signal.id} is "
+                f"outside {low:.4g} to {high:.4g} {signal.unit}, the range that its equations "
+                "hold for"
+            )
+            return Verdict("outside", (), text)
         names = ", ".join(name for name, _, _ in disagreeing(evaluated, point))
         names = names or "the residuals together"
         text = (
@@ -104,17 +112,6 @@ def shown_without(evaluated: Iterable[EvaluatedPoints]) -> Iterator[str]:
             for fault, floor in zip(one.part.ruleset.faults, one.isolation.floor, strict=True):
                 if all(threshold_of(x) < fault.highest for x in floor[where].tolist()):
                     yield fault.id
-
-
-def _outside(ruleset: Ruleset, name: str) -> str:
-    signal = ruleset.signal_by_id[name]
-    assert signal.valid_from is not None
-    assert signal.valid_to is not None
-    low, high = signal.shown(signal.valid_from), signal.shown(signal.valid_to)
-    return (
-        f"nothing known fits: the estimates of the flow disagree while {name} is outside "
-        f"{low:.4g} to {high:.4g} {signal.unit}, the range that its equations hold for"
-    )
 
 
 def disagreeing(evaluated: EvaluatedPoints, point: int) -> tuple[Off, ...]:

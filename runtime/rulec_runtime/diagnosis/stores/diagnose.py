@@ -16,6 +16,7 @@ from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
+from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
@@ -53,12 +54,13 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
             result.unknown.append(Period(since, until, _unknown(found, spell)))
         else:
             result.findings.append(_finding(ruleset, windows, found, spells, spell, cause))
-    return StoresJudged(
-        judged=found.judged,
-        found=result,
-        notes=tuple(_notes(ruleset, windows, found)),
-        covered=_covered(recording, found.judged),
-    )
+    covered = np.zeros(len(recording), dtype=bool)
+    for one in found.judged:
+        if one.plain is not None:
+            begin, end = one.window.time[[0, -1]]
+            covered |= (recording.time >= begin) & (recording.time <= end)
+    notes = tuple(_notes(ruleset, windows, found))
+    return StoresJudged(judged=found.judged, found=result, notes=notes, covered=covered)
 
 
 def _times(judged: Sequence[Judged], spell: Spell) -> tuple[float, float]:
@@ -135,7 +137,7 @@ def _edge(
     one, other = (sound, faulty) if begins else (faulty, sound)
     window = windows.joined(one.window, other.window)
     assert one.plain is not None
-    moved = model.with_course_of(fault)
+    moved = replace(model, balances=with_free_states(model.dynamics, (f"x.{fault}",)))
     guess = replace(one.plain.guess, degrees=np.zeros(0))
     places = np.unique(np.linspace(0, len(window.time) - 1, limits.EDGE_PLACES).astype(int))
     best, when = np.inf, float(window.time[0])
@@ -188,7 +190,6 @@ def _sound(
 
 
 def _readings(dynamics: Dynamics, one: Judged) -> tuple[tuple[str, float], ...]:
-    """Median readings of a window, SI."""
     names = (*dynamics.inputs, *dynamics.outputs)
     table = np.column_stack([one.window.inputs, one.window.measured])
     return tuple(
@@ -227,7 +228,6 @@ def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[st
 
 
 def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
-    """Notes on thinning, and on the usual misfit of the balances."""
     notes = []
     if windows.thinned > 1:
         notes.append(f"{windows.thinned} samples at a time were averaged")
@@ -243,13 +243,3 @@ def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
                 f"{lasts} (its noise is {noise:.2g}); only what goes beyond counts"
             )
     return notes
-
-
-def _covered(recording: Recording, judged: Sequence[Judged]) -> np.ndarray:
-    covered = np.zeros(len(recording), dtype=bool)
-    for one in judged:
-        if one.plain is not None:
-            covered |= (recording.time >= one.window.time[0]) & (
-                recording.time <= one.window.time[-1]
-            )
-    return covered

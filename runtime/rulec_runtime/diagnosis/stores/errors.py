@@ -64,8 +64,7 @@ class KnownErrors:
 
 
 def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> list[LastingError]:
-    """All errors of a plant that affect a measured value; `level` is the median of each output,
-    SI."""
+    """Errors of a plant that affect a measured value; `level` is the median of outputs, SI."""
     dynamics: Dynamics | None = ruleset.dynamics
     assert dynamics is not None
     signals = ruleset.signal_by_id

@@ -27,10 +27,9 @@ def evidence_of(
 ) -> tuple[Evidence, ...]:
     """One entry per reading that balances predict."""
     target = judged[spell.first + min(2, spell.last - spell.first - 1)]
-    before = judged[spell.first - 1] if spell.first else None
-    usable = before is not None and before.plain is not None and not before.deviating
-    usable = usable and before is not None and before.window.piece == target.window.piece
-    reference = before if usable and before is not None else target
+    before = judged[spell.first - 1] if spell.first else target
+    calm = before.plain is not None and not before.deviating
+    reference = before if calm and before.window.piece == target.window.piece else target
     assert reference.plain is not None
     window = windows.joined(reference.window, target.window)
     rows = window.time >= target.window.time[0]

@@ -59,7 +59,6 @@ def spells_of(judged: Sequence[Judged], faults: Mapping[str, FaultSpec]) -> list
 
 
 def _runs(judged: Sequence[Judged]) -> Iterator[range]:
-    """Deviating windows in a row, without a pause."""
     first: int | None = None
     for i, one in enumerate([*judged, None]):
         ends = one is None or not one.deviating
@@ -132,7 +131,6 @@ def _accepted(judged: Judged) -> set[str]:
 
 
 def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
-    """Faults that fit in most of the inner windows."""
     inside = _inside(run)
     counts = Counter(name for i in inside for name in _accepted(judged[i]))
     return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}

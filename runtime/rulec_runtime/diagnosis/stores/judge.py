@@ -141,8 +141,7 @@ class Judge:
         limit: float,
         faults: tuple[str, ...] = (),
     ) -> Fitted | None:
-        """The best fit, with the degrees of some faults free; guesses are tried until one is good
-        enough."""
+        """The best fit, with some degrees free; guesses are tried until one is good enough."""
         best: Fitted | None = None
         for guess in guesses:
             found = self.model.fit(window, known, guess, faults)

@@ -8,7 +8,7 @@ time, set the weight of each reading.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,7 +41,8 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     plain = Judge(model, np.ones(len(windows.noise)), ())
     alone = plain.judge(windows.members, learning=False)
     misfit, memory = _left(alone, windows.noise)
-    judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), 1.0 / memory, dynamics.faults)
+    weighted = replace(model, spread=misfit * np.sqrt(memory))
+    judge = Judge(weighted, 1.0 / memory, dynamics.faults)
     judged = judge.judge(windows.members)
     left = limits.LARGEST_MISFIT**2
     for _ in range(limits.MISFIT_PASSES):
@@ -51,7 +52,7 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
             break
         left /= more
         misfit = misfit * np.sqrt(more)
-        judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), judge.share, judge.faults)
+        judge = replace(judge, model=replace(model, spread=misfit * np.sqrt(memory)))
         judged = judge.judge(windows.members)
     return Weighed(judge, tuple(judged), misfit)
 

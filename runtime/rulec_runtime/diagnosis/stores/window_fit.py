@@ -6,7 +6,7 @@ Source: Gauss-Newton with damping (Levenberg 1944, Marquardt 1963); maximum a po
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -75,14 +75,6 @@ class Model:
         return Model(
             ruleset, ruleset.dynamics, tuple(errors), spread, with_free_states(ruleset.dynamics)
         )
-
-    def weighted_by(self, spread: Array) -> Model:
-        """The same with other weights."""
-        return replace(self, spread=spread)
-
-    def with_course_of(self, fault: str) -> Model:
-        """The same if the degree of a fault is given sample by sample, after the readings."""
-        return replace(self, balances=with_free_states(self.dynamics, (f"x.{fault}",)))
 
     def simulate(
         self, window: Window, guess: Guess, faults: Sequence[str] = ()

@@ -1,5 +1,4 @@
-"""A recording cut into windows, half overlapping, each long enough to show the effect of a
-fault."""
+"""A recording cut into windows, half overlapping, long enough to show the effect of a fault."""
 
 from __future__ import annotations
 
@@ -115,7 +114,6 @@ def _length(count: int) -> int:
 
 
 def _pieces(recording: Recording) -> Iterator[slice]:
-    """Runs of samples without a pause."""
     steps = np.diff(recording.time)
     longest = limits.PAUSE_STORES * float(np.median(steps)) if len(steps) else 0.0
     ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > longest)) + 1
@@ -147,8 +145,7 @@ def _piece(
 
 
 def _inside(signal: SignalSpec, values: Array) -> Array:
-    """Readings without glitches, and without those at the ends of the range, where the true value
-    may be beyond."""
+    """Readings without glitches or values at the ends of the range, which may hide larger ones."""
     if not np.isfinite(values).any():
         return values
     low, high = signal.ends
