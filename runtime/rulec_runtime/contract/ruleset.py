@@ -499,15 +499,12 @@ class Ruleset:
     def _plan_of_undo(self, key: Any, names: Iterable[str]) -> Plan:
         """The plan kept under a key, or a new one of the names that `undo` has."""
         known = (n for n in names if n in self.undo.outputs)
-        return kept_plan(self._undone, key, lambda: self.undo.selected(known).narrowed())
+        plans = self.kept.setdefault("undone", {})
+        return kept_plan(plans, key, lambda: self.undo.selected(known).narrowed())
 
     @cached_property
     def kept(self) -> dict[str, Any]:
         """Derived results that are worked out once, by names of their users."""
-        return {}
-
-    @cached_property
-    def _undone(self) -> dict[Any, Plan]:
         return {}
 
     def to_json(self) -> str:

@@ -107,8 +107,12 @@ def fits_of(
         alike.setdefault(stack.shape, []).append(stack)
     found: dict[int, Fits] = {}
     for stacks in alike.values():
-        for part in _portions(stacks):
-            found |= _fits_alike(ruleset, observed, isolation, part)
+        # Portions of stacks whose matrices, three of each, fit into memory.
+        first = stacks[0]
+        residuals = (len(first.learned) + len(first.points)) * int(first.valid.sum())
+        size = max(limits.TABLE // (3 * residuals**2), 1)
+        for low in range(0, len(stacks), size):
+            found |= _fits_alike(ruleset, observed, isolation, stacks[low : low + size])
             let_go(observed.valid, isolation.degree)
         give_back()
     return [found[run] for run in range(len(runs))]
@@ -145,15 +149,6 @@ def _hypothesis(fit: Fit, probability: Array, rank: int) -> Hypothesis:
     return Hypothesis(
         fit.faults, fit.degrees, tuple(wide * u for u in fit.u), posterior, unprejudiced, fit.when
     )
-
-
-def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
-    """Stacks in portions whose matrices, three of each, fit into memory."""
-    first = stacks[0]
-    residuals = (len(first.learned) + len(first.points)) * int(first.valid.sum())
-    size = max(limits.TABLE // (3 * residuals**2), 1)
-    for low in range(0, len(stacks), size):
-        yield stacks[low : low + size]
 
 
 def _fits_alike(

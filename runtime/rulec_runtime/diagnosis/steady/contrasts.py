@@ -10,7 +10,7 @@ Source: own derivation; a sufficient statistic of Gaussian errors (Fisher 1922).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -77,7 +77,11 @@ class Contrasts:
                 break
             rows |= more
             shown.append(fault)
-        return _orthonormal([*rows.values()], self.test.basis.shape[1]), shown
+        unit = [row / size for row in rows.values() if (size := np.linalg.norm(row)) > 0.0]
+        if not unit:
+            return np.zeros((0, self.test.basis.shape[1])), shown
+        _, sizes, basis = np.linalg.svd(np.array(unit), full_matrices=False)
+        return np.asarray(basis[sizes > limits.SAME_ROWS * sizes[0]]), shown
 
     def groups(self) -> Iterator[tuple[Array, list[int]]]:
         """All faults in groups of neighbours, with the combinations that show each group."""
@@ -88,11 +92,3 @@ class Contrasts:
                 return
             left = left[left.index(shown[-1]) + 1 :]
             yield basis, shown
-
-
-def _orthonormal(rows: Sequence[Array], flows: int) -> Array:
-    unit = [row / size for row in rows if (size := np.linalg.norm(row)) > 0.0]
-    if not unit:
-        return np.zeros((0, flows))
-    _, sizes, basis = np.linalg.svd(np.array(unit), full_matrices=False)
-    return np.asarray(basis[sizes > limits.SAME_ROWS * sizes[0]])

@@ -35,21 +35,16 @@ class PairFits:
 
 def fit_pairs(test: HypothesisTest, limit: float) -> PairFits:
     """Fit the pairs that pass the screening; `limit` is the distance up to which one fits."""
-    pairs = _screened(test)
-    faults = test.ruleset.faults
+    # At each point, the pairs whose linear effects come closest to the residuals.
+    found: set[tuple[int, int]] = set()
+    for part in test.portions():
+        tried, left = _linear(test.at(part), test.metric.problems(part))
+        order = np.argsort(left, axis=0)[: limits.PAIRS_SCREENED]
+        found |= {tried[k] for k in np.unique(order)}
+    pairs, faults = sorted(found), test.ruleset.faults
     fits = fit(test, [(faults[i], faults[j]) for i, j in pairs])
     evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
     return PairFits(tuple(pairs), fits.degree, fits.u, evidence)
-
-
-def _screened(test: HypothesisTest) -> list[tuple[int, int]]:
-    """Pairs whose linear effects come closest to the residuals at some point."""
-    found: set[tuple[int, int]] = set()
-    for part in test.portions():
-        pairs, left = _linear(test.at(part), test.metric.problems(part))
-        order = np.argsort(left, axis=0)[: limits.PAIRS_SCREENED]
-        found |= {pairs[k] for k in np.unique(order)}
-    return sorted(found)
 
 
 def _linear(test: HypothesisTest, metric: Metric) -> tuple[list[tuple[int, int]], Array]:

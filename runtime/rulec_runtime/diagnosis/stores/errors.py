@@ -31,11 +31,6 @@ class LastingError:
     value: float
     size: float
 
-    @property
-    def is_parameter(self) -> bool:
-        """Whether it belongs to a constant, which does not drift."""
-        return self.value != 0.0
-
     def at(self, error: float) -> float:
         """Value at an error."""
         if self.value:

@@ -73,7 +73,8 @@ class Judge:
     def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
         """Judge all windows in order of time; without `learning` each with the prior only."""
         known, guess = nothing_known(self.model.errors), nominal_starts(self.model.dynamics)
-        drifts = np.array([not e.is_parameter for e in self.model.errors], dtype=bool)
+        # Constants, which have a value, do not drift.
+        drifts = np.array([e.value == 0.0 for e in self.model.errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
         learned = -np.inf
@@ -82,8 +83,13 @@ class Judge:
             before = result[-1] if result and result[-1].window.piece == window.piece else None
             judged = self._judged(window, now, before, guess, chance)
             result.append(judged)
-            if learning and window.time[0] > learned and self._is_calm(judged):
-                known = self._learned(judged)
+            plain = judged.plain
+            if not learning or window.time[0] <= learned or plain is None or judged.deviating:
+                continue
+            if plain.chi < chi_square_limit(judged.freedom, limits.CALM):
+                starts = len(plain.guess.starts)
+                covariance = plain.covariance[starts:, starts:]
+                known = KnownErrors(plain.guess.errors, covariance, window.middle, now.windows + 1)
                 learned = float(window.time[-1])
         return result
 
@@ -209,20 +215,6 @@ class Judge:
         ends = [signals[outputs[i]].ends for i in own]
         levels = np.median(shown[:, own], axis=0).tolist()
         return all(low <= x <= high for x, (low, high) in zip(levels, ends, strict=True))
-
-    def _is_calm(self, judged: Judged) -> bool:
-        if judged.plain is None or judged.deviating:
-            return False
-        return judged.plain.chi < chi_square_limit(judged.freedom, limits.CALM)
-
-    def _learned(self, judged: Judged) -> KnownErrors:
-        """Update of the known errors by a calm window."""
-        plain = judged.plain
-        assert plain is not None
-        starts = len(plain.guess.starts)
-        covariance = plain.covariance[starts:, starts:]
-        time, windows = judged.window.middle, judged.known.windows + 1
-        return KnownErrors(plain.guess.errors, covariance, time, windows)
 
 
 def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:
