@@ -61,7 +61,8 @@ def fit(
     touched = [test.touched(faults) for faults in hypotheses]
     counts = np.array([len(names) for names in touched], dtype=int)
     wanted = (counts[:, None] > 0) & ~np.array(
-        [np.any([_unread(test, fault) for fault in faults], axis=0) for faults in hypotheses]
+        [np.any([_unread(test, fault) for fault in faults], axis=0) for faults in hypotheses],
+        dtype=bool,
     ).reshape(shape)
     which, problem = np.nonzero(wanted if tried is None else wanted & tried)
     begin = starts if starts is not None else usual_starts(hypotheses)
