@@ -1,4 +1,4 @@
-"""The law of a module type fitted to the points of a sheet, and how well it holds."""
+"""A module type's laws fitted to the points of a sheet, and how well they hold."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from rulec.limits import (
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """A law beside the points of a reading.
+    """A law compared with the points of a reading.
 
-    Deviations are shares of the points: `scatter` in the root mean square, `usual` of 19 in 20,
-    `largest` at the reading `at` (SI). `stated` is the accuracy by the type,
-    `tolerance` what the grade allows, with the standard uncertainty `u` of the whole curve, a
-    share. `varied`: two of the readings that the law reads differ between points (flow and speed),
-    or its only one.
+    Deviations are shares of the points: `scatter` is their root mean square, `usual` their 95 %
+    quantile, `largest` the greatest, at the reading `at` (SI). `stated` is the accuracy by the
+    type, `tolerance` what the grade allows, `u` the standard uncertainty of the whole curve, a
+    share. `varied`: at least two of the readings in the law (or its only one) differ between
+    points.
     """
 
     law: Law
@@ -58,7 +58,7 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedCurve:
-    """Parameters in SI, those that the sheet says nothing of (`untold`), and each law compared."""
+    """Parameters in SI, those that the sheet does not determine (`untold`), and compared laws."""
 
     kind: ModuleType
     points: Points
@@ -75,13 +75,13 @@ class FittedCurve:
 def fit_curve(
     kind: ModuleType, points: Points, given: Mapping[str, float], grade: Grade | None
 ) -> FittedCurve:
-    """Fit all laws of a type that the points determine, together.
+    """Fit jointly all laws of a type that the points determine.
 
     Parameters
     ----------
-    given : parameters that somebody stated, SI.
+    given : parameters with stated values, SI.
 
-    Raises `CurveRefused` where no law can be fitted, or the points are too few.
+    Raises `CurveRefused` if no law can be fitted or the points are too few.
     """
     laws, readings = laws_of(kind), points.readings
     pairs = explained(laws, readings, wanted_by(kind))
@@ -128,10 +128,10 @@ def fit_curve(
 
 
 def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Parameter]) -> Array:
-    """Values by the points alone, SI.
+    """Values fitted to the points alone, SI.
 
-    Another device of the type may be a thousand times as large. So each value is first brought to
-    the power of ten that suits the points best; a fit finds its way from there.
+    A device may be a thousand times as large as another of its type. So each value is first scaled
+    by the power of ten that suits the points best; the fit finds its way from there.
     """
     values = np.array([p.value or p.u or p.unit.factor for p in stated])
     low, high = np.array([(p.lowest, p.highest) for p in stated]).T
@@ -153,9 +153,8 @@ def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Param
 
 
 def _rows(law: Law, name: str, readings: Mapping[str, Array], given: Collection[str]) -> np.ndarray:
-    """Points of a law; refuses if they are fewer than its parameters."""
-    whole = np.all([np.isfinite(readings[n]) for n in (name, *law.reads)], axis=0)
-    rows = np.flatnonzero(whole)
+    """Rows of the points of a law; refuses fewer points than parameters."""
+    rows = np.flatnonzero(np.all([np.isfinite(readings[n]) for n in (name, *law.reads)], axis=0))
     free = [n for n in law.free if n not in given]
     if len(rows) <= len(free):
         raise CurveRefused(
@@ -168,13 +167,12 @@ def _rows(law: Law, name: str, readings: Mapping[str, Array], given: Collection[
     return rows
 
 
-def _share(predicted: Array, said: Array, rows: np.ndarray) -> Array:
-    """Deviations of a law from points, shares of the points."""
-    said = said[rows]
-    least = SMALL_POINT * float(np.max(np.abs(said)))
-    off = np.broadcast_to(predicted, (len(predicted),))
-    off = (off if len(off) == 1 else off[rows]) - said
-    share = off / np.maximum(np.abs(said), least)
+def _share(predicted: Array, measured: Array, rows: np.ndarray) -> Array:
+    """Deviations of a law from its points, as shares of the points."""
+    measured = measured[rows]
+    least = SMALL_POINT * float(np.max(np.abs(measured)))
+    off = (predicted if len(predicted) == 1 else predicted[rows]) - measured
+    share = off / np.maximum(np.abs(measured), least)
     return np.where(np.isfinite(share), share, FAR_SHARE)
 
 
@@ -213,12 +211,12 @@ def _compared(
 
 
 def _lacks(kind: ModuleType, laws: Sequence[Law], readings: Mapping[str, Array]) -> str:
-    """What each law reads that the sheet does not give."""
+    """What the sheet lacks for each law."""
     if not laws:
         return "each of its laws reads other modules or a fluid, or has no parameter to fit"
-    told = []
+    reasons = []
     for law in laws:
         units = [f"{n} [{kind.signals[n].unit.text}]" for n in sorted(law.reads - readings.keys())]
         what = f"lacks {', '.join(units)}" if units else "lacks a column of what it gives"
-        told.append(f"{law.name} {what}")
-    return "; ".join(told) + ". The sheet gives " + (", ".join(readings) or "nothing of these")
+        reasons.append(f"{law.name} {what}")
+    return "; ".join(reasons) + ". The sheet gives " + (", ".join(readings) or "nothing of these")

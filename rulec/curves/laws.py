@@ -16,9 +16,9 @@ from rulec.passes.lower import lower_tree
 
 @dataclass(frozen=True)
 class Law:
-    """A definition or an observer that says what a column should be.
+    """A definition or an observer that predicts a column.
 
-    `reads` are signals, `free` parameters that a fit may move.
+    `reads` are its signals, `free` the parameters that a fit may change.
     """
 
     group: str
@@ -29,16 +29,15 @@ class Law:
 
 
 def laws_of(kind: ModuleType) -> list[Law]:
-    """Laws that signals alone determine, definitions first."""
+    """Laws that depend on signals and parameters alone, definitions first."""
     dimensions = dimensions_of(kind)
-    stated = kind.laws()
     parts = {
         **{("definitions", d.name): d.expression for d in kind.definitions.values()},
         **{("observers", o.name): o.expression for o in kind.observers.values()},
     }
     found = []
     for (group, name), expression in parts.items():
-        is_law = (group, name) in stated if group == "definitions" else True
+        is_law = group != "definitions" or (group, name) in kind.laws()
         names = kind.names_through(expression)
         equations = list(kind.with_definitions(expression))
         asks = any(next(e.gathered(), next(e.properties(), None)) for e in equations)
@@ -51,24 +50,18 @@ def laws_of(kind: ModuleType) -> list[Law]:
 
 
 def plan_of(kind: ModuleType, laws: list[Law]) -> Plan:
-    """Laws as outputs by their names, of signals and parameters as inputs; all SI."""
+    """A plan with the laws as outputs and signals and parameters as inputs, by name; all SI."""
     graph = Graph((*kind.signals, *kind.parameters))
     names = _Names(graph, kind, {})
     for law in laws:
-        graph.outputs[law.name] = names.node(expression_of(kind, law))
+        parts = kind.definitions if law.group == "definitions" else kind.observers
+        graph.outputs[law.name] = names.node(parts[law.name].expression)
     return graph.plan()
-
-
-def expression_of(kind: ModuleType, law: Law) -> Expression:
-    """The equation of a law."""
-    if law.group == "definitions":
-        return kind.definitions[law.name].expression
-    return kind.observers[law.name].expression
 
 
 @dataclass(frozen=True)
 class _Names:
-    """Names of a module type as nodes of a graph, definitions written out."""
+    """Names of a module type as nodes of a graph, with definitions expanded."""
 
     graph: Graph
     kind: ModuleType

@@ -1,9 +1,9 @@
 """A characteristic learnt from ordinary operation: a definition of a module as a monotone curve.
 
-Every settled point says, by an observer and the true flow, what the definition must have been
-there. A curve of straight lines through knots at quantiles is fitted to these points; it rises or
-falls all the way, whichever suits them better. Its band holds the scatter of the points, and the
-errors of the sensors and of the other parameters that the flow rests on.
+At each settled point, an observer and the true flow determine the value of the definition. A
+piecewise linear curve with knots at quantiles is fitted to these points; it rises or falls
+throughout, whichever fits better. Its band covers the scatter of the points and the errors of the
+sensors and of the other parameters.
 
 Source: monotone regression by non-negative increments (Ramsay 1988, with piecewise lines).
 """
@@ -43,8 +43,8 @@ from rulec.passes.types import Compilation
 class Learnt:
     """A curve over `over`, all SI: knots, values and standard uncertainties, each shape (k,).
 
-    `accuracy` is the share that 19 of 20 points keep within, `gaps` are spans of `over` without
-    points, between knots or to the ends of the sensor's range.
+    95 % of the points deviate by less than `accuracy`, a share. `gaps` are spans of `over` without
+    points, between knots or up to the ends of the sensor's range.
     """
 
     module: Module
@@ -65,8 +65,8 @@ def learn(
 ) -> Learnt:
     """Learn ``MODULE.DEFINITION`` over a signal or a definition.
 
-    Raises `CalibrationRefused`: there is no such thing, it follows more than `over`, nothing has
-    settled, no true flow is known, or its driver stood.
+    Raises `CalibrationRefused` if it does not exist, depends on more than `over`, nothing has
+    settled, no true flow is known, or its driver did not vary.
     """
     module, definition = _named(models, what)
     kind = module.type.settled()
@@ -95,9 +95,9 @@ def learn(
     final = chosen.at(kept)
     doubt = {n: np.array(p.u) for n, p in module.parameters.items()}
     errors = _errors(final, values, knots, {**doubt, **own.systematic}, true, usable[kept])
-    off, slope, _ = final.run(_between(final.driver, knots) @ values)
-    share = np.abs(off / slope) / np.abs(_between(final.driver, knots) @ values)
-    signal = kind.signals.get(over)
+    curve = _between(final.driver, knots) @ values
+    off, slope, _ = final.run(curve)
+    share = np.abs(off / slope) / np.abs(curve)
     return Learnt(
         module=module,
         name=definition,
@@ -108,7 +108,7 @@ def learn(
         accuracy=float(np.nanquantile(share, 0.95)),
         points=len(kept),
         set_aside=len(usable) - len(kept),
-        gaps=tuple(_gaps(final.driver, signal)),
+        gaps=tuple(_gaps(final.driver, kind.signals.get(over))),
         sensors=settled.sensors,
     )
 
@@ -129,7 +129,7 @@ def _named(models: Compilation, what: str) -> tuple[Module, str]:
 
 
 def _driver(kind: ModuleType, what: str, definition: str, over: str | None) -> str:
-    """What the curve stands over; refuses one that does not fix the definition."""
+    """What the curve is a function of; refused if it does not determine the definition."""
     names = kind.names_through(kind.definitions[definition].expression)
     read = sorted(names & kind.signals.keys())
     if over is None:
@@ -155,7 +155,7 @@ def _driver(kind: ModuleType, what: str, definition: str, over: str | None) -> s
 
 
 def _knots(driver: Array) -> Array:
-    """Quantiles of the driver, no closer than a share of its span."""
+    """Quantiles of the driver, at least a share of its span apart."""
     count = int(np.clip(len(driver) // POINTS_PER_PARAMETER, 2, LEARNT_KNOTS))
     found = [float(np.min(driver))]
     least = KNOT_GAP * float(np.ptp(driver))
@@ -166,14 +166,14 @@ def _knots(driver: Array) -> Array:
 
 
 def _between(driver: Array, knots: Array) -> Array:
-    """Weights of the knots at each point, shape (n, k): straight lines."""
+    """Weights of the knots at each point for linear interpolation, shape (n, k)."""
     rows: Array = np.array([np.interp(driver, knots, unit) for unit in np.eye(len(knots))])
     return rows.T
 
 
 def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
-    """Knots, values there, and the points that are not set aside: a fit of least absolute errors
-    finds the bulk, least squares fit that."""
+    """Knots, values there, and the rows kept: least absolute errors find the outliers, then least
+    squares fit the rest."""
     knots = _knots(samples.driver)
     values = _either_way(samples, knots, 1)
     off = samples.run(_between(samples.driver, knots) @ values)[0]
@@ -186,14 +186,14 @@ def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
 
 
 def _either_way(samples: Samples, knots: Array, power: int) -> Array:
-    """Values that rise or fall, whichever leaves less."""
+    """Rising or falling values, whichever leaves smaller errors."""
     tried = [_monotone(samples, knots, sign, power) for sign in (1.0, -1.0)]
     return min(tried, key=lambda found: found[1])[0]
 
 
 def _monotone(samples: Samples, knots: Array, sign: float, power: int) -> tuple[Array, float]:
-    """Values that rise (or fall) from knot to knot, and the sum of errors that is left, absolute
-    or squared by `power`. Absolute ones are squares, each weighed by its last error."""
+    """Values that rise (or fall) from knot to knot, and the remaining sum of errors, absolute or
+    squared by `power`. Absolute errors are squares, each weighted by its previous error."""
     weights = _between(samples.driver, knots)
     sums = np.tril(np.ones((len(knots), len(knots))))
     sums[:, 1:] *= sign
@@ -229,8 +229,8 @@ def _errors(
     true: TrueFlow,
     rows: np.ndarray,
 ) -> Array:
-    """Standard uncertainties of the values: scatter of the points, errors of the sensors and of the
-    other parameters. `known` are those of readings and parameters."""
+    """Standard uncertainties of the values from the scatter of the points and the errors of the
+    sensors and other parameters; `known` are the uncertainties of these."""
     weights = _between(samples.driver, knots)
     off, slope, out = samples.run(weights @ values)
     inverse = np.linalg.pinv(slope[:, None] * weights)
@@ -249,11 +249,10 @@ def _errors(
 
 
 def _gaps(driver: Array, signal: Signal | None) -> Sequence[tuple[float, float]]:
-    """Spans without points, as wide as a share of the sensor's range or wider."""
-    seen, low, high = np.unique(driver), np.inf, -np.inf
+    """Spans without points that are wider than a share of the sensor's range."""
+    points, low, high = np.unique(driver), np.inf, -np.inf
     if signal is not None and signal.lowest is not None and signal.highest is not None:
         low, high = signal.lowest, signal.highest
-    ends = np.concatenate([[min(low, seen[0])], seen, [max(high, seen[-1])]])
-    least = GAP * (ends[-1] - ends[0])
-    wide = np.flatnonzero(np.diff(ends) > least)
+    ends = np.concatenate([[min(low, points[0])], points, [max(high, points[-1])]])
+    wide = np.flatnonzero(np.diff(ends) > GAP * (ends[-1] - ends[0]))
     return [(float(ends[i]), float(ends[i + 1])) for i in wide]

@@ -1,4 +1,4 @@
-"""A learnt curve as a module type: the type of the module, a table in place of the definition."""
+"""A learnt curve as a module type: the type of the module with a table for the definition."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ from rulec.knowledge.module_type import ModuleType
 from rulec.language.document import Document
 from rulec.language.units import Dimension, Unit, UnitTable
 
-LARGEST = 50.0
-"""Per cent that an accuracy may state."""
-
 
 def dropped(kind: ModuleType, definition: str) -> list[str]:
-    """Parameters that nothing uses any more once the definition is a table."""
+    """Parameters that nothing uses once the definition is a table."""
     kept = [e for path, e in kind.equations_at() if path[1] != definition]
     used = {name for part in kept for name, _ in part.names()}
     own = {name for name, _ in kind.definitions[definition].expression.names()}
@@ -31,8 +28,8 @@ def dropped(kind: ModuleType, definition: str) -> list[str]:
 def table_units(
     learnt: Learnt, dimensions: Mapping[str, Dimension], units: UnitTable
 ) -> tuple[Unit, Unit]:
-    """Units of the two numbers of a point: as of a signal or a parameter of the type, if one has
-    the dimension."""
+    """Units of the driver and of the definition: that of a signal or parameter of the type with the
+    same dimension, if there is one."""
     kind = learnt.module.type
 
     def unit_of(name: str) -> Unit:
@@ -48,7 +45,7 @@ def table_units(
 def type_of(
     document: Document, learnt: Learnt, units: tuple[Unit, Unit], name: str, source: str
 ) -> str:
-    """Text of the file. `document` is as its author wrote it."""
+    """Text of the new type's file; `document` is the old type as its author wrote it."""
     data: dict[str, Any] = copy.deepcopy(dict(document.data))
     data["module"] = name
     kind, definition = learnt.module.type, learnt.name
@@ -56,7 +53,7 @@ def type_of(
     for parameter in dropped(kind, definition):
         data["parameters"].pop(parameter, None)
     share = float(np.median(learnt.u / np.abs(learnt.values)))
-    accuracy = min(max(100.0 * learnt.accuracy, 0.1), LARGEST)
+    accuracy = min(max(100.0 * learnt.accuracy, 0.1), 50.0)  # no type may state more than 50 %
     over, unit = units
     data.setdefault("tables", {})[definition] = {
         "over": learnt.over,
@@ -71,9 +68,7 @@ def type_of(
         **({"title": old["title"]} if "title" in old else {}),
         "source": source,
     }
-    order = [key for key in _ORDER if data.get(key)]
-    rest = [key for key in data if key not in _ORDER and data[key]]
-    ordered = {key: data[key] for key in (*order, *rest)}
+    ordered = {key: data[key] for key in (*_ORDER, *data) if data.get(key)}
     band = ", ".join(f"{u / unit.factor:.2g}" for u in learnt.u.tolist())
     comments = [
         f"{definition} of {kind.name} learnt by rulec calibrate --learn: {source}.",

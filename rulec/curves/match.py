@@ -1,4 +1,4 @@
-"""Which column of a sheet is which reading of a module type, and what follows from them."""
+"""Which column of a sheet is which reading of a module type, and what can be derived from them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rulec.language.units import NONE, VOLUME_FLOW, Dimension, UnitTable
 from rulec.limits import SHEET_DENSITY
 
 FLOW = "Q"
-"""What an observer gives, where no signal of the type is called so."""
+"""The flow of the observers, where no signal of the type measures one."""
 
 _LENGTH = Dimension.of({"m": 1})
 _DENSITY = Dimension.of({"kg": 1, "m": -3})
@@ -34,7 +34,7 @@ _GIVEN = re.compile(
 
 @dataclass(frozen=True)
 class Points:
-    """Readings by names of signals (or `FLOW`), each shape (n,), SI; `notes` say what was taken."""
+    """Readings by signal (or `FLOW`), each shape (n,), SI; `notes` state the assumptions."""
 
     readings: Mapping[str, Array]
     notes: tuple[str, ...]
@@ -43,7 +43,7 @@ class Points:
 def given_values(
     texts: Iterable[str], kind: ModuleType, units: UnitTable
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Constant signals and parameters of ``NAME=VALUE UNIT`` texts, SI. Raises `CurveRefused`."""
+    """Constant signals and parameters from ``NAME=VALUE UNIT`` texts, SI. Raises `CurveRefused`."""
     signals: dict[str, float] = {}
     parameters: dict[str, float] = {}
     for text in texts:
@@ -70,7 +70,7 @@ def given_values(
 def points_of(
     kind: ModuleType, columns: Sequence[Column], constants: Mapping[str, float]
 ) -> Points:
-    """Readings that a sheet gives. Raises `CurveRefused` where a column could be two of them."""
+    """The readings of a sheet. Raises `CurveRefused` if a column could be two of them."""
     count = len(columns[0].values)
     readings = {name: np.full(count, value) for name, value in constants.items()}
     wanted = wanted_by(kind)
@@ -107,9 +107,10 @@ def points_of(
 def explained(
     laws: Sequence[Law], readings: Mapping[str, Array], wanted: Mapping[str, Dimension]
 ) -> list[tuple[Law, str]]:
-    """Laws with the reading that each of them says, from others that the sheet gives.
+    """Laws, each with the reading that it predicts from others in the sheet.
 
-    Where several say the same reading, that counts which stands on the others.
+    If several predict a reading, the last of the group that comes first counts: it builds on the
+    others.
     """
     found: dict[str, Law] = {}
     for law in laws:
@@ -126,7 +127,7 @@ def explained(
 
 
 def wanted_by(kind: ModuleType) -> dict[str, Dimension]:
-    """Signals that observers read, and the flow, by dimension."""
+    """Dimensions of the signals that observers read, and of the flow."""
     read = {n for o in kind.observers.values() for n in kind.names_through(o.expression)}
     wanted = {n: s.unit.dimension for n, s in kind.signals.items() if n in read}
     return wanted if VOLUME_FLOW in wanted.values() else {**wanted, FLOW: VOLUME_FLOW}
@@ -138,7 +139,7 @@ def _derived(
     rest: Sequence[Column],
     wanted: Mapping[str, Dimension],
 ) -> Points:
-    """Pressure from head, power from efficiency, torque from power: where a reading lacks."""
+    """Fill in missing readings: pressure from head, power from efficiency, torque from power."""
     notes: list[str] = []
     count = len(next(iter(readings.values()))) if readings else len(rest[0].values)
 

@@ -1,4 +1,4 @@
-"""What settled points of a recording say of a definition: the law of an observer, opened there."""
+"""What settled points of a recording say of a definition: an observer's law solved for it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from rulec.knowledge.plant import Module
 from rulec.passes.differentiate import GATHERED, TypeModel, opened, written_out
 
 CURVE, DRIVER, BEFORE = "curve", "driver", "before"
-"""Inputs and outputs of the plan of a point."""
+"""An input and two outputs of the plan of a point."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What points say: where the driver stood, the true flow (m3/s), and a plan that gives the flow
-    of an observer from the `CURVE`. `errors` are of sensors, in m3/s per standard uncertainty."""
+    """At each point the `driver`, the definition `before` learning, the true `flow` (m3/s), and a
+    plan that gives the flow of an observer as a function of `CURVE`."""
 
     plan: Plan
     inputs: Mapping[str, Array | float]
@@ -33,12 +33,12 @@ class Samples:
     flow: Array
 
     def at(self, rows: np.ndarray) -> Samples:
-        """Some of the points."""
+        """The points of these rows."""
         inputs = {n: v[rows] if isinstance(v, np.ndarray) else v for n, v in self.inputs.items()}
         return Samples(self.plan, inputs, self.driver[rows], self.before[rows], self.flow[rows])
 
     def run(self, curve: Array) -> tuple[Array, Array, dict[str, Array]]:
-        """How far the law is off, its slope by the curve, and all that the plan gives."""
+        """The error of the law, its slope by the curve, and all outputs of the plan."""
         out = self.plan.run({**self.inputs, CURVE: curve})
         wide = {n: np.broadcast_to(v, curve.shape) for n, v in out.items()}
         return wide["Q"] - self.flow, wide[f"d:{CURVE}"], wide
@@ -53,7 +53,7 @@ def samples_of(
     own: Local,
     true: TrueFlow,
 ) -> Samples:
-    """The first observer that stands on the definition, opened there."""
+    """Samples by the first observer that uses the definition and whose readings are recorded."""
     symbol, observers = opened(kind, definition, model.symbols, model.observers)
     reference = {o.name for o in kind.observers.values() if o.is_reference}
     found = [e for n, e in observers.items() if symbol in e.free_symbols and n not in reference]
@@ -73,8 +73,8 @@ def samples_of(
     for name, expression in outputs.items():
         graph.outputs[name] = lower(graph, expression, nodes)
     plan = graph.plan()
-    values = {n: p.value for n, p in module.parameters.items()}
-    inputs: dict[str, Array | float] = {**values, **own.values}
+    inputs: dict[str, Array | float] = {n: p.value for n, p in module.parameters.items()}
+    inputs |= own.values
     out = plan.run(inputs)
     driver, before = (np.broadcast_to(out[n], true.values.shape) for n in (DRIVER, BEFORE))
     return Samples(plan, inputs, driver, before, true.values)

@@ -1,4 +1,4 @@
-"""A table of points, as a maker prints it or as somebody read it off a picture."""
+"""A table of points, as printed by a maker or read off a picture."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class Column:
 def columns_of(
     path: Path, units: UnitTable, known: Collection[str], given: str | None = None
 ) -> list[Column]:
-    """The columns of a file that recordings are read from, in SI.
+    """The columns of a file in any format of recordings, in SI.
 
     Parameters
     ----------
     known : names by which the row of titles is found.
-    given : titles in place of those of the file, with commas between them. An empty one leaves a
-        column out; where a name comes again, a block of columns with points of its own begins.
+    given : titles that replace those of the file, separated by commas. An empty title leaves a
+        column out; a repeated title begins a block of columns with points of its own.
 
     Raises `CurveRefused`, or what reading a recording raises.
     """
@@ -53,8 +53,7 @@ def columns_of(
     with opened_table(path, form) as sheet:
         titles, beside = list(sheet.titles), list(sheet.units)
         bare = all(is_value(t) or t.strip() == "1" for t in titles if t.strip())
-        indexes = range(len(titles))
-        read = sheet.read((), tuple(indexes), AS_SEEN).columns
+        read = sheet.read((), tuple(range(len(titles))), AS_SEEN).columns
         numbers = [column.numbers() for column in read]
     if bare:
         if given is None:
@@ -72,14 +71,14 @@ def columns_of(
             f"{path}: {len(numbers[0])} points; a sheet has 1 to {MOST_SHEET_POINTS}. A recording "
             "of a plant is for rulec calibrate"
         )
-    named = [_named(title, beside[i] if beside else "") for i, title in enumerate(titles)]
+    named = [_name_and_unit(t, beside[i] if beside else "") for i, t in enumerate(titles)]
     return list(_stacked(path, named, numbers, units))
 
 
 def _stacked(
     path: Path, named: Sequence[tuple[str, str]], numbers: Sequence[Array], units: UnitTable
 ) -> Iterator[Column]:
-    """Columns, blocks of one name below one another."""
+    """Columns, with blocks of the same name stacked."""
     blocks: list[dict[str, tuple[str, Array]]] = [{}]
     for (name, text), values in zip(named, numbers, strict=True):
         if name in blocks[-1]:
@@ -101,8 +100,7 @@ def _stacked(
         yield Column(name=name, unit=unit, values=finite * unit.factor + unit.offset)
 
 
-def _named(title: str, beside: str) -> tuple[str, str]:
-    """Name and unit of a column."""
+def _name_and_unit(title: str, beside: str) -> tuple[str, str]:
     name, unit = parts_of(title.strip())
     inside = _IN_BRACKETS.fullmatch(name)
     if not unit and inside is not None:
@@ -111,7 +109,7 @@ def _named(title: str, beside: str) -> tuple[str, str]:
 
 
 def unit_of(text: str, units: UnitTable) -> Unit | None:
-    """A unit as sheets spell it; None where it is not known."""
+    """A unit as sheets spell it; None if unknown."""
     try:
         return units.parse(text.strip().translate(_SUPERSCRIPTS))
     except ValueError:
@@ -125,9 +123,9 @@ def _unit(path: Path, name: str, text: str, units: UnitTable) -> Unit:
         raise CurveRefused(f"{path}: column '{shown}' names no unit; {hint}")
     unit = unit_of(text, units)
     if unit is None:
-        hint = "the spellings are in kb/units.yaml"
         raise CurveRefused(
-            f"{path}: column '{shown}': unknown unit '{one_line(text)[:40]}'; {hint}"
+            f"{path}: column '{shown}': unknown unit '{one_line(text)[:40]}'; "
+            "the spellings are in kb/units.yaml"
         )
     return unit
 

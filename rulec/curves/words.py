@@ -1,4 +1,4 @@
-"""What sheets call their columns, and what acceptance grades tolerate, from `words.yaml`."""
+"""Titles of columns in sheets, and tolerances of acceptance grades, from `words.yaml`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from rulec.curves.sheet import CurveRefused
 from rulec.knowledge.module_type import Accuracy
 from rulec.language.units import Dimension
 
-_FILE = Path(__file__).with_name("words.yaml")
-
 _GIVES = {
     "flow": (Dimension.of({"m": 3, "s": -1}),),
     "head": (Dimension.of({"m": 1}), Dimension.of({"kg": 1, "m": -1, "s": -2})),
@@ -24,20 +22,19 @@ _GIVES = {
         Dimension.of({"kg": 1, "m": 2, "s": -2}),
     ),
 }
-"""Dimensions of what a law gives, by the word of a grade: head also as pressure, power also as
-torque."""
+"""Dimensions by the word of a grade: head may also be a pressure, power a torque."""
 
 
 @dataclass(frozen=True)
 class Grade:
-    """A tolerance: shares by dimension, or one `share` of everything."""
+    """A tolerance: shares by word (see `_GIVES`), or one `share` of everything."""
 
     name: str
     shares: Mapping[str, float]
     source: str
 
     def of(self, dimension: Dimension) -> Accuracy | None:
-        """The tolerance of what a law gives; None where the grade says nothing of it."""
+        """The tolerance of a quantity; None if the grade does not cover it."""
         for word, share in self.shares.items():
             if not _GIVES.get(word) or any(dimension.fits(d) for d in _GIVES[word]):
                 return Accuracy(share, self.source)
@@ -68,7 +65,7 @@ def grade_of(text: str) -> Grade:
 
 
 def role_of(name: str) -> str:
-    """What a column of such a name is, where its unit could not say it; else empty.
+    """The role of a column by its name, where its unit cannot tell; else empty.
 
     >>> role_of("Eta"), role_of("Q")
     ('efficiency', '')
@@ -78,4 +75,4 @@ def role_of(name: str) -> str:
 
 @functools.cache
 def _words() -> Any:
-    return yaml.safe_load(_FILE.read_text(encoding="utf-8"))
+    return yaml.safe_load(Path(__file__).with_name("words.yaml").read_text(encoding="utf-8"))

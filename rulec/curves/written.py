@@ -1,4 +1,4 @@
-"""A fitted law as a module type: the file of the type before, with the sheet's values in it."""
+"""A fitted law as a module type: the file of the old type with the sheet's values in it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,12 @@ from rulec.knowledge.module_type import Accuracy
 from rulec.language.document import Document
 from rulec.limits import SHEET_SCATTER
 
-DIGITS = 7
-"""Of parameters: differences of large terms must not show the last digit."""
-
 
 def module_of(document: Document, fitted: FittedCurve, name: str, source: str) -> str:
     """Text of the file. `document` is as its author wrote it, with tables as tables.
 
-    The sheet fixes the shape of a curve; how far a pump of the series is off it, its grade says.
-    So each law gets a size of its own, about 1, and calibration moves that alone.
+    The sheet fixes the shape of a curve; the grade says how far a pump of the series may deviate.
+    So each law gets a size factor near 1, which is all that calibration changes.
     """
     data: dict[str, Any] = copy.deepcopy(dict(document.data))
     data["module"] = name
@@ -34,7 +31,8 @@ def module_of(document: Document, fitted: FittedCurve, name: str, source: str) -
         if entry is None or parameter in fitted.untold:
             continue
         entry |= {
-            "value": plain_number(own.unit.from_si(value), DIGITS),
+            # Seven digits, so that rounding does not show in differences of large terms.
+            "value": plain_number(own.unit.from_si(value), 7),
             "u": 0,
             "fit": False,
             "source": source,
@@ -52,7 +50,7 @@ def module_of(document: Document, fitted: FittedCurve, name: str, source: str) -
 
 
 def _sized(data: dict[str, Any], compared: Compared, source: str) -> None:
-    """Put a size before a law, and say how exact its form is."""
+    """Multiply a law by a size factor, and state the accuracy of its form."""
     law, key = compared.law, "is" if compared.law.group == "definitions" else "Q"
     size = f"{law.name}_size"
     entry = data[law.group][law.name]
@@ -69,8 +67,8 @@ def _sized(data: dict[str, Any], compared: Compared, source: str) -> None:
 
 
 def form_of(compared: Compared) -> Accuracy:
-    """How exact the form is, the size apart: by the points where they vary all that the law reads,
-    else what the type states, if that is more."""
+    """The accuracy of a law's form, apart from its size: by the points if all that the law reads
+    varies there, else the accuracy that the type states, if that is larger."""
     by_points = Accuracy(
         plain_number(max(compared.usual, 2.0 * SHEET_SCATTER), 2),
         f"19 of 20 of {compared.points} points of the sheet",
@@ -80,17 +78,15 @@ def form_of(compared: Compared) -> Accuracy:
 
 
 def _middle(fitted: FittedCurve) -> dict[str, float]:
-    """Readings of the point in the middle of the sheet, SI."""
+    """Readings at the middle point of the sheet, SI."""
     readings = {n: v for n, v in fitted.points.readings.items() if n in fitted.kind.signals}
     whole = np.flatnonzero(np.all([np.isfinite(v) for v in readings.values()], axis=0))
-    if not len(whole):
-        return {}
-    row = whole[len(whole) // 2]
-    return {name: float(values[row]) for name, values in readings.items()}
+    middle = whole[len(whole) // 2] if len(whole) else None
+    return {} if middle is None else {name: float(v[middle]) for name, v in readings.items()}
 
 
 def _widen(entry: dict[str, Any], largest: float) -> None:
-    """A sensor that the sheet exceeds gets a full scale of 1, 2 or 5 times a power of ten."""
+    """Where the sheet exceeds a sensor's range, its full scale becomes 1, 2 or 5 times 10^n."""
     low, high = entry["range"]
     if largest > high:
         power = 10.0 ** math.floor(math.log10(largest))
