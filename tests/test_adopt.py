@@ -15,7 +15,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
-from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+from rulec.effects.adopt import adoption_of
+from rulec.effects.adopted_plant import put_in_place, write_plant
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_form, repair_of

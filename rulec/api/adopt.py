@@ -126,7 +126,8 @@ def adopt(
         )
     source.check_unchanged()
     builder = source.builder  # loads the compiler, as do these
-    from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+    from rulec.effects.adopt import adoption_of
+    from rulec.effects.adopted_plant import put_in_place, write_plant
 
     adoption = adoption_of(builder, repair)
     with put_in_place(target) as made:

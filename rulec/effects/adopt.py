@@ -1,8 +1,8 @@
-"""Take over what a mismatch found: amended module types, recalibrated values, a new plant folder.
+"""Adopt what a mismatch found: amended module types, recalibrated values, a new plant folder.
 
-Instances of a type that are amended alike share the amended type. Where some of them differ, those
-as they were keep the type, else the first ones get it, and each other way of being amended becomes
-a type of its own, named after its first module.
+Instances of a type with the same amendments share the amended type. If they differ, those without
+amendments keep the type, else the first ones do. Each other variant becomes a type of its own,
+named after its first module.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rulec.effects.hold_back import held_back
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair
 from rulec.knowledge.fluid import reading_of
-from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal, State
+from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
@@ -32,14 +32,14 @@ NOT_PHYSICS = {
     "ageing": "what changes with time holds for this recording only",
     "free": "no physics stands behind it; outside this recording it may say anything",
 }
-"""Why explanations of other sorts are not written."""
+"""Why explanations of these sorts are not written."""
 
 
 @dataclass(frozen=True)
 class Adopted:
-    """An instance with the type it gets.
+    """An instance with its new type.
 
-    `brought` are the parameters that its type did not have, `inputs` their ids in the analysis.
+    `brought` are the parameters that its old type lacked, `inputs` their ids in the analysis.
     """
 
     module: Module
@@ -49,7 +49,7 @@ class Adopted:
 
     @property
     def changed(self) -> bool:
-        """Is the type another than before?"""
+        """Does the new type differ from the old one?"""
         return bool(self.brought) or self.type.provides != self.module.type.provides
 
 
@@ -57,7 +57,7 @@ class Adopted:
 class Adoption:
     """All instances of a plant, amended or not, and what was left out.
 
-    `changed` holds by new type the first instance that has it, `left` ids of candidates and the
+    `changed` maps each new type to its first instance, `left` lists ids of candidates with the
     reason.
     """
 
@@ -68,11 +68,12 @@ class Adoption:
     left: tuple[tuple[str, str], ...]
 
 
-def adopt(builder: ModelBuilder, network: Network, repair: Repair) -> Adoption:
-    """The new types of all modules; raises `AdoptRefused` where the plant has changed since."""
+def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
+    """The new types of all modules; raises `AdoptRefused` if the plant has changed since."""
+    network = builder.network
     by_id = {c.id: c for c in builder.candidates}
     free = {s.id for s in builder.spots}
-    _refuse_strangers(builder, repair)
+    _refuse_unknown(builder, repair)
     readings = Gathering(network)
     taken: list[Candidate] = []
     left: list[tuple[str, str]] = []
@@ -104,8 +105,7 @@ def adopt(builder: ModelBuilder, network: Network, repair: Repair) -> Adoption:
     return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
 
 
-def _refuse_strangers(builder: ModelBuilder, repair: Repair) -> None:
-    """Refuse parameters that the plant does not have."""
+def _refuse_unknown(builder: ModelBuilder, repair: Repair) -> None:
     known = {*builder.parameters.ids, *(s.id for s in builder.spots)}
     known |= {u.id for c in builder.candidates for u in c.unknowns}
     for name in repair.parameters:
@@ -135,7 +135,7 @@ def why_not(candidate: Candidate, network: Network) -> str:
 def _instance(
     plant: Plant, module: Module, amended: Amended, taken: list[Candidate], repair: Repair
 ) -> Adopted:
-    """The amended type with the values that were found for its new parameters."""
+    """The instance with its amended type and the values found for its new parameters."""
     sources = {u.id: (c, u) for c in taken for u in c.unknowns}
     values = {k: v for joined in repair.joined for k, v in joined.values.items()}
     u = dict(zip(repair.parameters, np.sqrt(np.diag(repair.covariance)).tolist(), strict=True))
@@ -161,20 +161,15 @@ def _instance(
         parameters={**amended.type.parameters, **brought},
         signals=_given(module.type, amended.type),
         states={
-            name: state if name in module.type.states else _stored(plant, state)
-            for name, state in amended.type.states.items()
+            n: s if n in module.type.states else replace(s, unit=_writable(plant, s.unit))
+            for n, s in amended.type.states.items()
         },
     )
     return Adopted(module, kind, brought, amended.inputs)
 
 
-def _stored(plant: Plant, state: State) -> State:
-    """A state that was brought in, in a unit that a file may have."""
-    return replace(state, unit=_writable(plant, state.unit))
-
-
 def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
-    """Signals; those that only the new physics reads drive it: they are given, not results."""
+    """Signals; those that only the new physics reads become inputs."""
     new = _read(amended) - _read(plain) - amended.readings.keys()
     return {
         name: replace(signal, is_input=signal.is_input or name in new)
@@ -183,7 +178,7 @@ def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
 
 
 def _read(kind: ModuleType) -> set[str]:
-    """Signals that some observer, state, reading or flow depends on."""
+    """Signals on which some observer, state, reading or flow depends."""
     ends = [("definitions", end) for end in ENDS]
     equations = [e for path, e in kind.equations_at() if path[0] != "definitions"]
     equations += [e for path, e in kind.equations_at() if path[:2] in ends]
@@ -191,7 +186,7 @@ def _read(kind: ModuleType) -> set[str]:
 
 
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
-    """A unit that a file may have; a typical reading is shown as its signal or state is."""
+    """A unit that a file may have; that of its signal or state for a typical reading."""
     if unknown.fixed and unknown.driver:
         module, _, name = reading_of(unknown.driver).partition(".")
         kind = plant.modules[module].type
@@ -202,7 +197,7 @@ def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
 
 
 def _writable(plant: Plant, unit: Unit) -> Unit:
-    """The unit, or where a file cannot have it, one of SI."""
+    """The unit, or an SI unit if a file cannot have it."""
     try:
         return plant.knowledge.units.parse(unit.text)
     except ValueError:
@@ -210,17 +205,19 @@ def _writable(plant: Plant, unit: Unit) -> Unit:
 
 
 def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]:
-    """Types with names: see the beginning of this file."""
+    """Types with names as the docstring of this file says."""
     groups: dict[str, dict[object, list[str]]] = {}
     for name, own in instances.items():
-        groups.setdefault(own.module.type.name, {}).setdefault(_shape(own), []).append(name)
+        equations = tuple((path, e.text) for path, e in own.type.equations_at())
+        shape = equations, tuple(own.brought)
+        groups.setdefault(own.module.type.name, {}).setdefault(shape, []).append(name)
     taken = set(plant.knowledge.modules) | groups.keys()
     result = dict(instances)
     for kind, shapes in groups.items():
         ordered = sorted(shapes.values(), key=lambda names: bool(instances[names[0]].brought))
         for i, names in enumerate(ordered):
-            title, first = instances[names[0]].type.title, instances[names[0]]
-            chosen = kind
+            first = instances[names[0]]
+            chosen, title = kind, first.type.title
             if i:
                 chosen, title = fresh_type(f"{kind}-{names[0]}", taken), f"{title} ({names[0]})"
                 taken.add(chosen)
@@ -233,15 +230,9 @@ def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]
 
 
 def fresh_type(name: str, taken: set[str]) -> str:
-    """A name for a type that no other has."""
+    """A type name that is not `taken`."""
     tried, count = name[:MAX_TYPE_STEM], 1
     while tried in taken:
         count += 1
         tried = f"{name[:MAX_TYPE_STEM]}-{count}"
     return tried
-
-
-def _shape(own: Adopted) -> object:
-    """What makes two amended types of one kind the same."""
-    equations = tuple((path, e.text) for path, e in own.type.equations_at())
-    return equations, tuple(own.brought)

@@ -1,4 +1,4 @@
-"""The plant that is adopted, as files: written aside, checked as any other, then put in place."""
+"""The adopted plant as files: written to a temporary folder, checked, then moved into place."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.write_file import write_text
 
-from rulec.effects.adopt import Adoption, adopt
+from rulec.effects.adopt import Adoption, adoption_of
 from rulec.effects.candidate import Repair as Found
 from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
@@ -24,7 +24,7 @@ from rulec.passes.pipeline import compile_plant
 
 
 def trial(builder: ModelBuilder, found: Found) -> Ruleset:
-    """A repair written into a folder of its own, read and compiled; raises `Unwritable`."""
+    """Write a repair to a temporary folder, read and compile it; raises `Unwritable`."""
     assert builder.sources is not None
     try:
         repair = _repair(builder.sources, found)
@@ -37,13 +37,8 @@ def trial(builder: ModelBuilder, found: Found) -> Ruleset:
         raise Unwritable(f"the compiler refuses it: {error.briefly}") from None
 
 
-def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
-    """The types of all modules."""
-    return adopt(builder, builder.network, repair)
-
-
 def write_plant(folder: Path, sources: Sources, adoption: Adoption, repair: Repair) -> None:
-    """Write all files of the new plant into a folder that nobody else writes to."""
+    """Write all files of the new plant; nobody else may write to the folder."""
     for name, text in plant_files(sources, adoption, repair):
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +47,7 @@ def write_plant(folder: Path, sources: Sources, adoption: Adoption, repair: Repa
 
 @contextmanager
 def put_in_place(target: Path) -> Iterator[Path]:
-    """A folder to write into, which takes the target's name when all is well, else it is gone."""
+    """A folder to write into; it takes the target's name on success, else it is removed."""
     target.parent.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
     try:
@@ -68,18 +63,17 @@ def put_in_place(target: Path) -> Iterator[Path]:
 def _repair(sources: Sources, found: Found) -> Repair:
     assert sources.plant is not None
     values = {p.id: p.value for p in found.parameters}
+    known = {**values, **found.fixed}
     return Repair(
         plant=Path(sources.plant.path),
         recording="",
-        joined=tuple(Joined(name, _own(name, {**values, **found.fixed})) for name in found.joined),
+        joined=tuple(
+            Joined(name, {k: v for k, v in known.items() if k.startswith(f"{name}.")})
+            for name in found.joined
+        ),
         parameters=tuple(values),
         values=np.array(list(values.values()), dtype=float),
         covariance=found.covariance,
         misfit=found.misfit,
         ranges=found.ranges,
     )
-
-
-def _own(joined: str, values: dict[str, float]) -> dict[str, float]:
-    """Values of the unknowns of a candidate: their ids begin with its own."""
-    return {k: v for k, v in values.items() if k.startswith(f"{joined}.")}

@@ -1,4 +1,4 @@
-"""Balances of a module as text in its author's names, with what flows in and out."""
+"""Balances of a module as text in its author's names, with its inflow and outflow."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from rulec.knowledge.module_type import ENDS, ModuleType, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant
 from rulec.language.written import signed_sum
-from rulec.passes.end_flows import KnownFlow
 from rulec.passes.link import Network
 
 
 def balances_text(network: Network, module: Module) -> Iterator[str]:
-    """What a module stores and shows, one equation a line; nothing where it does neither.
+    """The balances, flows and readings of a module, one equation a line; none without balances.
 
-    Equations are in the names of the module; what flows in or out stands as the sum of laws that it
-    follows from.
+    Equations use the names of the module. A flow at an end is a sum of laws.
     """
     kind = module.type
+    laws = [k for terms in network.ends.values() for _, k in terms if k.kind == "observer"]
     for name in kind.observers:
-        if any((known.module, known.name) == (module.name, name) for known in _taken(network)):
+        if any((law.module, law.name) == (module.name, name) for law in laws):
             yield f"{module.name}.{name} = {kind.observers[name].expression}   (a flow)"
     for state in kind.states.values():
         title = f"{module.name}.{state.name}"
@@ -28,15 +27,10 @@ def balances_text(network: Network, module: Module) -> Iterator[str]:
     for end in ENDS if kind.flows else ():
         if (module.name, end) in network.ends and end in kind.read:
             yield f"{module.name}.{end} = {flow_text(network, module.name, end)}"
-    for name in _stood_on(kind):
+    for name in _needed(kind):
         yield f"{module.name}.{name} = {kind.definitions[name].expression}"
     for reading in kind.readings.values():
         yield f"{module.name}.{reading.name} shows {reading.expression}"
-
-
-def _taken(network: Network) -> Iterator[KnownFlow]:
-    """Observers that count as laws of flows."""
-    return (k for terms in network.ends.values() for _, k in terms if k.kind == "observer")
 
 
 def _bounds(state: State) -> Iterator[str]:
@@ -58,13 +52,13 @@ def _value(state: State, expression: Expression) -> str:
 
 
 def flow_text(network: Network, module: str, end: str) -> str:
-    """What flows at an end, as a sum of laws; ``0`` where nothing is connected."""
+    """The flow at an end as a sum of laws; ``0`` if nothing is connected."""
     terms = network.ends[module, end]
     return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in terms)
 
 
-def _stood_on(kind: ModuleType) -> list[str]:
-    """Definitions that balances and readings stand on, and laws for what flows."""
+def _needed(kind: ModuleType) -> list[str]:
+    """Definitions that balances and readings depend on, and laws of flows."""
     laws = [("definitions", end) for end in ENDS]
     used = {*ENDS} if kind.flows else set()
     for path, expression in kind.equations_at():

@@ -1,5 +1,5 @@
-"""Which places of a module a join asks for, by what their equations are, never by name; and which
-readings of the plant can drive its law there."""
+"""The places of a module that a join fits, by their equations and never by name; and the readings
+of the plant that can drive its law there."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from rulec.effects.places import Site
 from rulec.knowledge.effect import Driver, Effect, Join
 from rulec.knowledge.fluid import property_at
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.module_type import INFLOW, OUTFLOW
+from rulec.knowledge.module_type import ENDS, INFLOW
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
 from rulec.limits import NEAREST_DRIVERS, STEEP
 from rulec.passes.link import Network
 
 FLOW = "volume flow"
-"""Quantity of what flows in and out of a module that stores."""
+"""Quantity of the flows at the ends of a module that stores."""
 
 
 def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
-    """Places that a join asks for, of those that stand on one another only the innermost."""
+    """Places that a join fits; of those that depend on one another only the innermost."""
     if join.stores or join.shows or join.flows:
-        return [s for s in sites if _stores(join, s)]
+        return [s for s in sites if _fits_store(join, s)]
     if join.reads:
         kind = module.type.signals
         signals = (s for s in sites if s.kind == "signal" and s.observers)
@@ -39,11 +39,12 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
         for s in sites
         if s.kind in ("definition", "observer")
         and s.observers
-        and (s.reads or s.name in _ENDS)
+        and (s.reads or s.name in ENDS)
         and s.dimension == wanted
         and s.measured == join.measured
-        and not _is_reference(s, module)
-        and _is_estimate(s)
+        and not (s.kind == "observer" and module.type.observers[s.name].is_reference)
+        # A flow that is subtracted from an estimate, such as leakage, is no relation of its own.
+        and (s.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in s.moves.values()))
     ]
     inner = {s.name for s in fitting if s.kind == "definition"}
     return [
@@ -51,32 +52,19 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
     ]
 
 
-_ENDS = {INFLOW: "in", OUTFLOW: "out"}
-
-
-def _stores(join: Join, site: Site) -> bool:
-    """Does a place of a module that stores fit?"""
+def _fits_store(join: Join, site: Site) -> bool:
     if join.flows:
-        return site.name in _ENDS and _ENDS[site.name] == join.flows and bool(site.observers)
+        return site.name == f"{join.flows}flow" and bool(site.observers)
     if join.stores:
         return site.kind == "balance" and site.quantity == join.stores
     return site.kind == "reading" and join.shows in ("any", site.quantity)
-
-
-def _is_reference(site: Site, module: Module) -> bool:
-    return site.kind == "observer" and module.type.observers[site.name].is_reference
-
-
-def _is_estimate(site: Site) -> bool:
-    """A flow that is subtracted from an estimate, such as leakage, is no relation of its own."""
-    return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())
 
 
 @dataclass(frozen=True)
 class Binding:
     """Signals for the drivers of a law: own ones by name, others by id, or ``time``.
 
-    `missing` lists drivers that nothing in the plant measures; then `signals` lacks them.
+    `missing` lists drivers that the plant does not measure; then `signals` is empty.
     """
 
     signals: Mapping[str, str]
@@ -84,7 +72,7 @@ class Binding:
 
     @property
     def of_fluid(self) -> bool:
-        """Is a driver a property of the fluid, in place of a reading?"""
+        """Is some driver a property of the fluid instead of a reading?"""
         return any(property_at(source)[0] for source in self.signals.values())
 
 
@@ -96,7 +84,7 @@ class Binder:
         self._pipes: nx.Graph = nx.Graph(network.plant.connections)
 
     def bindings(self, module: str, site: Site, effect: Effect, join: Join) -> Iterator[Binding]:
-        """All choices of readings for a law; one without signals where a reading is missing."""
+        """All choices of readings for a law, or one without signals if a reading is missing."""
         drivers = [effect.drivers[name] for name in drivers_of(join, effect)]
         options = {d.name: self._options(module, site, join, d) for d in drivers}
         if all(options.values()):
@@ -115,7 +103,7 @@ class Binder:
             behind = self._behind(module)
             return bool(behind) and not self._ids(behind, driver)
         if driver.where in ("unread", "beside"):
-            # Of which further reading of that quantity this would be nobody can say.
+            # Nobody can say which further reading of that quantity this would be.
             return False
         return not self._own(module, driver)
 
@@ -126,7 +114,7 @@ class Binder:
         if driver.name in (join.falls_with, join.rises_with):
             sign = -1.0 if driver.name == join.falls_with else 1.0
             following = [s for s in own if site.slopes.get(s, 0.0) * sign > 0.0]
-            # Steepness is that of the fall where a join names both directions.
+            # If a join names both directions, its steepness is that of the fall.
             if join.steep is None or (join.falls_with and driver.name != join.falls_with):
                 return following
             return [s for s in following if (abs(site.shares[s]) > STEEP) == join.steep]
@@ -137,7 +125,7 @@ class Binder:
         if driver.where == "beside":
             return [s for s in own if not self._reads(module, site, driver.quantity)]
         if driver.quantity == join.reads:
-            # A threshold of the very reading that is put right.
+            # A threshold of the reading that is corrected.
             return [site.name]
         if driver.where == "plant" and not own:
             own = self._ids(self._nearest(module), driver)[:NEAREST_DRIVERS]
@@ -145,8 +133,8 @@ class Binder:
         return [*(s for s in own if site.key != ("signal", s)), *derived]
 
     def _of_fluid(self, module: str, driver: Driver) -> list[FluidDriver]:
-        """A property of what runs through a module, at the thermometers that tell of it."""
-        if driver.where not in _AS_PROPERTY or self._network.stores:
+        """A property of the fluid in a module, at the thermometers that measure its temperature."""
+        if driver.where not in ("own", "plant") or self._network.stores:
             return []
         others = self._nearest(module) if driver.where == "plant" else []
         found = drivers_at(self._network.plant, driver.quantity, module)
@@ -155,53 +143,44 @@ class Binder:
         return found[:NEAREST_DRIVERS]
 
     def _reads(self, module: str, site: Site, quantity: str) -> bool:
-        """Does the equation of a place read some signal of a quantity?"""
+        """Does the equation of a place read a signal of this quantity?"""
         signals = self._network.plant.modules[module].type.signals
         return any(s in signals and signals[s].quantity == quantity for s in site.reads)
 
     def _own(self, module: str, driver: Driver) -> list[str]:
-        """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
+        """Own states of a quantity, else signals, as a sensor shows what is stored."""
         kind = self._network.plant.modules[module].type
+        signals = [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
         if driver.where == "read":
-            signals = (s for s in kind.signals.values() if s.name not in kind.readings)
-            return [s.name for s in signals if s.quantity == driver.quantity]
+            return [name for name in signals if name not in kind.readings]
         if driver.where == "unread":
-            signals = (s for s in kind.signals.values() if s.name not in kind.read)
-            return [s.name for s in signals if s.quantity == driver.quantity]
-        states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
+            return [name for name in signals if name not in kind.read]
         if kind.flows and driver.quantity == FLOW:
             return [INFLOW]
-        return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
+        return [s.name for s in kind.states.values() if s.quantity == driver.quantity] or signals
 
     def _behind(self, module: str) -> list[str]:
-        """Modules into which a module flows."""
+        """Modules directly downstream."""
         return [b for a, b in self._network.plant.connections if a == module]
 
     def _ids(self, modules: Iterable[str], driver: Driver) -> list[str]:
         return [f"{m}.{s}" for m in modules for s in self._own(m, driver)]
 
     def _nearest(self, module: str) -> list[str]:
-        """Other modules, near ones first, then in the order of the plant."""
-        names = self._network.plant.modules
-        far = (
-            nx.single_source_shortest_path_length(self._pipes, module)
-            if module in self._pipes
-            else {}
-        )
+        """Other modules, nearest first, then in the order of the plant."""
+        names, far = self._network.plant.modules, dict[str, int]()
+        if module in self._pipes:
+            far = nx.single_source_shortest_path_length(self._pipes, module)
         others = [name for name in names if name != module]
         return sorted(others, key=lambda name: far.get(name, len(names)))
 
 
-_AS_PROPERTY = ("own", "plant")
-"""Where a driver may stand, for a property of the fluid to be one."""
-
-
 def _is_replaced(driver: Driver, join: Join) -> bool:
-    """Does the law of a join ask for the plain law with this driver replaced?"""
+    """Does the law of a join replace this driver in the plain law?"""
     return any(driver.name in replaced for replaced in join.law.substitutes.values())
 
 
 def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:
-    """Drivers that a law or its parameters speak of, in the order of the effect."""
+    """Drivers in a law or its parameters, in the order of the effect."""
     needed = effect.needed_by(join)
     return tuple(name for name in effect.drivers if name in needed)

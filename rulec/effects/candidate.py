@@ -17,16 +17,16 @@ TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""
 
 MEDIAN = (0.5,)
-"""Quantile at which what has none stays."""
+"""The quantile of unknowns that state none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown(Shape):
-    """A parameter that a candidate brings in; numbers in SI, `driver` is the id of a signal.
+    """A parameter that a candidate introduces; numbers in SI, `driver` is the id of a signal.
 
-    `id` is its input in the plan. One that is `fixed` stays at the median reading of `driver`, at
-    the one quantile that `quantiles` has, or where there are two, at half the distance between the
-    readings there (their spread). It is shown in `unit`: SI = shown * factor + offset.
+    `id` is its input in the plan. A `fixed` one takes a statistic of the readings of `driver`: the
+    median, the quantile in `quantiles`, or with two quantiles half the distance between them (the
+    spread). It is shown in `unit`: SI = shown * factor + offset.
     """
 
     id: str
@@ -40,10 +40,10 @@ class Candidate:
     """One explanation at one place.
 
     `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``. `id` is unique in the
-    plant, as ``A.slip-temperature@Q_law``; that of a fault is its id in the ruleset. `place` is the
+    plant, as ``A.slip-temperature@Q_law``; a fault has its id in the ruleset. `place` is the
     definition, observer or signal that it changes; `observers` lists the ids of all observers that
-    it reaches. `drivers` maps the names in its law to ids of signals of the plant (or ``time``);
-    `equation` shows the repaired relation. `text` has slots for parameters, all others are filled.
+    it affects. `drivers` maps the names in its law to ids of signals of the plant (or ``time``);
+    `equation` shows the repaired relation. `text` has slots for parameters only.
     """
 
     id: str
@@ -63,23 +63,23 @@ class Candidate:
 
     @property
     def modules(self) -> tuple[str, ...]:
-        """All modules where it acts."""
+        """All modules that it acts on."""
         return self.members or (self.module,)
 
     @property
     def follows_time(self) -> bool:
-        """Does it depend on time? Then it needs a clock."""
+        """Does it depend on time, so that it needs a clock?"""
         return TIME in self.drivers.values() or any(u.driver == TIME for u in self.unknowns)
 
     @property
     def onset(self) -> Unknown | None:
-        """The unknown onset, where the candidate has one."""
+        """The unknown onset, if there is one."""
         return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Missing:
-    """An effect that would join a place, were its driver recorded.
+    """An effect that would fit a place if its driver were recorded.
 
     `quantity` is what would have to be measured, `title` and `sensor` are the words for the user.
     """
@@ -96,9 +96,9 @@ class Missing:
 class Spot:
     """A disturbance location: a place that `unknown` shifts, in its own unit.
 
-    `kind` is ``definition``, ``observer``, ``signal``, ``balance`` or ``reading``. `unit` is how
-    values of the place are shown, SI = shown * factor. Of a law, `accuracy` is the share of
-    its value within which it keeps.
+    `kind` is ``definition``, ``observer``, ``signal``, ``balance`` or ``reading``. `unit` is the
+    unit in which its values are shown, SI = shown * factor. `accuracy` of a law is a share of its
+    value.
     """
 
     id: str
@@ -115,12 +115,12 @@ class Spot:
 
 @dataclass(frozen=True, kw_only=True)
 class BaseParameters:
-    """Parameters of the plain plant that recalibration may move, SI.
+    """Parameters of the plain plant that recalibration may change, SI.
 
-    `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
-    (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
-    the data sheet. Values lie between `lowest` and `highest`; those that are above zero by their
-    meaning are `positive`; all three have shape (parameters,).
+    `ids` are plan inputs such as ``A.k2``; all other parameters are `constants`. `covariance`,
+    shape (parameters, parameters), is from the calibration. `sheet` has value and standard
+    uncertainty by the data sheet. Values lie between `lowest` and `highest`; `positive` flags those
+    that are positive by their meaning; all three have shape (parameters,).
     """
 
     ids: tuple[str, ...]
@@ -137,7 +137,7 @@ class BaseParameters:
 
 @dataclass(frozen=True)
 class Changed:
-    """A parameter of the plain model, recalibrated (SI), for the repaired model."""
+    """A recalibrated parameter of the plain model (SI), for the repaired model."""
 
     id: str
     value: float
@@ -148,10 +148,10 @@ class Changed:
 class Repair:
     """Values of a plant that can be written, SI.
 
-    `joined` are ids of the candidates in it. `parameters` with their joint `covariance`, shape
-    (parameters, parameters), those of joined candidates behind base parameters; `fixed` references
-    of joined candidates; `misfit` what is left per observer, m3/s; `ranges` per signal the readings
-    at which its relations were tested.
+    `joined` are ids of its candidates. `parameters`, those of the candidates behind base
+    parameters, have a joint `covariance`, shape (parameters, parameters). `fixed` are references of
+    joined candidates, `misfit` the remaining error per observer, m3/s, `ranges` the readings per
+    signal at which its relations were tested.
     """
 
     joined: tuple[str, ...]

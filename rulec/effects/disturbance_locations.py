@@ -1,4 +1,4 @@
-"""Disturbance locations: places where an error of unknown course may act."""
+"""Disturbance locations: places where an error with an unknown course may act."""
 
 from __future__ import annotations
 
@@ -19,13 +19,12 @@ from rulec.passes.lower import Lowering, lower_module
 
 _RATE = Dimension.of({"s": -1})
 _GIVEN = (NONE, TEMPERATURE, _RATE)
-"""Speeds, temperatures and ratios of them are given, not explained by a relation."""
+"""Dimensions of ratios, temperatures and speeds, which are given and which no relation explains."""
 
 
 def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
-    """Disturbance locations of a module; of places with the same effect, one."""
-    known = _distinct(around, module, _worthy(module, tuple(sites)))
-    for site in known:
+    """Disturbance locations of a module; one for all places with the same effect."""
+    for site in _distinct(around, module, _eligible(module, tuple(sites))):
         yield _spot(around, module, site)
 
 
@@ -58,7 +57,7 @@ def _at(
 
 
 def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
-    """Laws of a module, each with its accuracy; one may stand within a place of `spots_of`."""
+    """Laws of a module, each with its accuracy; one may lie within a place of `spots_of`."""
     known = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
         share = stated.share if stated else ASSUMED_ACCURACY
@@ -66,7 +65,7 @@ def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[S
 
 
 def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
-    """Balances of a module that stores, the law by which it flows out, and its sensors."""
+    """Balances of a module that stores, the law of its outflow, and its sensors."""
     kind = module.type
     if kind.states:
         yield from (_spot(around, module, s) for s in sites if s.key == ("definition", OUTFLOW))
@@ -80,12 +79,7 @@ def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator
         yield _at(module, place, title, unit.text, unit.factor, reached)
 
 
-def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:
-    """A disturbance location as a shift for `Lowering`."""
-    return {(spot.module, spot.kind, spot.place): spot.unknown}
-
-
-def _worthy(module: Module, sites: tuple[Site, ...]) -> list[Site]:
+def _eligible(module: Module, sites: tuple[Site, ...]) -> list[Site]:
     definitions = [
         s
         for s in sites
@@ -101,21 +95,21 @@ def _worthy(module: Module, sites: tuple[Site, ...]) -> list[Site]:
         if s.kind == "observer"
         and not module.type.observers[s.name].is_reference
         and s.observers not in alone
-        and not _is_bare(module.type, s)
+        and not _is_name(module.type, s)
     ]
     signals = [s for s in sites if s.kind == "signal" and s.observers]
-    # Of equivalent places the first is kept: an outer definition before what it stands on.
+    # Of equivalent places the first is kept: an outer definition before those that it uses.
     return [*reversed(definitions), *observers, *signals]
 
 
-def _is_bare(kind: ModuleType, site: Site) -> bool:
-    """Is the equation of an observer a bare name? Then that definition stands for it."""
+def _is_name(kind: ModuleType, site: Site) -> bool:
+    """Is the equation of an observer just a name? Then that definition represents it."""
     text = kind.observers[site.name].expression.text.strip()
     return text in kind.definitions or text in kind.signals
 
 
 def _distinct(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
-    """Leave out places whose error moves all observers in a fixed ratio to another's."""
+    """Leave out places whose error moves all observers in proportion to that of another place."""
     moves = _moves(around, module, sites)
     kept: list[Site] = []
     for site in sites:
@@ -124,11 +118,8 @@ def _distinct(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
             _proportional(moves[site.key], moves[s.key]) for s in alike
         ):
             kept.append(site)
-    order = {key: i for i, key in enumerate(dict.fromkeys(s.key for s in sites))}
-    kinds = ("definition", "observer", "signal")
-    definitions = [s for s in reversed(kept) if s.kind == "definition"]
-    rest = sorted((s for s in kept if s.kind != "definition"), key=lambda s: order[s.key])
-    return sorted([*definitions, *rest], key=lambda s: kinds.index(s.kind))
+    definitions = [s for s in kept if s.kind == "definition"]
+    return [*reversed(definitions), *kept[len(definitions) :]]
 
 
 def _proportional(a: Array, b: Array) -> bool:
@@ -139,7 +130,7 @@ def _proportional(a: Array, b: Array) -> bool:
 def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str, str], Array]:
     """Slopes of all own observers by each place, at points around the reference.
 
-    Readings of other modules count as they are; where they do not exist, as without influence.
+    Readings of other modules stay at the reference; those that do not exist have no influence.
     """
     shifts = {(module.name, *s.key): "shift:{}:{}".format(*s.key) for s in sites}
     plan = lower_module(Lowering(around.network, {}, shifts), module.name)
@@ -150,30 +141,24 @@ def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str,
             wave = np.sin((1.0 + i) * np.sqrt(2.0 + i) * np.arange(COMPARED_POINTS))
             inputs[name] = inputs[name] * (1.0 + COMPARED_WIDTH * wave)
     _, slopes = run_with_slopes(plan, inputs, list(shifts.values()))
+    observers = [by for output, by in slopes.items() if output.startswith("q:")]
     found = {}
-    for (_, *key), seed in shifts.items():
-        rows = [
-            np.broadcast_to(by.get(seed, np.zeros(1)), (COMPARED_POINTS,))
-            for output, by in slopes.items()
-            if output.startswith("q:")
-        ]
-        moved = np.array(rows)
-        found[key[0], key[1]] = np.where(np.isfinite(moved), moved, 0.0)
+    for site, seed in zip(sites, shifts.values(), strict=True):
+        rows = [by.get(seed, np.zeros(1)) for by in observers]
+        moved = np.array([np.broadcast_to(row, (COMPARED_POINTS,)) for row in rows])
+        found[site.key] = np.where(np.isfinite(moved), moved, 0.0)
     return found
 
 
 def unit_of(plant: Plant, module: Module, site: Site) -> Unit:
-    """A unit to show values of a place in: that of a like signal or parameter, own ones first."""
+    """A unit to show values of a place: that of a similar signal or parameter, own ones first."""
+    shown = site.kind in ("signal", "reading")
+    own = [module.type.signals[site.name].unit] if shown else []
     types = [module.type, *(m.type for m in plant.modules.values())]
     signals = (s.unit for kind in types for s in kind.signals.values())
     parameters = (p.unit for kind in types for p in kind.parameters.values())
     named = plant.knowledge.units.units.values()
-    for unit in (*_own(module, site), *signals, *parameters, *named):
+    for unit in (*own, *signals, *parameters, *named):
         if unit.dimension == site.dimension:
             return unit
     return Unit(str(site.dimension), 1.0, site.dimension)
-
-
-def _own(module: Module, site: Site) -> list[Unit]:
-    shown = site.kind in ("signal", "reading")
-    return [module.type.signals[site.name].unit] if shown else []

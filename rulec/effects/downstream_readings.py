@@ -1,4 +1,4 @@
-"""Readings of other modules, as a module type may have them: sums over what lies downstream."""
+"""Readings of other modules, as a module type may have them: sums over modules downstream."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Gathering:
         return list(self._network.plant.modules.values())
 
     def name(self, module: str, source: str) -> str:
-        """Under which name a module gathers this one signal; empty if it cannot."""
+        """The name under which a module gathers this one signal; empty if it cannot."""
         if (module, source) not in self._known:
             self._known[module, source] = self._found(module, source)
         return self._known[module, source]
@@ -61,7 +61,7 @@ class Gathering:
         return replace(kind, provides=self._provides[kind.name])
 
     def written(self, module: str, amended: Amended) -> Amended:
-        """An amended type without names of its own for what other modules read."""
+        """An amended type without names of its own for readings of other modules."""
         table: dict[str, ast.expr] = {}
         for local, source in amended.outside.items():
             argument = name_node(self.name(module, source))

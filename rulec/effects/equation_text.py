@@ -1,4 +1,4 @@
-"""Equations of amended module types as text, with new definitions written out."""
+"""Equations of amended module types as text, with new definitions expanded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rulec.passes.amend import Amended
 
 
 def equation_of(amended: Amended, place: tuple[str, str]) -> str:
-    """The equation of a place in local names, over definitions that its author wrote."""
+    """The equation of a place in local names and the definitions that its author wrote."""
     kind, name = place
     own = amended.type
     if kind == "observer":

@@ -1,4 +1,4 @@
-"""Properties of a plant's fluid as drivers: what nobody reads follows the temperature."""
+"""Properties of a plant's fluid as drivers: they follow from the temperature."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rulec.passes.lower import lower_property
 
 @dataclass(frozen=True)
 class FluidDriver:
-    """A property of a fluid at a reading of its temperature, told in `unit`."""
+    """A property of a fluid at a temperature reading, shown in `unit`."""
 
     name: str
     signal: str
@@ -31,7 +31,7 @@ class FluidDriver:
         return f"{self.name}({self.signal})"
 
     def local(self, module: str) -> str:
-        """The same as a module says it: ``viscosity(T)``."""
+        """The same in the names of a module: ``viscosity(T)``."""
         return f"{self.name}({self.signal.removeprefix(f'{module}.')})"
 
     @cached_property
@@ -46,14 +46,14 @@ class FluidDriver:
         return np.broadcast_to(values[self.name], shape), np.broadcast_to(slope, shape)
 
     def knows(self, temperature: Array) -> bool:
-        """Do the equations of the fluid hold at all readings?"""
+        """Are the equations of the fluid valid at all readings?"""
         known = temperature[np.isfinite(temperature)]
         inside = (known >= self.fluid.lowest) & (known <= self.fluid.highest)
         return len(known) > 0 and bool(inside.all())
 
 
 def drivers_at(plant: Plant, name: str, module: str, like: str = "") -> list[FluidDriver]:
-    """A property at each thermometer of a module; with `like`, of the fluid that both have."""
+    """A property at each thermometer of a module; with `like`, only if both have the same fluid."""
     there = plant.modules[module]
     fluid, units = there.fluid, plant.knowledge.units
     if fluid is None or name not in fluid.properties:
@@ -68,14 +68,14 @@ def drivers_at(plant: Plant, name: str, module: str, like: str = "") -> list[Flu
 
 
 def thermometer(knowledge: Knowledge) -> str:
-    """The quantity that a property of a fluid follows."""
+    """The quantity on which properties of a fluid depend."""
     units = knowledge.units
     kinds = (q for q in sorted(units.interval) if units.quantities[q] == TEMPERATURE)
     return next(kinds, "")
 
 
 def _unit_of(plant: Plant, quantity: str) -> Unit:
-    """The unit in which the plant reads a quantity, or else a usual one."""
+    """The unit in which the plant reads a quantity, else a usual one."""
     units = plant.knowledge.units
     dimension = units.quantities[quantity]
     signals = (s for m in plant.modules.values() for s in m.type.signals.values())

@@ -1,5 +1,5 @@
 """Nonparametric terms at a place: a sum of products of readings, or a piecewise linear curve over
-one reading, between its quantiles or between knots that are given."""
+one reading, with knots at its quantiles or at given values."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from rulec.limits import SPREAD
 from rulec.passes.amend import Change
 
 BAND = "~"
-"""Between a reading and the number of its band."""
-
+"""Separates a reading from the number of its band."""
 
 BENDS = 5
-"""Bends of a curve that stand in one equation."""
+"""Bends of a curve in one equation."""
 
 
 def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
-    """The candidate of an additive term; coefficients in the unit of the place.
+    """The candidate of an additive term, with coefficients in the unit of the place.
 
     A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
     ``A.n~3/8``: 1 at its quantile 3/8, and 0 from those at 2/8 and 4/8 on.
@@ -31,7 +30,10 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
     signals = list(dict.fromkeys(s for f in features for s in f.split("*")))
     drivers = {f"x{i}": s for i, s in enumerate(signals, 1)}
     names = {s: n for n, s in drivers.items()}
-    terms = [_term(i, [names[s] for s in f.split("*")]) for i, f in enumerate(features, 1)]
+    terms = []
+    for i, feature in enumerate(features, 1):
+        scaled = (f"(({names[s]} - {names[s]}_m)/{names[s]}_s)" for s in feature.split("*"))
+        terms.append("*".join([f"c{i}", *scaled]))
     law = parse(f"law + {' + '.join(terms)}")
     unknowns = [_coefficient(id_, i, f, spot) for i, f in enumerate(features, 1)]
     for name, signal in drivers.items():
@@ -41,7 +43,7 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
 
 
 def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
-    """A curve over one reading, straight from each of its quantiles to the next."""
+    """A curve over one reading, linear between its quantiles."""
     signal = features[0].partition(BAND)[0]
     ends = [feature.partition(BAND)[2].partition("/") for feature in features]
     parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
@@ -57,7 +59,7 @@ def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
 
 
 def _band(number: int, parts: int) -> str:
-    """1 at a knot, straight to 0 at its neighbours; 1 beyond the first and the last.
+    """1 at a knot, falling linearly to 0 at its neighbours; 1 beyond the first and last knots.
 
     >>> _band(0, 4)
     'max(min((x_1 - x1)/(x_1 - x_0), 1), 0)'
@@ -69,10 +71,10 @@ def _band(number: int, parts: int) -> str:
 
 
 def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Matched:
-    """The candidate of some bends of a curve that is straight between knots, level beyond them.
+    """The candidate of some bends of a curve that is linear between knots, constant beyond them.
 
-    ``c0`` is its value up to the first knot, with the bend there; ``c1`` and on are how much
-    steeper it is from each knot on, per SI unit of the driver; ``x_0`` and on are the knots, fixed.
+    ``c0`` is its value up to the first knot, with the bend there; ``c1`` and on are the changes of
+    slope at the knots, per SI unit of the driver; ``x_0`` and on are the knots, fixed.
     """
     numbers = [*([0] if 0 in bends else []), *(k + 1 for k in bends)]
     unknowns = [_coefficient(id_, i, f"{driver}, bend {i}", spot) for i in numbers]
@@ -112,16 +114,11 @@ def _matched(
     return Matched(candidate, change)
 
 
-def _term(number: int, readings: list[str]) -> str:
-    return "*".join([f"c{number}", *(f"(({x} - {x}_m)/{x}_s)" for x in readings)])
-
-
 def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
-    name, title = f"c{number}", f"share that follows {feature}"
     return Unknown(
-        id=f"{id_}.{name}",
-        name=name,
-        title=title,
+        id=f"{id_}.c{number}",
+        name=f"c{number}",
+        title=f"share that follows {feature}",
         unit=spot.unit,
         factor=spot.factor,
         null=0.0,
@@ -131,7 +128,7 @@ def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
 def _statistic(
     id_: str, name: str, title: str, signal: str, quantiles: tuple[float, ...]
 ) -> Unknown:
-    """A quantile or spread of the readings of a signal, SI: fixed, no unknown."""
+    """A fixed quantile or spread of the readings of a signal, SI."""
     return Unknown(
         id=f"{id_}.{name}",
         name=name,
@@ -145,6 +142,5 @@ def _statistic(
 
 
 def _parameter(unknown: Unknown) -> Parameter:
-    unit = Unit(unknown.unit, unknown.factor, UNKNOWN)
-    origin = Origin("", 0)
-    return Parameter(name=unknown.name, value=0.0, unit=unit, title=unknown.title, origin=origin)
+    unit, title = Unit(unknown.unit, unknown.factor, UNKNOWN), unknown.title
+    return Parameter(name=unknown.name, value=0.0, unit=unit, title=title, origin=Origin("", 0))

@@ -1,7 +1,7 @@
 """Module types whose flow depends on a new state, in a form that a file may have.
 
-An observer depends on the present alone. The flow of such a module, as the balances of the plant
-take it, becomes a law for its inflow or outflow, as in modules that store. The observer keeps the
+An observer depends on the present alone. So the flow of such a module, as used in the balances of
+the plant, becomes a law of its inflow or outflow, as in modules that store. The observer keeps the
 equation that holds once the state has settled at its start value.
 """
 
@@ -20,14 +20,11 @@ from rulec.language.rewrite import over
 from rulec.passes.end_flows import EndFlows, law_of
 from rulec.passes.link import Network, link
 
-CHOICES = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))
-"""Ends that may need a law; one too many would contradict that of a neighbour."""
-
 
 def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, ModuleType]:
-    """Amended types by module, none with an observer that stands on a state.
+    """Amended types by module, none with an observer that depends on a state.
 
-    Raises `AdoptRefused` where the flows of the plant would not stay what they are.
+    Raises `AdoptRefused` if the flows of the plant would change.
     """
     result = dict(types)
     opened = []
@@ -36,8 +33,10 @@ def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, Mo
             result[name] = _settled(kind, name)
             if not network.plant.modules[name].type.cuts:
                 opened.append(name)
-    taken = any(_is_taken(network, name) for name in opened)
-    for choice in itertools.product(CHOICES, repeat=len(opened)) if opened and not taken else ():
+    # Ends that may need a law; one too many would contradict that of a neighbour.
+    choices = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))
+    taken = any(_names_an_end(network, name) for name in opened)
+    for choice in itertools.product(choices, repeat=len(opened)) if opened and not taken else ():
         tried = dict(zip(opened, choice, strict=True))
         made = {
             name: _with_laws(network, types, result, name, ends) for name, ends in tried.items()
@@ -54,7 +53,7 @@ def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, Mo
 
 
 def _moves(kind: ModuleType, expression: Expression) -> bool:
-    """Does an equation stand on a state?"""
+    """Does an equation depend on a state?"""
     return not kind.names_through(expression).isdisjoint(kind.states)
 
 
@@ -86,7 +85,7 @@ def _with_laws(
     module: str,
     ends: Iterable[str],
 ) -> ModuleType:
-    """The type with the law for its flow at some ends."""
+    """The type with the law of its flow at some ends."""
     kind, law = settled[module], law_of(network.plant.modules[module].type)
     expression = types[module].observers[law].expression
     laws = {end: Definition(end, expression, f"{law}, held back") for end in ends}
@@ -94,7 +93,7 @@ def _with_laws(
 
 
 def _flows_stay(network: Network, types: Mapping[str, ModuleType], opened: Iterable[str]) -> bool:
-    """Are flows between other modules the same sums of the same laws?"""
+    """Do flows between the other modules remain the same sums of the same laws?"""
     modules = {n: replace(m, type=types[n]) for n, m in network.plant.modules.items()}
     try:
         ends = link(replace(network.plant, modules=modules)).ends
@@ -103,15 +102,15 @@ def _flows_stay(network: Network, types: Mapping[str, ModuleType], opened: Itera
     return set(_sums(network.ends, opened)) == set(_sums(ends, opened))
 
 
-def _is_taken(network: Network, module: str) -> bool:
-    """Does a name in this module mean something else than what flows at an end?"""
+def _names_an_end(network: Network, module: str) -> bool:
+    """Does this module use the name of an end for something else?"""
     kind = network.plant.modules[module].type
     names = {*kind.signals, *kind.parameters, *kind.definitions, *kind.states}
     return bool(names.intersection(ENDS))
 
 
 def _sums(ends: EndFlows, opened: Iterable[str]) -> Iterator[object]:
-    """Flows at the ends of all others; the law of an opened module counts by its module."""
+    """Flows at the ends of all other modules; the law of an opened module counts by its module."""
     for (module, end), terms in ends.items():
         if module not in opened:
             flows = [(s, k.module, "" if k.module in opened else k.name) for s, k in terms]

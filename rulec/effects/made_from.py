@@ -1,4 +1,4 @@
-"""What an analysis was made from, by hash: what is adopted must be made from the same."""
+"""What an analysis was made from, by hash; an adoption must be made from the same."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ AGAIN = "run rulec mismatch again"
 def basis_of(
     sources: Sources, recordings: Sequence[Path], in_memory: bool = False
 ) -> dict[str, Any]:
-    """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
+    """Hashes by path of the plant's files, the whole knowledge base and the recordings.
 
-    Paths are absolute, so that `rulec adopt` finds them wherever it is called. `in_memory`: other
+    Paths are absolute, so that `rulec adopt` finds them from any folder. `in_memory`: some
     recordings have no path.
     """
     return {
@@ -34,8 +34,8 @@ def basis_of(
 
 
 def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
-    """The recordings in the order given, where nothing has changed since the analysis; else raises
-    `AdoptRefused`."""
+    """The recordings in the order given; raises `AdoptRefused` if anything has changed since the
+    analysis."""
     if basis.in_memory:
         raise AdoptRefused(
             "a recording was in memory, and it must be read again; give the result of "
@@ -59,7 +59,7 @@ def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
 
 
 def check_plant_unchanged(basis: Basis, sources: Sources) -> None:
-    """Raises `AdoptRefused` where a file of the plant is another one than in the analysis."""
+    """Raises `AdoptRefused` if a file of the plant has changed since the analysis."""
     _compare("plant", basis.plant, _hashes(_plant_files(sources)))
 
 
@@ -96,5 +96,5 @@ def _hashes(files: Iterator[Path] | list[Path]) -> dict[str, str]:
 
 
 def _real(file: Path) -> str:
-    """Where it is; `Path.resolve` would raise on a link to itself."""
+    """The real path; `Path.resolve` would raise on a link to itself."""
     return Path(os.path.realpath(file)).as_posix()

@@ -1,8 +1,8 @@
-"""Effects, faults and sensor errors matched to the places of a plant where each may act.
+"""Effects, faults and sensor errors, and the places of a plant where each may act.
 
-Effects find places by what equations are, never by name: a join asks for a dimension and for the
-sign of a slope. The result is data for the analysis, with the change of the module type that
-each candidate stands for.
+Effects find places by their equations, never by name: a join asks for a dimension and for the sign
+of a slope. The result is data for the analysis; each candidate comes with the change of the module
+type that it represents.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rulec.effects.places import Site, Survey, sites_of, survey
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
 from rulec.knowledge.fluid import property_at, reading_of
 from rulec.knowledge.knowledge import FaultType, Variant
-from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Parameter, State
+from rulec.knowledge.module_type import ENDS, Parameter, State
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.expression import Rejected
 from rulec.language.origin import Origin
@@ -32,15 +32,13 @@ from rulec.passes.differentiate import TypeFault
 from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults, undoing
 from rulec.passes.types import Compilation
 
-_END = {"in": INFLOW, "out": OUTFLOW}
-
 Equations = dict[tuple[object, ...], str | None]
-"""Repaired equations by type and change: they are the same for all instances of a type."""
+"""Repaired equations by type and change, shared by all instances of a type."""
 
 
 @dataclass(frozen=True)
 class Matched:
-    """A candidate, and the change of its module's type that it stands for.
+    """A candidate and the change of its module's type.
 
     One that acts alike in several modules has a change for each of them in `parts`.
     """
@@ -50,7 +48,7 @@ class Matched:
     parts: Mapping[str, Change] = field(default_factory=dict)
 
     def change_of(self, module: str) -> Change | None:
-        """What it changes in a module; None where it has no part in it."""
+        """What it changes in a module; None if nothing."""
         own = self.change if module == self.candidate.module else None
         return self.parts.get(module, own)
 
@@ -66,7 +64,7 @@ class Matches:
 
 
 def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches:
-    """Match effects and faults to all modules; `readings` are those of the reference point, SI."""
+    """Match effects and faults to all modules; `readings` are at the reference point, SI."""
     network = models.network
     around = survey(network, readings)
     binder = Binder(network)
@@ -84,7 +82,7 @@ def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches
 
 
 def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
-    """Effects that several modules of a plant may have alike, with the same parameters.
+    """Effects that several modules of a plant may share, with the same parameters.
 
     Physics that a module type lacks is missing in all of its instances, and a common header acts on
     all modules that feed it. Effects that depend on time alone belong to one module each.
@@ -93,9 +91,10 @@ def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
     for matched in found:
         candidate, change = matched.candidate, matched.change
         if candidate.sort == "physics" and set(candidate.drivers.values()) != {TIME}:
-            own = any(u.fixed and _is_own(u, candidate.module) for u in candidate.unknowns)
-            # A typical reading of its own that a parameter refers to makes a module comparable
-            # only to others of its type.
+            fixed = [u.driver for u in candidate.unknowns if u.fixed and u.driver is not None]
+            own = any(reading_of(d).partition(".")[0] == candidate.module for d in fixed)
+            # If a parameter refers to a typical reading of the module itself, only modules of the
+            # same type are comparable.
             kind = plant.modules[candidate.module].type.key if own else ""
             key = (candidate.name, kind, change.places, change.law.text, *change.drivers.items())
             groups.setdefault(key, []).append(matched)
@@ -104,12 +103,8 @@ def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
             yield _common(alike)
 
 
-def _is_own(unknown: Unknown, module: str) -> bool:
-    return unknown.driver is not None and reading_of(unknown.driver).partition(".")[0] == module
-
-
 def _common(alike: Sequence[Matched]) -> Matched:
-    """One candidate for several modules; its parameters are those of the first one's."""
+    """One candidate for several modules, with the parameters of the first one."""
     first = alike[0].candidate
     id_ = f"{'+'.join(m.candidate.module for m in alike)}.{first.id.partition('.')[2]}"
     members = tuple(m.candidate.module for m in alike)
@@ -144,7 +139,7 @@ class _Matcher:
         self._module, self._sites = module, {site.key: site for site in sites}
 
     def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
-        """Candidates of an effect; what lacks a reading is added to `missing`."""
+        """Candidates of an effect; those that lack a reading are added to `missing`."""
         if effect.states and not self._stores:
             return
         taken: set[tuple[str, str]] = set()
@@ -160,14 +155,14 @@ class _Matcher:
                         asked = list(self._missing(effect, site, binding))
                         known = lacking.setdefault(site.name, asked)
                         lacking[site.name] = min(known, asked, key=len)
-                    if not binding.missing:
-                        # What is read has the plain id, whatever a fluid would tell besides.
+                    else:
+                        # Readings get the plain id, even if the fluid offers another driver.
                         read = [b for b in bindings if not b.of_fluid]
                         several = len(read) > 1 or binding.of_fluid
                         made = self._candidate(effect, join, site, binding, several)
                         taken |= {site.key} if made else set()
                         yield from made
-        # A reading that another join does without is not worth a sensor.
+        # If another join fits without this reading, no sensor is asked for.
         joined = {name for _, name in taken}
         missing += [m for place, some in lacking.items() if place not in joined for m in some]
 
@@ -188,7 +183,7 @@ class _Matcher:
     def _candidate(
         self, effect: Effect, join: Join, site: Site, binding: Binding, several: bool
     ) -> list[Matched]:
-        """The candidate, or none where the law has no value there."""
+        """The candidate, or none if its equation cannot be written there."""
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
         if several:
             id_ += f"({', '.join(binding.signals.values())})"
@@ -202,7 +197,7 @@ class _Matcher:
             parameters={n: _parameter(p, effect.origin) for n, p in parameters.items()},
             ids={n: f"{id_}.{n}" for n in parameters},
             substitutes=join.law.substitutes,
-            also=tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
+            also=tuple((("end", f"{e}flow"), law.expression) for e, law in join.also.items()),
             states={
                 n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()
             },
@@ -232,7 +227,7 @@ class _Matcher:
         return [Matched(candidate, change)]
 
     def _state(self, name: str, state: EffectState, site: Site, origin: Origin) -> State:
-        """A state that an effect brings to a place, in the form of a module type."""
+        """A state that an effect adds to a place, as a module type has it."""
         unit = unit_of(self._plant, self._module, site)
         if site.kind == "balance":
             unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
@@ -240,7 +235,7 @@ class _Matcher:
         return State(name=name, quantity="", unit=unit, title=title, origin=origin, **vars(state))
 
     def _place(self, site: Site) -> str:
-        """Name of a place; with its kind where a definition has the name of an observer."""
+        """Name of a place, with its kind if an observer shares its name with a definition."""
         twin = site.kind == "observer" and ("definition", site.name) in self._sites
         return f"{site.name}.{site.kind}" if twin else site.name
 
@@ -251,7 +246,7 @@ class _Matcher:
         return f"{of_fluid}({id_})" if of_fluid else id_
 
     def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
-        """The repaired equation; None where the language has none, as for a division by zero."""
+        """The repaired equation; None if it cannot be written, as for a division by zero."""
         kind = self._module.type
         key = (
             kind.key,
@@ -277,7 +272,7 @@ class _Matcher:
         return filled(text, {"module": name, **slots})
 
     def faults(self) -> Iterator[Matched]:
-        """Faults of the module: undone by a degree, or where the plant stores, from an onset on."""
+        """Faults of the module: with a degree alone, or if the plant stores, also with an onset."""
         if self._stores:
             for stored in store_faults(self._module, self._plant.knowledge):
                 yield from self._beginning(stored)
@@ -286,7 +281,7 @@ class _Matcher:
             yield self._fault(fault)
 
     def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
-        """A fault in balances from an unknown onset on."""
+        """A fault in balances with an unknown onset."""
         change, place = beginning_change(stored), stored.change.places[0]
         equation = self._equation(change, place)
         if equation is None:
@@ -329,7 +324,8 @@ class _Matcher:
         return Matched(candidate, change)
 
     def _fault_at(self, kind: FaultType, variant: Variant, target: str, **where: Any) -> Candidate:
-        """A fault as an explanation; `where` are the fields of `Candidate` that its place fills."""
+        """A fault as an explanation; `where` are the fields of `Candidate` that depend on its
+        place."""
         slots = {"where": target, "variant": variant.title, "degree": "{x}"}
         return Candidate(
             sort="fault",
@@ -344,10 +340,10 @@ class _Matcher:
 
 
 def cheapest_sensor(plant: Plant, quantity: str) -> str:
-    """Title of the class of sensors that a reading of a quantity would cost least with.
+    """Title of the cheapest class of sensors for a quantity.
 
-    A class that the plant uses for the quantity comes first, as it suits the liquid; then a class
-    that declares the quantity. Without either the text names the quantity alone.
+    Classes that the plant uses for the quantity come first, as they suit the liquid; then classes
+    that declare the quantity. Without either, the text names the quantity alone.
     """
     known = plant.knowledge.sensors
     own = {
@@ -365,7 +361,7 @@ def cheapest_sensor(plant: Plant, quantity: str) -> str:
 
 
 def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
-    """A parameter as a module type has it; its value comes from the analysis."""
+    """A parameter of an amended type; its value comes from the analysis."""
     return Parameter(
         name=parameter.name,
         value=parameter.null or 0.0,

@@ -1,7 +1,7 @@
 """Modules with candidates built in, as plans for the analysis of a mismatch.
 
-The builder has all candidates of a plant, and makes a plan of any combination of them on demand;
-plans are cached.
+The builder knows all candidates of a plant. It makes a plan of any combination of them on demand
+and caches it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.simulation.balances import Balances
 
 from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
-from rulec.effects.disturbance_locations import laws_of, shift_of, spots_of, stores_of
+from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.free_form import BENDS, bent_line, free_form
@@ -36,7 +36,7 @@ SHOWN = "shown"
 
 
 def open_builder(path: Path) -> tuple[Ruleset, ModelBuilder]:
-    """Compile a plant, with its builder; raises `Refused` with all mistakes in it."""
+    """Compile a plant, and make its builder; raises `Refused` with all mistakes in it."""
     sources = read_plant(path, effects=True)
     models = run_passes(Compilation(sources=sources))
     readings = reference_readings(models, models.ruleset)
@@ -50,7 +50,8 @@ def builder_of(plant: OpenedPlant) -> ModelBuilder:
 
 
 def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float]:
-    """Readings of all signals at the reference point, SI; what no estimate reads, by guess."""
+    """Readings of all signals at the reference point, SI; a guess where no estimate reads a
+    signal."""
     read = {signal for observer in ruleset.observers for signal in observer.signals}
     solved = {s.id: s.reference for s in ruleset.signals if s.id in read}
     result = {}
@@ -65,7 +66,7 @@ def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float
 
 
 class ModelBuilder:
-    """Builds modules of one plant with candidates in them, in order of their acceptance."""
+    """Builds modules of one plant with candidates in them, in the order of their acceptance."""
 
     def __init__(
         self, models: Compilation, readings: Mapping[str, float], sources: Sources | None = None
@@ -79,18 +80,17 @@ class ModelBuilder:
     def connected(self, connections: tuple[tuple[str, str], ...]) -> tuple[Ruleset, ModelBuilder]:
         """The plant with other connections, compiled; raises `Refused` as for any plant.
 
-        Module types do not depend on connections, so their symbolic work is not done again.
+        Module types do not depend on connections, so their symbolic work is not repeated.
         """
         sources = (self.sources or self._models.sources).connected(connections)
         plant = replace(self.network.plant, connections=connections, digest=sources.digest())
-        known = Compilation(sources=sources, plant=plant, types=self._models.types)
-        models = run_passes(known)
+        models = run_passes(Compilation(sources=sources, plant=plant, types=self._models.types))
         readings = reference_readings(models, models.ruleset)
         return models.ruleset, ModelBuilder(models, readings, sources)
 
     @cached_property
     def matches(self) -> Matches:
-        """Candidates of the whole plant, matched to places."""
+        """Candidates and the places that they fit, of the whole plant."""
         return match_effects(self._models, self._readings)
 
     @cached_property
@@ -105,7 +105,7 @@ class ModelBuilder:
 
     @cached_property
     def fluid_drivers(self) -> dict[str, FluidDriver]:
-        """Properties of the fluid that may drive something, by their ids."""
+        """Properties of the fluid that may be drivers, by id."""
         plant = self.network.plant
         every = (
             driver
@@ -144,24 +144,23 @@ class ModelBuilder:
         spots: tuple[str, ...] = (),
         definitions: bool = False,
     ) -> Plan:
-        """The observers, and the definitions, of a module with candidates and spots built in.
+        """The observers (and definitions) of a module with candidates and spots built in.
 
-        Those that reach no observer of the module do not matter.
+        Candidates and spots that affect no observer of the module are ignored.
         """
         joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
         spots = tuple(s for s in spots if self._reaches(self.places[s], module))
         key = module, joined, spots, definitions
         if key not in self._plans:
-            shifts = {k: v for s in spots for k, v in shift_of(self.places[s]).items()}
             owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
             amended = {owner: self.amended(owner, joined) for owner in owners}
-            what = Lowering(self.network, amended, shifts)
+            what = Lowering(self.network, amended, self._shifts(spots))
             self._plans[key] = lower_module(what, module, definitions)
         return self._plans[key]
 
     @cached_property
     def given(self) -> tuple[str, ...]:
-        """Signals that no equation predicts: what drives a plant that stores."""
+        """Signals that no equation predicts: the inputs of a plant that stores."""
         modules = self.network.plant.modules.values()
         return tuple(
             f"{m.name}.{s}" for m in modules for s in m.type.signals if s not in m.type.readings
@@ -170,14 +169,14 @@ class ModelBuilder:
     def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
         """The balances of the whole plant with candidates and spots built in.
 
-        Outputs are what sensors show, as ``shown:<signal>``, and what flows, as ``inflow:<module>``
-        and ``outflow:<module>``.
+        Outputs are sensor readings, as ``shown:<signal>``, and flows, as ``inflow:<module>`` and
+        ``outflow:<module>``.
         """
         key = "", joined, spots
         if key not in self._balances:
-            shifts = {k: v for s in spots for k, v in shift_of(self.places[s]).items()}
             amended = {m: self.amended(m, joined) for m in self.network.plant.modules}
-            plan = lower_states(Lowering(self.network, amended, shifts, self.network.ends))
+            what = Lowering(self.network, amended, self._shifts(spots), self.network.ends)
+            plan = lower_states(what)
             states = tuple(
                 f"{module}.{state}" for module, own in amended.items() for state in own.type.states
             )
@@ -188,11 +187,11 @@ class ModelBuilder:
         return self._balances[key]
 
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
-        """The type of a module with its own candidates built in, in order."""
+        """The type of a module with its candidates built in, in order."""
         result = Amended(type=self.network.plant.modules[module].type)
         changes = (self._of(name).change_of(module) for name in joined)
         own = [change for change in changes if change is not None]
-        # What reshapes the plain law comes first: a term that was added is no part of that.
+        # Changes of the plain law come first, as added terms are not part of it.
         for change in sorted(own, key=lambda c: not c.substitutes):
             result = amend(result, change)
         return result
@@ -208,8 +207,8 @@ class ModelBuilder:
     def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
         """An additive term at a spot without physics behind it.
 
-        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``, each reading less its
-        median and over its spread. The same call gives the same candidate.
+        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``; each reading is centred
+        on its median and divided by its spread. The same call gives the same candidate.
         """
         id_ = f"{spot}[{', '.join(features)}]"
         if id_ not in self._free:
@@ -217,9 +216,10 @@ class ModelBuilder:
         return self._free[id_].candidate
 
     def bent_line(self, spot: str, driver: str, knots: int) -> tuple[Candidate, ...]:
-        """A curve over a driver at a spot, straight between knots whose places are given.
+        """A piecewise linear curve over a driver at a spot, with given knots.
 
-        It comes in parts, as an equation may not be long. The same call gives the same candidates.
+        It comes in parts, as the length of an equation is limited. The same call gives the same
+        candidates.
         """
         found = []
         for first in range(0, knots, BENDS):
@@ -230,6 +230,11 @@ class ModelBuilder:
             found.append(self._free[id_].candidate)
         return tuple(found)
 
+    def _shifts(self, spots: Iterable[str]) -> dict[tuple[str, str, str], str]:
+        """Disturbance locations as shifts for `Lowering`."""
+        places = (self.places[s] for s in spots)
+        return {(p.module, p.kind, p.place): p.unknown for p in places}
+
     def _of(self, candidate: str) -> Matched:
         return self._free.get(candidate) or self._matched_by_id[candidate]
 
@@ -239,7 +244,7 @@ class ModelBuilder:
 
     @cached_property
     def places(self) -> dict[str, Spot]:
-        """Places at which an error may be built in, by their ids."""
+        """Places at which an error may be built in, by id."""
         return {s.id: s for s in (*self.laws, *self.spots)}
 
     @staticmethod
@@ -254,7 +259,8 @@ def _kind_of(amended: Amended, place: str) -> str:
 
 
 def _base_parameters(models: Compilation) -> BaseParameters:
-    """Uncertain parameters may be moved, correlated as their calibration says."""
+    """Uncertain parameters, which may change, correlated as their calibration says; and
+    constants."""
     plant = models.plant
     constants: dict[str, float] = {}
     moved: dict[str, Parameter] = {}

@@ -1,7 +1,7 @@
 """Faults with an onset: a degree that acts from an unknown time on.
 
-A deviation that a plant with states has from the beginning is part of its calibration. A fault was
-not there before, so onset and degree are searched for together.
+In a plant with states, calibration covers a deviation that exists from the beginning. A fault
+begins later, so onset and degree are searched for together.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rulec.knowledge.knowledge import Variant
 from rulec.knowledge.module_type import Parameter
 from rulec.language.expression import Expression
 from rulec.language.rewrite import replaced, written
-from rulec.language.units import NONE, SECOND, Unit
+from rulec.language.units import SECOND, Unit
 from rulec.limits import LATEST_ONSET, ONSET_QUANTILES, ONSET_WIDTH, START_DEGREE
 from rulec.passes.amend import Change
 from rulec.passes.store_faults import StoreFault
@@ -23,37 +23,35 @@ from rulec.passes.store_faults import StoreFault
 SINCE, CLOCK, HALF = "since", "t", "t_half"
 """Names in laws: time of the onset, time, and half of the recording."""
 
-PERCENT, SECONDS = Unit("%", 0.01, NONE), Unit("s", 1.0, SECOND)
-
-RISE = f"(1 + tanh(({CLOCK} - {SINCE})/({ONSET_WIDTH}*{HALF})))/2"
-"""From 0 to 1 within a thousandth of the recording: a step that has slopes by its onset."""
+SECONDS = Unit("s", 1.0, SECOND)
 
 
 @functools.cache
-def beginning(law: Expression, degree: str = "x") -> Expression:
+def beginning(law: Expression) -> Expression:
     """A law whose degree acts from the onset on.
+
+    The degree rises within a thousandth of the recording, so that it has a slope by its onset.
 
     >>> from rulec.language.expression import parse
     >>> beginning(parse("law*(1 - x)")).text
     'law*(1 - x*((1 + tanh((t - since)/(0.002*t_half)))/2))'
     """
-    rise = ast.parse(f"{degree}*({RISE})", mode="eval").body
-    return written(replaced(law.tree, {degree: rise}))
+    rise = f"x*((1 + tanh(({CLOCK} - {SINCE})/({ONSET_WIDTH}*{HALF})))/2)"
+    return written(replaced(law.tree, {"x": ast.parse(rise, mode="eval").body}))
 
 
 def degree_unknown(id_: str, variant: Variant) -> Unknown:
-    """The degree of a fault, to be searched for."""
-    # A size is tried as a share of the range of its sensor.
+    """The degree of a fault as an unknown."""
+    # A degree with a unit starts at a share of the range of its sensor.
     start = (
         START_DEGREE * variant.highest if variant.unit else min(START_DEGREE, variant.highest / 2)
     )
-    shown = Unit(variant.unit, 1.0, NONE) if variant.unit else PERCENT
     return Unknown(
         id=id_,
         name="x",
         title=variant.meaning,
-        unit=shown.text,
-        factor=shown.factor,
+        unit=variant.unit or "%",
+        factor=1.0 if variant.unit else 0.01,
         null=0.0,
         lowest=float(variant.lowest),
         highest=float(variant.highest),
@@ -63,7 +61,7 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
 
 
 def beginning_change(stored: StoreFault) -> Change:
-    """A fault of balances as a change of its module type, from an onset on."""
+    """A fault of balances as a change of its module type, with an onset."""
     origin = stored.fault.origin
     parameters = {
         "x": stored.change.parameters["x"],

@@ -1,7 +1,7 @@
 """Places of a module where physics may be missing: definitions, observers, signals.
 
-The equation alone characterises a place: its dimension, the readings in it, the observers that
-depend on it, and its slopes at the reference point of the plant.
+The equation alone characterises a place: its dimension, its readings, the observers that depend on
+it, and its slopes at the reference point of the plant.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.dimensions_of import dimensions_of
 from rulec.knowledge.module_type import (
     ENDS,
-    INFLOW,
     OUTFLOW,
     Definition,
     ModuleType,
@@ -28,20 +27,17 @@ from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
 from rulec.passes.link import Network
 from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
 
-_WAY = {INFLOW: "in", OUTFLOW: "out"}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
     """A place of a module instance.
 
-    `kind` is as in `Change`. `reads` are the own signals and states it depends on, `uses` the
-    definitions it stands on, both through all definitions between; `slopes` its derivatives by own
-    signals, `shares` the same as share of it per share of the signal, `moves` those of own
-    observers by it (for a signal: by the reading), at the reference point.
-    `observers` lists the ids of all observers that it reaches, also in other modules, and of states
-    and readings. `measured`: it reads a signal of the very kind it gives. `quantity` is what a
-    state or a sensor is declared as.
+    `kind` is as in `Change`. `reads` are the own signals and states that it depends on, `uses` the
+    definitions, both also indirectly. At the reference point, `slopes` are its derivatives by own
+    signals, `shares` the relative ones, `moves` the derivatives of own observers by it (for a
+    signal: by the reading). `observers` lists the ids of all observers, states and readings that it
+    affects, also in other modules. `measured`: it reads a signal of its own dimension. `quantity`
+    is as declared for a state or a sensor.
     """
 
     kind: str
@@ -65,7 +61,7 @@ class Site:
 
 @dataclass(frozen=True)
 class Survey:
-    """What the survey of a module needs to know of the whole plant.
+    """What the survey of a module needs from the whole plant.
 
     `inputs` are values of all signals and parameters at the reference point, SI, by plan input;
     `readers` lists by signal the observers of other modules that read it.
@@ -77,7 +73,7 @@ class Survey:
 
 
 def survey(network: Network, readings: Mapping[str, float]) -> Survey:
-    """Prepare the survey of modules; `readings` are those of the reference point, SI."""
+    """Prepare the survey of modules; `readings` are at the reference point, SI."""
     inputs = {**parameter_values(network.plant), **readings}
     if network.stores:
         inputs |= _stored(network, inputs)
@@ -85,7 +81,7 @@ def survey(network: Network, readings: Mapping[str, float]) -> Survey:
 
 
 def _stored(network: Network, inputs: Mapping[str, float]) -> dict[str, float]:
-    """States at their start, and what then flows, by the inputs of a module's plan."""
+    """States at their start, and the flows there, by the inputs of a module's plan."""
     plan = lower_states(Lowering(network, {}, {}, network.ends))
     known = dict(inputs)
     for _ in network.plant.modules:
@@ -114,14 +110,12 @@ def parameter_values(plant: Plant) -> dict[str, float]:
 
 
 class _Surveyor:
-    """Surveys one module."""
-
     def __init__(self, around: Survey, module: Module) -> None:
         self._around, self._module, self._kind = around, module, module.type
         self._dimensions = dimensions(around.network, module.type)
         self._values, self._slopes = _reference_of(around, module, around.inputs)
-        # Where recordings did not tell parameters apart, a calibration may turn a law round: what
-        # the law is, its own parameters tell.
+        # A calibration whose recordings could not separate parameters may reverse a law; then its
+        # stated parameters count.
         stated = {parameter_id(module, p.name): p.value for p in module.stated.values()}
         if any(around.inputs[name] != value for name, value in stated.items()):
             own = _reference_of(around, module, {**around.inputs, **stated})
@@ -138,13 +132,12 @@ class _Surveyor:
             readers = [o.name for o in kind.observers.values() if signal.name in self._names(o)]
             elsewhere = self._around.readers.get(f"{self._module.name}.{signal.name}", ())
             reached = [*self._ids(readers), *elsewhere]
-            moves = {o: self._moved(o, signal.name) for o in readers}
             yield Site(
                 kind="signal",
                 name=signal.name,
                 title=signal.quantity,
                 dimension=signal.unit.dimension,
-                moves=moves,
+                moves={o: self._moved(o, signal.name) for o in readers},
                 observers=tuple(dict.fromkeys(reached)),
                 measured=True,
                 quantity=signal.quantity,
@@ -152,7 +145,7 @@ class _Surveyor:
         yield from self._moving()
 
     def _moving(self) -> Iterator[Site]:
-        """Places of what is stored: flows at the ends without a law, balances, sensors."""
+        """Places of a module that stores: flows at the ends without a law, balances, sensors."""
         kind, module = self._kind, self._module.name
 
         def site(what: str, name: str, title: str, dimension: Dimension, quantity: str) -> Site:
@@ -168,7 +161,8 @@ class _Surveyor:
 
         for end in ENDS if kind.flows else ():
             if end not in kind.definitions:
-                yield site("end", end, f"what flows {_WAY[end]}", VOLUME_FLOW, "")
+                title = f"what flows {end.removesuffix('flow')}"
+                yield site("end", end, title, VOLUME_FLOW, "")
         for s in kind.states.values():
             yield site("balance", s.name, f"balance of {s.title}", s.unit.dimension, s.quantity)
         for name in kind.readings:
@@ -201,9 +195,7 @@ class _Surveyor:
             moves={o: self._moved(o, f"shift:{kind}:{name}") for o in readers},
             observers=(*self._ids(readers), *self._moved_by(name)),
             measured=any(
-                signal.unit.dimension == own
-                for signal in self._kind.signals.values()
-                if signal.name in names
+                s.unit.dimension == own for s in self._kind.signals.values() if s.name in names
             ),
         )
 
@@ -212,7 +204,7 @@ class _Surveyor:
         return self._slopes[f"q:{self._module.name}.{observer}"][seed]
 
     def _moved_by(self, definition: str) -> tuple[str, ...]:
-        """States, and readings, that a definition moves; what flows out counts as the state."""
+        """States and readings that a definition affects; its outflow counts as its states."""
         kind, found = self._kind, list[str]()
         law = kind.definitions.get(OUTFLOW)
         if law is not None and definition in {OUTFLOW, *self._names(law)}:
@@ -224,7 +216,7 @@ class _Surveyor:
         return tuple(dict.fromkeys(found))
 
     def _share(self, output: str, signal: str) -> float:
-        """Relative change of a place per relative change of a signal; 0 where it has no value."""
+        """Relative change of a place per relative change of a signal; 0 if the place is zero."""
         value = self._values[output]
         reading = self._around.inputs.get(f"{self._module.name}.{signal}", 0.0)
         share = self._slopes[output][signal] * reading / value if value else 0.0
@@ -257,7 +249,7 @@ def _provided(network: Network, name: str) -> Dimension:
 
 
 def _readers(network: Network) -> dict[str, tuple[str, ...]]:
-    """By signal the observers of other modules that read it through `downstream`."""
+    """The observers of other modules that read a signal through `downstream`, by signal."""
     found: dict[str, dict[str, None]] = {}
     for (reader, name), signals in network.gathers.items():
         kind = network.plant.modules[reader].type
@@ -281,7 +273,7 @@ class _Slopes(dict[str, float]):
 
 
 def _is_turned(slopes: Mapping[str, _Slopes], stated: Mapping[str, _Slopes]) -> bool:
-    """Does any slope have the other sign?"""
+    """Has any slope the other sign?"""
     return any(
         slope * stated[to][by] < 0.0 for to, own in slopes.items() for by, slope in own.items()
     )

@@ -1,4 +1,4 @@
-"""The values of a repaired plant as a calibration file, which replaces those before."""
+"""The values of a repaired plant as a calibration file, which replaces the old ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec.language.units import Unit
 from rulec.language.written import rounded
 from rulec.passes.lower import parameter_id
 
-FLOW_UNIT, FLOW_FACTOR = "l/h", 3.6e6
+FLOW_FACTOR = 3.6e6  # l/h per m3/s
 
 FULL, U_DIGITS = 15, 10
 """Significant digits of values and covariances, which must stay positive, and of the rest."""
@@ -35,14 +35,14 @@ def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
     place = {name: i for i, name in enumerate(repair.parameters)}
     found = {local: place[id_] for local, id_ in _ids(own).items() if id_ in place}
     values = _values(own, repair, found)
-    blocks = _blocks(own, repair, found, values)
     module = own.module
-    known = {o: repair.misfit.get(f"{module.name}.{o}") for o in module.type.observers}
-    misfit = {**module.misfit, **{o: m for o, m in known.items() if m is not None}}
+    ids = {o: f"{module.name}.{o}" for o in module.type.observers}
+    fitted = {o: repair.misfit[id_] for o, id_ in ids.items() if id_ in repair.misfit}
+    misfit = {**module.misfit, **fitted}
     entry = {
         "type": own.type.name,
         "parameters": {name: _parameter(p) for name, p in values.items()},
-        "covariance": blocks,
+        "covariance": _blocks(own, repair, found, values),
         "misfit": {name: flow_entry(m) for name, m in misfit.items()},
         "range": _ranges(own, repair),
     }
@@ -52,17 +52,14 @@ def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
 def _ids(own: Adopted) -> dict[str, str]:
     """Parameters of the type by name, with their ids in the analysis.
 
-    Those whose error is shared with other modules belong to the fluid; no file has them.
+    Parameters whose error is shared with other modules belong to the fluid; no file has them.
     """
-    module = own.module
-    plain = {
-        name: parameter_id(module, name) for name, p in module.parameters.items() if not p.shared
-    }
-    return {**plain, **own.inputs}
+    plain = (name for name, p in own.module.parameters.items() if not p.shared)
+    return {**{name: parameter_id(own.module, name) for name in plain}, **own.inputs}
 
 
 def _values(own: Adopted, repair: Repair, found: Mapping[str, int]) -> dict[str, Parameter]:
-    """Parameters that differ from what the type says, or whose covariance is known."""
+    """Parameters that differ from those of the type, or whose covariance is known."""
     module, result = own.module, dict[str, Parameter]()
     joint = {name for block in module.blocks for name in block.parameters}
     for name, parameter in module.parameters.items():
@@ -82,7 +79,7 @@ def _values(own: Adopted, repair: Repair, found: Mapping[str, int]) -> dict[str,
 def _blocks(
     own: Adopted, repair: Repair, found: Mapping[str, int], values: Mapping[str, Parameter]
 ) -> list[dict[str, Any]]:
-    """Joint covariance of what was fitted again; of the blocks before, what it leaves."""
+    """Joint covariance of the fitted parameters, and what remains of the old blocks."""
     result = []
     fitted = [n for n in values if n in found and repair.covariance[found[n], found[n]] > 0.0]
     if len(fitted) > 1:
@@ -105,7 +102,7 @@ def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter])
 
 
 def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
-    """Where the equations hold: where they were calibrated, and what this recording covered."""
+    """Where the equations are valid: in the range of calibration and of this recording."""
     module, result = own.module, dict[str, Any]()
     for name, signal in module.type.signals.items():
         ends = [module.valid[name]] if name in module.valid else []
@@ -118,22 +115,21 @@ def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
 
 
 def range_entry(unit: Unit, low: float, high: float) -> dict[str, Any]:
-    """A range (SI) as a calibration file has it."""
+    """A range (SI) as written in a calibration file."""
     ends = (rounded(unit.from_si(end), U_DIGITS) for end in (low, high))
     return {**dict(zip(("from", "to"), ends, strict=True)), "unit": unit.text}
 
 
 def flow_entry(flow: float) -> dict[str, Any]:
-    """A flow (m3/s) as a calibration file has it."""
-    return {"value": rounded(flow * FLOW_FACTOR, U_DIGITS), "unit": FLOW_UNIT}
+    """A flow (m3/s) as written in a calibration file."""
+    return {"value": rounded(flow * FLOW_FACTOR, U_DIGITS), "unit": "l/h"}
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
-    """Value in full, so that the plant reads what was fitted; ten digits of its uncertainty."""
+    """The value in full, so that the plant reads what was fitted; uncertainty to ten digits."""
     unit = parameter.unit
-    value = unit.from_si(parameter.value)
     return {
-        "value": rounded(value, FULL),
+        "value": rounded(unit.from_si(parameter.value), FULL),
         "unit": unit.text,
         "u": rounded(parameter.u / unit.factor, U_DIGITS),
     }

@@ -20,9 +20,9 @@ class AdoptRefused(Refusal):
 
 
 def why_refused(edits: Sequence[str], refused: str) -> str:
-    """Why `rulec adopt` writes no repair; empty where it does. What it refuses is not proven.
+    """Why `rulec adopt` refuses to write a repair; empty if it does not.
 
-    `edits` are to be made in the plant file first, `refused` is what speaks against the repair.
+    `edits` must first be made in the plant file, `refused` is the reason against the repair.
     """
     if not edits:
         return refused
@@ -35,8 +35,8 @@ def why_refused(edits: Sequence[str], refused: str) -> str:
 
 @dataclass(frozen=True)
 class Basis:
-    """What an analysis was made from: hashes by path, of the plant's files and of recordings, which
-    were `given` in this order. Recordings `in_memory` have no path."""
+    """What an analysis was made from: hashes by path of the plant's files and of the recordings,
+    which were `given` in this order. Recordings `in_memory` have no path."""
 
     plant: Mapping[str, str]
     given: tuple[str, ...]
@@ -46,7 +46,7 @@ class Basis:
 
 @dataclass(frozen=True)
 class Reported:
-    """Held-out errors of a reading, in its unit, of the recalibrated plant and of this one."""
+    """Held-out errors of a reading, in its unit, of the recalibrated and of this plant."""
 
     signal: str
     unit: str
@@ -57,7 +57,7 @@ class Reported:
 
 @dataclass(frozen=True)
 class Joined:
-    """A candidate that was accepted, with the values of its unknowns by id, SI."""
+    """An accepted candidate with the values of its unknowns by id, SI."""
 
     id: str
     values: Mapping[str, float]
@@ -67,9 +67,9 @@ class Joined:
 class Repair:
     """A repaired model, SI.
 
-    `parameters` are ids of plan inputs with their `values`, shape (n,), and joint `covariance`,
-    shape (n, n); those that the candidates brought in may stand among them. `misfit` is per
-    observer, `ranges` per signal what the recording covered.
+    `parameters` are ids of plan inputs, also of candidates, with their `values`, shape (n,), and
+    joint `covariance`, shape (n, n). `misfit` is per observer; `ranges` are the recorded ranges per
+    signal.
     """
 
     plant: Path
@@ -84,13 +84,12 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True)
 class Proven:
-    """What the JSON file says beside a repair, which the written plant must fulfil.
+    """What the JSON file says beside a repair; the written plant must fulfil it.
 
     `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
-    nothing is written. `reported` are the errors that were shown, `checks` those over all held-out
-    rows by signal, in its unit, in the spans `heldout`, s. `misread` says how columns must be read
-    that are not what their header says, in this order, `edits` what to change in the plant file
-    before all this holds.
+    nothing is written. `reported` are the errors shown, `checks` the errors over all held-out rows
+    by signal, in its unit, in the spans `heldout`, s. `misread` says, in this order, how to read
+    columns that differ from their header, `edits` what to change in the plant file first.
     """
 
     basis: Basis | None
@@ -104,7 +103,7 @@ class Proven:
 
 
 def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Proven:
-    """What the content of a JSON file says of the repair in it, or of the `recalibrated` plant."""
+    """What a JSON file says of the repair in it, or of the `recalibrated` plant."""
     part = data["repair"]
     try:
         kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
@@ -118,14 +117,13 @@ def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -
             )
             for fit in data.get("fits", ())
         )
-        checks = {str(c["signal"]): _number(c[row]) for c in part.get("checks", ())}
         basis = part.get("made_from")
         return Proven(
             basis=None if basis is None else _basis(basis),
             left_out=tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
             refused="" if recalibrated else str(part.get("refused") or ""),
             reported=reported,
-            checks=checks,
+            checks={str(c["signal"]): _number(c[row]) for c in part.get("checks", ())},
             heldout=tuple(
                 (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
             ),
@@ -163,12 +161,11 @@ def _maybe(value: Any) -> float:
 
 
 def read_form(file: Path) -> dict[str, Any]:
-    """Content of a JSON file of `rulec mismatch`; raises `AdoptRefused` where it has no repair."""
+    """The content of a JSON file of `rulec mismatch`; raises `AdoptRefused` if it has no repair."""
     try:
         data = read_json(file)
     except Damaged as error:
-        message = f"{file}: {error}; write it with rulec mismatch"
-        raise AdoptRefused(message) from None
+        raise AdoptRefused(f"{file}: {error}; write it with rulec mismatch") from None
     if not isinstance(data, dict) or not isinstance(data.get("repair"), dict):
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
     return data
@@ -182,7 +179,7 @@ def _broken(file: Path, error: Exception) -> AdoptRefused:
 def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Repair:
     """The repair in the content of a JSON file, or the values of the `recalibrated` plant.
 
-    Raises `AdoptRefused` where there is nothing to adopt.
+    Raises `AdoptRefused` if there is nothing to adopt.
     """
     part = data["repair"]
     if recalibrated:
@@ -190,7 +187,9 @@ def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -
             raise AdoptRefused(f"{file}: it holds no recalibrated plant; run rulec mismatch again")
         part = {"plant": part.get("plant"), "joined": [], **part["recalibrated"]}
     try:
-        return _repair(file, _in_one_line(data.get("recording", "")), part)
+        # The name goes into comments: no line breaks.
+        name = str(data.get("recording", ""))[:200]
+        return _repair(file, "".join(c for c in name if c.isprintable()), part)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _broken(file, error) from None
 
@@ -218,11 +217,6 @@ def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
     )
 
 
-def _in_one_line(name: Any) -> str:
-    """A file's name as it may stand in a comment; what cannot be read is left out."""
-    return "".join(c for c in str(name)[:200] if c.isprintable())
-
-
 def _joined(entry: Mapping[str, Any]) -> Joined:
     values = {**entry["unknowns"], **(entry.get("fixed") or {})}
     return Joined(str(entry["id"]), {str(k): _number(v) for k, v in values.items()})
@@ -236,7 +230,7 @@ def _number(value: Any) -> float:
 
 
 def _plant(file: Path, name: str) -> Path:
-    """The plant as named from here, or as seen from the file."""
+    """The plant by its name relative to the working folder, or to the file."""
     for path in (Path(name), file.parent / name):
         if path.exists():
             return path

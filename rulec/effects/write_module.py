@@ -1,9 +1,10 @@
-"""Write an amended module type as YAML: its author's file, with what changed in it."""
+"""Write an amended module type as YAML: its author's file with the changes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -26,29 +27,19 @@ def write_module(
 
     Parameters
     ----------
-    document : the file of the type before; all that did not change is taken from it.
+    document : the old file, from which everything unchanged is taken.
     kind : the amended type.
-    brought : parameters that it did not have, with their values.
-    comments : lines that stand at the top.
+    brought : parameters that the old type lacked, with their values.
+    comments : lines at the top.
     """
     return file_text(Path(document.path), _data(document.data, kind, brought), comments)
 
 
 def file_text(file: Path, data: Mapping[str, Any], comments: list[str]) -> str:
-    """Text of a module type that was made of the one in `file`, whose comments it keeps."""
-    head = [HEAD, *(f"# {line}" for line in comments), *author_comments(file)]
-    return "\n".join([*head, *lines(data)]) + "\n"
-
-
-def author_comments(file: Path) -> list[str]:
-    """Comments at the top of a file, without the line for editors."""
-    found = []
-    for line in text_of(file, MAX_FILE_BYTES).splitlines():
-        if not line.startswith("#"):
-            break
-        if "yaml-language-server" not in line:
-            found.append(line)
-    return found
+    """Text of a module type made from the one in `file`, whose head comments it keeps."""
+    old = takewhile(lambda line: line.startswith("#"), text_of(file, MAX_FILE_BYTES).splitlines())
+    kept = (line for line in old if "yaml-language-server" not in line)
+    return "\n".join([HEAD, *(f"# {line}" for line in comments), *kept, *lines(data)]) + "\n"
 
 
 def _data(
@@ -97,7 +88,7 @@ def _data(
 
 
 def parameter_entry(parameter: Parameter) -> dict[str, Any]:
-    """A parameter as it stands in a module type; six digits, calibrations have more."""
+    """A parameter as written in a module type; six digits, calibrations have more."""
     entry: dict[str, Any] = {
         "value": plain_number(parameter.unit.from_si(parameter.value), 6),
         "unit": parameter.unit.text,
@@ -114,7 +105,7 @@ def parameter_entry(parameter: Parameter) -> dict[str, Any]:
 
 
 def plain_number(value: float, digits: int) -> float:
-    """A number as it stands in a file: to so many digits, and without a point where it is whole."""
+    """A number as written in a file: rounded to some digits, an integer if it is whole."""
     value = rounded(value, digits)
     return int(value) if value.is_integer() else value
 
@@ -126,7 +117,7 @@ def _definition(old: Mapping[str, Any] | None, definition: Definition) -> dict[s
 
 
 def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
-    """A state; one that no author wrote has the quantity of no sensor."""
+    """A state; a new one has no quantity, as no sensor measures it."""
     entry: dict[str, Any] = dict(old or {"unit": state.unit.text})
     for key, expression in state.equations():
         entry[key] = _equation(entry.get(key), expression)
@@ -139,5 +130,5 @@ def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
 
 
 def _equation(old: Any, expression: Expression) -> Any:
-    """An equation as its author wrote it, where it is still the same."""
+    """An equation as its author wrote it, if it is unchanged."""
     return old if str(old) == expression.text else expression.text

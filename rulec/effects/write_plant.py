@@ -1,4 +1,4 @@
-"""Write a plant folder that stands alone: plant, knowledge base, calibration, attached files."""
+"""Write a self-contained plant folder: plant, knowledge base, calibration, attached files."""
 
 from __future__ import annotations
 
@@ -22,13 +22,11 @@ from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
 from rulec.limits import MAX_FILE_BYTES
 
-PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
 CALIBRATION = "calibration.yaml"
-OF_PLANTS = ("plant", "columns", "calibration")
 
 
 def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterator[tuple[str, str]]:
-    """Files of the new folder, as (path in it, text)."""
+    """Files of the new folder, as (relative path, text)."""
     assert sources.plant is not None
     values = calibration(adoption, repair)
     yield "plant.yaml", _plant(sources.plant, adoption, repair, bool(values["modules"]))
@@ -52,14 +50,17 @@ def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool
     data.pop("calibration", None)
     if calibrated:
         data["calibration"] = [CALIBRATION]
-    title = f"# Written by rulec adopt from {repair.recording or 'a recording'}."
-    return "\n".join([PLANT_HEAD, title, *lines(data)]) + "\n"
+    head = [
+        "# yaml-language-server: $schema=kb/schema/plant.schema.json",
+        f"# Written by rulec adopt from {repair.recording or 'a recording'}.",
+    ]
+    return "\n".join([*head, *lines(data)]) + "\n"
 
 
 def _module(
     part: Mapping[str, Any], own: Adopted, repair: Repair, adoption: Adoption
 ) -> dict[str, Any]:
-    """An instance with its type, and a typical reading of what its equations now read."""
+    """An instance with its type, and typical readings of what its equations now read."""
     reference = dict(part.get("reference", {}))
     module = own.module
     for name, value in _typical(own, repair, adoption).items():
@@ -70,7 +71,8 @@ def _module(
 
 
 def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, float]:
-    """Readings (SI) of drivers of what was adopted: the median, or the middle of the range."""
+    """Readings (SI) of the drivers of adopted candidates: the median, or the middle of the
+    range."""
     name, result = own.module.name, dict[str, float]()
     found = {k: v for joined in repair.joined for k, v in joined.values.items()}
     for candidate in adoption.taken:
@@ -93,7 +95,7 @@ def _calibration(values: Mapping[str, Any], repair: Repair) -> str:
 
 
 def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
-    """The knowledge of all layers, amended types in place of the old ones."""
+    """The knowledge of all layers, with amended types instead of the old ones."""
     by_type = {d.data["module"]: d for d in sources.by_kind.get("module", ())}
     amended = {
         Path(by_type[a.module.type.name].path).resolve(): a
@@ -103,7 +105,8 @@ def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str,
     for layer in sources.layers:
         for file in layer.files:
             document, _ = (None, ()) if file.resolve() in amended else read_document(file)
-            if document is not None and kind_of(document) not in (None, *OF_PLANTS):
+            of_plants = (None, "plant", "columns", "calibration")
+            if document is not None and kind_of(document) not in of_plants:
                 yield _copied(layer, file), text_of(file, MAX_FILE_BYTES)
     for file in sorted((shipped(KB) / "schema").glob("*.json")):
         yield f"{KB}/schema/{file.name}", file.read_text("utf-8")
@@ -116,7 +119,7 @@ def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str,
 
 
 def _copied(layer: Layer, file: Path) -> str:
-    """Where a file of a layer comes to stand: what is no whole knowledge base has a folder of its
-    own there, so that no file takes the place of another."""
+    """The new path of a file of a layer. A layer that is no whole knowledge base gets a folder of
+    its own, so that no file replaces another."""
     inside = file.relative_to(layer.folder).as_posix()
     return f"{KB}/{inside}" if layer.is_whole else f"{KB}/{layer.name.replace('/', '-')}/{inside}"

@@ -14,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.cli import main
-from rulec.effects.adopt import adopt, why_not
+from rulec.effects.adopt import adoption_of, why_not
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import read_form, repair_of
 from rulec.effects.write_plant import plant_files
@@ -228,7 +228,7 @@ def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
         data, _ = mismatch(TANKS, [(name, unknowns_of(builder, name))])
         (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
         repair = repair_of(read_form(tmp_path / "mismatch.json"), tmp_path / "mismatch.json")
-        adoption = adopt(builder, builder.network, repair)
+        adoption = adoption_of(builder, repair)
         assert [name] == [c.id for c in adoption.taken], adoption.left
         for path, text in plant_files(sources, adoption, repair):
             file = tmp_path / effect / path
