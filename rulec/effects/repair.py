@@ -102,7 +102,7 @@ class Proven:
     edits: tuple[str, ...] = ()
 
 
-def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Proven:
+def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool) -> Proven:
     """What a JSON file says of the repair in it, or of the `recalibrated` plant."""
     part = data["repair"]
     try:

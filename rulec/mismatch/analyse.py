@@ -1,4 +1,4 @@
-"""From a recording to an answer: the steps of the comparison in order, whatever the evidence."""
+"""From a recording to an answer: the steps of the comparison in order, for any evidence."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, SelfProof, Series
+from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Series
 from rulec.mismatch.structure import structure_findings as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
@@ -43,7 +43,7 @@ NO_CLOCK = (
     "these {what} have no common time: nothing that changes with time, and no fault that comes and "
     "goes or begins, was looked for"
 )
-"""What is said where effects of time cannot be told."""
+"""The note where effects of time cannot be judged."""
 
 Progress = Callable[[str], None]
 
@@ -57,21 +57,21 @@ def analyse(
     power: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> Mismatch:
-    """Compare a recording with the model of its plant: is there a mismatch, where, what, proof.
+    """Compare a recording with the model of its plant: whether, where and why they differ, with
+    proof.
 
     Parameters
     ----------
-    heldout : spans of time, s, that are opened once, at the end; without them, blocks are set
-        aside.
+    heldout : spans of time, s, that are opened once, at the end; without them, blocks are held out.
     power : ids of candidates that are concealed in replays of the recording; empty: those that
-        stand; None: nothing is replayed.
-    progress : is told what is being done.
+        remain possible; None: nothing is replayed.
+    progress : is called with the name of each step.
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
-    seen = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
-    recording, taken = seen.recording, seen.taken
-    ruleset, builder = seen.evidence.ruleset, seen.evidence.builder
+    checked = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
+    recording, taken = checked.recording, checked.taken
+    ruleset, builder = checked.evidence.ruleset, checked.evidence.builder
     found = _explained(recording, ruleset, builder, heldout, tell)
     if isinstance(found, NotComparable):
         return _cannot(recording, ruleset, found, taken, begin)
@@ -100,7 +100,10 @@ def analyse(
     recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
     instead = all(strain.is_believable for strain in recalibrated)
     refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead)
-    replayed = None if power is None else _replayed(found, builder, power, tell)
+    replayed = None
+    if power is not None:
+        tell("replaying the recording")
+        replayed = self_proof(found.posterior, builder.candidates, power)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     standing = found.standing
@@ -134,7 +137,7 @@ def analyse(
         notes=(
             *_read_so(misread),
             *before,
-            *_clock(found),
+            *([] if samples.timed else [NO_CLOCK.format(what=found.untimed)]),
             *_of_recording(recording),
             *behind,
         ),
@@ -149,7 +152,7 @@ def analyse(
         checks=checks,
         misread=structure.misread_of(taken),
         rewired=structure.rewired_of(taken),
-        standing=found.standing,
+        standing=standing,
         recordings=found.recordings,
         changed=found.changed,
         strain=doubt.strain,
@@ -157,16 +160,8 @@ def analyse(
     )
 
 
-def _replayed(
-    found: Explained[Any], builder: ModelBuilder, asked: Sequence[str], tell: Progress
-) -> SelfProof:
-    """What replays of the recording say."""
-    tell("replaying the recording")
-    return self_proof(found.posterior, builder.candidates, asked)
-
-
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
-    """What speaks against a tick."""
+    """What speaks against the verdict that nothing is missing."""
     strain = (*_strain(found, found.believed), *_of_sensors(found))
     signals, beyond = found.model.ruleset.signal_by_id, []
     for fit in fits:
@@ -186,7 +181,7 @@ def _strain(found: Explained[Any], values: Mapping[str, float]) -> tuple[Strain,
 
 
 def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
-    """Errors of sensors that lie far outside of their class."""
+    """Errors of sensors that lie far outside their class."""
     for name, times in found.believed.items():
         signal = found.model.ruleset.signal_by_id.get(name.removeprefix(ERROR))
         if name.startswith(ERROR) and signal and abs(times) > STRAINED:
@@ -198,7 +193,7 @@ def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
 def _evidence(
     ruleset: Ruleset, builder: ModelBuilder, heldout: Sequence[tuple[float, float]]
 ) -> StructureEvidence:
-    """How well a recording agrees with the plain model of a plant of its kind."""
+    """How well a recording agrees with the plain model, by the kind of plant."""
     if ruleset.dynamics is None:
         return Settled(ruleset, builder, heldout)
     # Loaded here, as below.
@@ -214,7 +209,7 @@ def _explained(
     heldout: Sequence[tuple[float, float]],
     tell: Progress,
 ) -> Explained[Any] | NotComparable:
-    """The recording explained, as evidence of the kind that its plant gives."""
+    """The recording explained, by the kind of plant."""
     if ruleset.dynamics is None:
         return steady.explain(recording, ruleset, builder, heldout, tell)
     # Loaded here: a plant that stores nothing needs no integrator.
@@ -223,14 +218,8 @@ def _explained(
     return stores.explain(recording, ruleset, builder, heldout, tell)
 
 
-def _clock(found: Explained[Any]) -> list[str]:
-    """A remark where samples do not lie on one clock."""
-    return [] if found.model.samples.timed else [NO_CLOCK.format(what=found.untimed)]
-
-
 def _read_so(misread: Sequence[Finding]) -> list[str]:
-    """A remark on what all that is told was made from, if some columns were read otherwise, or the
-    plant was connected otherwise."""
+    """Notes that the answer holds for corrected columns or connections."""
     columns = "; ".join(f.text for f in misread if f.name != CONNECTION)
     pipes = "; ".join(f.text for f in misread if f.name == CONNECTION)
     notes = []
@@ -248,14 +237,14 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
 
 
 def _of_recording(recording: Recording) -> list[str]:
-    """Remarks on the recording alone."""
     return [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
 
 
 def _curves(
     model: Model, shown: PlantErrors, judged: np.ndarray, findings: Sequence[Finding]
 ) -> Curves:
-    """Courses of the first reading that errors are told of; `judged`, shape (n,): see `Refits`."""
+    """Courses of the first reading whose errors are reported; `judged`, shape (n,): see
+    `Refits`."""
     course = shown.series.courses[0]
     signal = course.signal
     module = findings[0].module if findings else signal.partition(".")[0]
@@ -284,7 +273,6 @@ def _cannot(
     taken: Sequence[AcceptedHypothesis],
     begin: float,
 ) -> Mismatch:
-    """The answer where nothing can be compared."""
     samples, misread = blind.samples, structure.findings_of(taken)
     answer = with_misread("cannot judge", f"Cannot judge: {blind.why}.", blind.next, misread)
     return Mismatch(

@@ -1,4 +1,4 @@
-"""What a comparison left standing: `rulec experiment` reads it without all the rest."""
+"""Sets of explanations that a comparison leaves possible, for `rulec experiment` to read alone."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Presence:
-    """When something is there: of an unknown the periods, s, each with the number of its level, and
-    whether it grows from nothing in the last one."""
+    """When something is present: the periods of an unknown, s, each with the number of its level,
+    and whether it grows from zero in the last one."""
 
     unknown: str
     spans: tuple[tuple[float, float, int], ...]
@@ -20,10 +20,10 @@ class Presence:
 class CandidateSet:
     """A set of explanations that is still possible.
 
-    `names` are those of the search, `titles` the same in words; without any nothing is left out.
-    The rest is where it was fitted, SI: ids of what is `joined`, `values` and `fixed` numbers by
-    id, `periods`, and per term without a name its name and the share of its driver's range over
-    which it is alike.
+    `names` are those of the search, `titles` the same in words; both are empty if nothing is
+    missing. The rest describes its fit, SI: ids of `joined` candidates, `values` and `fixed`
+    numbers by id, `periods`, and per term without a name its name and its correlation length as a
+    share of its driver's range.
     """
 
     names: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What a search leaves to be answered, whatever the evidence."""
+"""The result of a search, as needed for the answer, for any evidence."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ F = TypeVar("F")
 
 @dataclass(frozen=True, kw_only=True)
 class NotComparable:
-    """Nothing can be compared: why, what to do, and what was read all the same."""
+    """Nothing can be compared: why, what to do, and what was read nevertheless."""
 
     why: str
     next: str
@@ -48,8 +48,8 @@ class NotComparable:
 class Plants:
     """Readings by the shipped, the recalibrated and the repaired plant, per row of the recording.
 
-    Each is a table by signal, shape (rows,), SI; the last is None where it cannot be written or
-    simulated, which `refused` tells.
+    Each is a table by signal, shape (rows,), SI. `repaired` is None if it cannot be written or
+    simulated, for the reason `refused`.
     """
 
     shipped: Mapping[str, Array]
@@ -60,7 +60,7 @@ class Plants:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """What all of them predict."""
+        """The signals that all of them predict."""
         return tuple(n for n in self.shipped if n in self.recalibrated and n in self.last)
 
     @property
@@ -73,8 +73,8 @@ class Plants:
 class Refits(Generic[F]):
     """The recalibrated and the repaired model as they are written, and what was left out.
 
-    `repairs` say what to write of each. `left_out` has ids with reasons. `judged`, shape (n,),
-    flags samples whose errors count.
+    `repairs` are the values to write of each. `left_out` has ids with reasons. `judged`, shape
+    (n,), flags samples whose errors count.
     """
 
     plain: F
@@ -86,8 +86,8 @@ class Refits(Generic[F]):
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A reading with its errors, and at the samples, shape (n,), SI, what was measured and what
-    the three plants predict."""
+    """A reading with its errors, its measured values at the samples, shape (n,), SI, and those
+    predicted by the three plants."""
 
     fit: Fit
     measured: Array
@@ -96,14 +96,14 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True)
 class Explained(ABC, Generic[F]):
-    """A recording explained as far as the search goes.
+    """A recording as far as the search explains it.
 
-    `places` have no name for what is wrong there; `failing` are sensors that fail to read. `noise`
-    says how large noise is, `untimed` what has no common time, where that is so. `standing` are
-    the sets of explanations that are still possible, the likeliest first. Of several recordings
-    `recordings` has each, and `changed` what each further one changed. `nothing` is the probability
-    that nothing is left out by `posterior`, what all sets say; `believed` are the values of
-    parameters with what was found, SI.
+    `places` are without a named cause, `failing` are failing sensors. `noise` describes the size of
+    the noise, `untimed` what lacks a common time, if so. `standing` are the sets of explanations
+    that are still possible, most probable first. Of several recordings, `recordings` has each, and
+    `changed` the change by each further one. `nothing` is the probability by `posterior`, over all
+    sets, that nothing is missing; `believed` are the values of parameters with the explanation
+    found, SI.
     """
 
     recording: Recording
@@ -123,19 +123,19 @@ class Explained(ABC, Generic[F]):
     believed: Mapping[str, float] = field(default_factory=dict)
 
     def allowed(self, signal: str) -> float:
-        """Error of a reading that sensors within their class, and laws within their accuracy,
-        explain in 19 of 20 recordings, SI; infinite where it is not known."""
+        """Error of a reading that sensors within their class and laws within their accuracy explain
+        in 95 % of recordings, SI; infinite if unknown."""
         return float("inf")
 
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
-        """Open the held-out blocks, once; one proof per reading, the most telling first."""
+        """Open the held-out blocks, once; one proof per reading, the most significant first."""
 
     @abstractmethod
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[F]:
-        """Fit what may be written, and the plain model, with sensors as they are."""
+        """Fit what may be written, and the plain model, without corrections of sensors."""
 
     @abstractmethod
     def readings(
@@ -145,10 +145,10 @@ class Explained(ABC, Generic[F]):
 
     @abstractmethod
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
-        """What each row of the recording served for."""
+        """What each row of the recording was used for."""
 
     @abstractmethod
     def notes(
         self, refits: Refits[F], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Remarks before and behind those on the recording; `why` no plant was simulated."""
+        """Notes before and after those on the recording; `why` no plant was simulated."""

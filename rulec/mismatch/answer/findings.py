@@ -35,11 +35,11 @@ from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.settled.by_recording import ByRecording
 
 MOVED = 3
-"""Explanations in the sentence on a further recording."""
+"""Most explanations in the sentence on a further recording."""
 
 
 def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ...]:
-    """What was accepted and has a name, in the order of what it explains."""
+    """Named explanations that were accepted, by the share that they explain."""
     shares = shares_of(accepted)
     named = (own for own in accepted if own.candidate.sort != HIDDEN)
     found = [_finding(model, own, shares[own.candidate.id]) for own in named]
@@ -47,7 +47,7 @@ def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ..
 
 
 def shares_of(accepted: Sequence[Accepted]) -> dict[str, float]:
-    """What each explanation has of the gain of all."""
+    """Each explanation's share of the total gain."""
     total = sum(own.gain for own in accepted) or 1.0
     return {own.candidate.id: own.gain / total for own in accepted}
 
@@ -93,12 +93,12 @@ def _finding(model: Model, own: Accepted, share: float) -> Finding:
 
 
 def _joined(model: Model, name: str) -> Candidate:
-    """An explanation as it is by now: more of it may be searched for than at first."""
+    """An explanation in its final form, in which it may have more unknowns than at first."""
     return next(c for c in model.joined if c.id == name)
 
 
 def titled(ruleset: Ruleset, candidate: Candidate) -> str:
-    """An explanation and where, in a few words."""
+    """An explanation and its place, in a few words."""
     module = ruleset.modules.get(candidate.module, candidate.module)
     where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
     return f"{candidate.title} ({where}, {candidate.place})"
@@ -132,7 +132,7 @@ def sentence(
 
 def _of_periods(periods: tuple[Period, ...]) -> str:
     degrees = [p.degree for p in periods]
-    # One that grows begins at nothing.
+    # Growth begins at zero.
     degrees += [0.0 for p in periods if p.growth]
     low, high = min(degrees), max(degrees)
     if periods[0].unit:
@@ -144,9 +144,9 @@ def _of_periods(periods: tuple[Period, ...]) -> str:
 
 
 def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = ()) -> Location:
-    """Where and when a finding shows; where it is open, also the places of what may be instead.
+    """Where and when a finding shows; if it is ambiguous, also the places of its alternatives.
 
-    What has no name has a shape besides.
+    A term without a name also has a shape.
     """
     candidate = _joined(model, finding.id)
     curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
@@ -164,7 +164,7 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
 
 
 def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location:
-    """A place whose error follows something in a way without a name."""
+    """A place whose error follows a driver in a way that has no name."""
     spot = (curve.place.module, curve.place.place, curve.place.title)
     over_time = np.interp(model.samples.time, curve.at, curve.value) ** 2
     return _of_curve(model, spot, curve, share, over_time)
@@ -173,11 +173,11 @@ def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location
 def _of_curve(
     model: Model, spot: tuple[str, str, str], curve: CurveFound, share: float, size: Array
 ) -> Location:
-    """A place with the shape of what has no name; `size`, shape (n,), is what each sample has of
-    the mismatch there, for a shape over time."""
+    """A place with the shape of a term without a name; `size`, shape (n,), is the mismatch there at
+    each sample, for a shape over time."""
     shape, driver = shape_of(model, curve), model.variable(curve.driver)
     if shape is not None and driver is not None:
-        # From its own level: the fit to all points has no level, but that of its middle.
+        # Relative to its own level, as the fit to all points is centred.
         size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
     drivers = {} if driver is None else {curve.driver: driver}
     return replace(_location(model, spot, share, size, drivers, curve.elsewhere), shape=shape)
@@ -186,9 +186,9 @@ def _of_curve(
 def location_of_spot(
     model: Model, spot: Spot, share: float, contribution: Array, also: Sequence[Spot]
 ) -> Location:
-    """A place without a name for what is wrong there; `also` are others that look the same.
+    """A place without a named cause; `also` are others that cannot be distinguished from it.
 
-    `contribution`, shape (n,), is what each sample has of the mismatch there, not negative.
+    `contribution`, shape (n,), is the mismatch there at each sample, not negative.
     """
     others = tuple(f"{s.module}.{s.place}" for s in also)
     return _location(model, (spot.module, spot.place, spot.title), share, contribution, {}, others)
@@ -202,7 +202,7 @@ def _location(
     drivers: Mapping[str, Variable],
     also: tuple[str, ...],
 ) -> Location:
-    """A place by module, place and title; in the region of a driver, else of any reading."""
+    """A place by module, place and title; its region is of a driver, else of any reading."""
     samples = model.samples
     return Location(
         module=spot[0],
@@ -216,15 +216,15 @@ def _location(
 
 
 def _elsewhere(model: Model, finding: Finding) -> tuple[str, ...]:
-    """Places of alternatives, each once, the likeliest first."""
+    """Places of alternatives, each once, most probable first."""
     known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
     places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
     return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
 
 
 def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
-    """Ranges beyond which a repaired law was never tried."""
-    told: dict[str, None] = {}
+    """Ranges outside which a repaired law was not tested."""
+    ranges: dict[str, None] = {}
     for finding in findings:
         if finding.sort not in ("physics", "ageing"):
             continue
@@ -232,12 +232,12 @@ def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
             variable = model.variable(name)
             if variable is not None:
                 low, high = variable.shown(np.nanquantile(variable.course, [0.0, 1.0]))
-                told[f"{name} below {low:.4g} or above {high:.4g} {variable.unit}"] = None
-    return tuple(told)
+                ranges[f"{name} below {low:.4g} or above {high:.4g} {variable.unit}"] = None
+    return tuple(ranges)
 
 
 def of_recordings(recording: Recording, rows: Rows, found: ByRecording) -> tuple[OfRecording, ...]:
-    """Each recording in the order given, with its rows and what it says alone."""
+    """Each recording in the order given, with its rows and its own verdict."""
     source = recording.source
     assert source is not None
     data = rows.system.data
@@ -257,7 +257,7 @@ def of_recordings(recording: Recording, rows: Rows, found: ByRecording) -> tuple
 
 
 def updates_of(names: Sequence[str], found: ByRecording) -> tuple[Update, ...]:
-    """What each further recording changed."""
+    """The change by each further recording."""
     return tuple(
         Update(names[number], told_of(names[number], moved), moved)
         for number, moved in found.moved.items()
@@ -265,7 +265,7 @@ def updates_of(names: Sequence[str], found: ByRecording) -> tuple[Update, ...]:
 
 
 def told_of(name: str, moved: Sequence[Moved]) -> str:
-    """What a further recording changed, in one sentence.
+    """The change by a further recording, in one sentence.
 
     >>> told_of("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "friction", 0.25, 0.02)])
     'With b.csv: slip 50\xa0% -> 97\xa0%; friction 25\xa0% -> 2\xa0%'

@@ -30,41 +30,42 @@ SAME = (
     *("fits", "confounded", "untested", "next", "evidence", "noise", "tried", "standing", "notes"),
     "seconds",
 )
-"""What of a comparison has the same name there."""
+"""Fields of `Mismatch` whose JSON key is their name."""
 
 
 def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None) -> dict[str, Any]:
-    """The comparison as JSON data; what is no finite number is None.
+    """The comparison as JSON data; numbers that are not finite are None.
 
     Parameters
     ----------
-    plant_file : of the plant as given, from which ``rulec adopt`` rebuilds the model.
+    plant_file : the plant file as given, from which ``rulec adopt`` rebuilds the model.
     series : file with the course of the hidden driver, beside the JSON; None without one.
     """
     courses, power = mismatch.series, mismatch.power
     spans = heldout_spans(courses.time, courses.heldout) if courses is not None else []
+    hidden = None
+    if mismatch.hidden:
+        hidden = _renamed(mismatch.hidden, time="", course="", switches="") | {"series": series}
     form = {name: getattr(mismatch, name) for name in SAME} | {
         "effects": mismatch.findings,
         "strain": [{**vars(s), "distance": s.distance} for s in mismatch.strain],
-        "hidden_driver": _hidden(mismatch.hidden, series) if mismatch.hidden else None,
+        "hidden_driver": hidden,
         "split": {"text": mismatch.split, "hash": mismatch.digest, "heldout": spans},
         "repair": _repair(mismatch, plant_file),
     }
-    result: dict[str, Any] = _form(form)
+    result = {key: _form(value) for key, value in form.items()}
     return result | ({} if power is None else {"power": power_form(power)})
 
 
 def power_form(power: SelfProof) -> dict[str, Any]:
-    """What replays say, as JSON data."""
+    """The results of replays as JSON data."""
     nothing = {"called_missing": power.called_missing}
-    found: dict[str, Any] = _form(
-        {"replays": power.replays, "nothing": nothing, "effects": power.effects}
-    )
-    return found
+    form = {"replays": power.replays, "nothing": nothing, "effects": power.effects}
+    return {key: _form(value) for key, value in form.items()}
 
 
 def hidden_csv(hidden: HiddenDriver) -> str:
-    """Course of a hidden driver; a cell is empty where it is unknown."""
+    """Course of a hidden driver; a cell is empty if its value is unknown."""
     lines = [row_of(("time [s]", f"course [{hidden.unit}]"))]
     for time, value in zip(hidden.time, hidden.course, strict=True):
         lines.append(f"{time:.10g},{f'{value:.6g}' if math.isfinite(value) else ''}")
@@ -72,7 +73,7 @@ def hidden_csv(hidden: HiddenDriver) -> str:
 
 
 def _form(data: Any) -> Any:
-    """Data as JSON has it; a dataclass by its fields, where nothing else is agreed."""
+    """Data as JSON; a dataclass by its fields unless listed here."""
     match data:
         case Region():
             data = _renamed(data, low="from", high="to")
@@ -91,7 +92,7 @@ def _form(data: Any) -> Any:
                 "class_probability": data.class_probability,
             }
         case Period(growth=growth):
-            # What most periods do not have is left out.
+            # Keys that most periods would leave empty are left out.
             data = _renamed(data, growth="", **({} if data.unit else {"unit": ""}))
             data |= {"grows": {**vars(growth), "per": "h"}} if growth else {}
         case _ if is_dataclass(data):
@@ -106,14 +107,14 @@ def _form(data: Any) -> Any:
 
 
 def _renamed(data: Any, **names: str) -> dict[str, Any]:
-    """The fields of a dataclass, some by other names; without those whose name is empty."""
+    """The fields of a dataclass, some renamed; those renamed to "" are dropped."""
     found = {names.get(name, name): value for name, value in vars(data).items()}
     found.pop("", None)
     return found
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
-    """The shape of what has no name; rows are driver, value and standard uncertainty."""
+    """The shape of a term without a name; rows are driver, value and standard uncertainty."""
     same = ("driver", "driver_unit", "unit", "means", "text", "monotone")
     points = np.column_stack([shape.at, shape.value, shape.u])
     return {
@@ -123,15 +124,11 @@ def _shape(shape: Shape) -> dict[str, Any]:
     }
 
 
-def _hidden(hidden: HiddenDriver, series: str | None) -> dict[str, Any]:
-    return _renamed(hidden, time="", course="", switches="") | {"series": series}
-
-
 def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
-    """What ``rulec adopt`` rebuilds the repaired model from; numbers in SI.
+    """The data from which ``rulec adopt`` rebuilds the repaired model; numbers in SI.
 
     The id of an unknown is that of its candidate, a dot and its name. `recalibrated` holds the
-    plain plant with other values alone, which can be written at any time.
+    plain plant with other values only, which can always be written.
     """
     plain, repair = mismatch.plain, mismatch.repair
     found = {finding.id: finding for finding in mismatch.findings}

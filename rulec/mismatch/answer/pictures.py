@@ -1,4 +1,4 @@
-"""Pictures of a comparison: over time, over what drives it, and courses that nobody recorded.
+"""Pictures of a comparison: over time, over drivers, and courses that were not recorded.
 
 The sentence below each is computed from what is drawn.
 """
@@ -27,19 +27,19 @@ from rulec.mismatch.result import (
 )
 
 BINS = 24
-"""Parts of a driver's range of which each has its own median."""
+"""Parts of a driver's range, each with its own median."""
 
 FEWEST = 3
 """Points that a median needs."""
 
 DRIVERS = 4
-"""Drivers drawn."""
+"""Most drivers drawn."""
 
 CELLS = (160, 60)
-"""Cells of a cloud of points across and down; one point a cell."""
+"""Cells of a scatter plot, horizontal and vertical; one point per cell."""
 
-LOUDEST = 0.2
-"""Percent of the points at either end that may lie beyond a panel where there are many."""
+CLIPPED = 0.2
+"""Per cent of many points that may lie beyond either end of a panel."""
 
 MODELS = (("shipped", "s5"), ("recalibrated", "s1"), ("repaired", "s0"))
 """Curves and their styles; the number of a style is that of its label."""
@@ -49,7 +49,7 @@ MODELS = (("shipped", "s5"), ("recalibrated", "s1"), ("repaired", "s0"))
 class ReadingCourses:
     """Curves in order of time, in the unit of the signal; `repaired` is NaN without a repair.
 
-    `located`, shape (n,), flags the region or the periods in which the mismatch was found.
+    `located`, shape (n,), flags the region or the periods of the mismatch.
     """
 
     signal: str
@@ -58,7 +58,7 @@ class ReadingCourses:
     located: np.ndarray
 
     def error(self, model: str) -> Array:
-        """Measured less predicted, shape (n,), NaN where it does not count."""
+        """Measured minus predicted, shape (n,), NaN where it does not count."""
         c = self.curves
         return np.where(c.inside, c.measured - getattr(c, model), np.nan)
 
@@ -69,7 +69,7 @@ class ReadingCourses:
 
 
 def curves_of(mismatch: Mismatch) -> ReadingCourses | None:
-    """The curves of a comparison; None where there are none to draw."""
+    """The curves of a comparison; None if there are none."""
     curves, fit = mismatch.curves, mismatch.fit
     if curves is None or not np.isfinite(curves.measured + curves.time).any():
         return None
@@ -89,16 +89,15 @@ def curves_of(mismatch: Mismatch) -> ReadingCourses | None:
 
 
 def _located(mismatch: Mismatch, curves: Curves) -> np.ndarray:
-    """Points in the region of some location or, where it has none, in its periods."""
+    """Points in the region of some location or, if it has none, in its periods."""
     located = np.zeros(len(curves.time), dtype=bool)
     readings = {title.partition(" [")[0]: values for title, values in curves.drivers.items()}
     for location in mismatch.locations:
         known = [r for r in location.region if r.variable in readings]
-        spans = [(readings[r.variable], r.low, r.high) for r in known]
         inside = np.full(len(located), bool(known))
-        for values, low, high in spans:
-            inside &= values >= (-np.inf if low is None else low)
-            inside &= values <= (np.inf if high is None else high)
+        for region in known:
+            inside &= readings[region.variable] >= (-np.inf if region.low is None else region.low)
+            inside &= readings[region.variable] <= (np.inf if region.high is None else region.high)
         for since, until in () if known else location.periods:
             inside |= (curves.time >= since) & (curves.time <= until)
         located |= inside
@@ -110,8 +109,8 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
 
     NaN where there are too few values.
     """
-    sound = np.isfinite(driver) & np.isfinite(values)
-    x, y = driver[sound], values[sound]
+    known = np.isfinite(driver) & np.isfinite(values)
+    x, y = driver[known], values[known]
     if not len(x) or x.min() == x.max():
         return np.array([]), np.array([])
     edges = np.linspace(x.min(), x.max(), BINS + 1)
@@ -122,8 +121,8 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list[str]]:
-    """Titles of drivers by which the mismatch was located, and of all others; of the others first
-    that over which the error moves most."""
+    """Titles of drivers by which the mismatch was located, and of all others, those over which the
+    error varies most first."""
     drivers = drawn.curves.drivers
 
     def moved(title: str) -> float:
@@ -137,22 +136,21 @@ def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list
 
 
 def span(values: Array) -> float:
-    """Distance from the smallest to the largest known value, shape (n,); 0 without any."""
+    """Distance from the smallest to the largest known value, shape (n,); 0 if none is known."""
     sound = values[np.isfinite(values)]
     return float(np.ptp(sound)) if len(sound) else 0.0
 
 
 def rms(values: Array) -> float:
-    """Root mean square of what is known, shape (n,); NaN where nothing is."""
+    """Root mean square of known values, shape (n,); NaN if none is known."""
     sound = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(sound**2))) if len(sound) else np.nan
 
 
 def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Figure]:
-    """All pictures that the comparison allows: first those over what the mismatch depends on."""
+    """All pictures of the comparison, those over the drivers of the mismatch first."""
     drawn = curves_of(mismatch)
-    shapes = [(at, at.shape) for at in mismatch.locations if at.shape is not None]
-    shapes = [(at, shape) for at, shape in shapes if shape.driver != TIME]
+    shapes = [(at, s) for at in mismatch.locations if (s := at.shape) and s.driver != TIME]
     figures = [_left_out(location, shape, i) for i, (location, shape) in enumerate(shapes)]
     if drawn is not None:
         followed, others = _drivers(mismatch, drawn)
@@ -167,7 +165,7 @@ def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Fi
 
 
 def _left_out(location: Location, shape: Shape, index: int) -> Figure:
-    """What is left out at a place over its driver: the curve, its band, and single means."""
+    """The missing term at a place over its driver: the curve, its band, and single means."""
     at, low, high = shape.at, shape.value - 2.0 * shape.u, shape.value + 2.0 * shape.u
     z, v, u = shape.means.T
     across = axis(float(at[0]), float(at[-1]), 8, tight=True)
@@ -195,7 +193,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
 
 
 def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
-    """Measured against the models, and below it what each leaves."""
+    """Measured and predicted values, and below them the errors of the models."""
     curves = drawn.curves
     across = over(curves.time, calendar)
     upper = Panel(across, _holding(curves.measured, curves.recalibrated), 240)
@@ -246,7 +244,6 @@ def _say_time(drawn: ReadingCourses) -> str:
 
 
 def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
-    """Where the mismatch was located, and what was held out."""
     time, flags = drawn.curves.time, [drawn.located, drawn.curves.heldout]
     if len(time) > 2 * COLUMNS:
         columns = columns_of(time)
@@ -259,7 +256,8 @@ def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
 
 
 def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
-    """Errors against a driver, recalibrated above and repaired below, on one scale."""
+    """Errors over a driver, of the recalibrated model above and the repaired one below, on one
+    scale."""
     readings = drawn.curves.drivers[title]
     models = list(MODELS[1:] if np.isfinite(drawn.curves.repaired).any() else MODELS[1:2])
     across = _holding(readings)
@@ -274,23 +272,23 @@ def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
         svg = panel.drawn(f"error of the {model} model", heading, lines, [], last)
         parts.append(plot(svg, last, title))
         moves += [_amount(span(medians[1]), drawn.unit)] if np.isfinite(medians[1]).any() else []
-    said = f"{title} does not vary enough to show anything."
+    caption = f"{title} does not vary enough to show anything."
     if moves:
-        said = f"Over {title} the median error spans {moves[0]}"
-        said += f" before the repair and {moves[1]} after it." if moves[1:] else "."
+        caption = f"Over {title} the median error spans {moves[0]}"
+        caption += f" before the repair and {moves[1]} after it." if moves[1:] else "."
     above = "above before the repair, below after it; " if len(models) > 1 else ""
     return Figure(
         name=f"driver{index}",
         title=f"Error over {title}",
         key=f"{above}line: median",
         body="".join(parts),
-        caption=said,
+        caption=caption,
         narrow=True,
     )
 
 
 def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
-    """Course of what is not recorded, as the place that it moves shows it."""
+    """Course of the hidden driver, as seen at the place that it affects."""
     across = over(hidden.time, calendar)
     panel = Panel(across, _holding(hidden.course), 170)
     line = panel.curve(*thin_series(hidden.time, hidden.course), "s0")
@@ -308,24 +306,22 @@ def _course(hidden: HiddenDriver, calendar: Calendar | None) -> Figure:
 
 
 def _cloud(panel: Panel, x: Array, y: Array) -> tuple[Array, Array]:
-    """Points apart from one another, one a cell of the panel; NaN between them."""
-    sound = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    cells = np.floor(
-        np.stack([panel.x.share(x[sound]) * CELLS[0], panel.y.share(y[sound]) * CELLS[1]])
-    )
-    _, first = np.unique(cells, axis=1, return_index=True)
-    chosen = sound[np.sort(first)]
+    """Distinct points, one per cell of the panel; NaN between them."""
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    across, down = panel.x.share(x[known]) * CELLS[0], panel.y.share(y[known]) * CELLS[1]
+    _, first = np.unique(np.floor(np.stack([across, down])), axis=1, return_index=True)
+    chosen = known[np.sort(first)]
     return np.repeat(x[chosen], 2), np.stack([y[chosen], np.full(len(chosen), np.nan)], 1).ravel()
 
 
 def _holding(*values: Array) -> Axis:
-    """An axis that holds values; where there are many, all but the loudest."""
-    seen = np.concatenate(values)
-    seen = seen[np.isfinite(seen)]
-    if not len(seen):
+    """An axis that holds values; of many values, all but the extreme ones."""
+    known = np.concatenate(values)
+    known = known[np.isfinite(known)]
+    if not len(known):
         return axis(0.0, 1.0, 5)
-    cut = LOUDEST if len(seen) > 2 * COLUMNS else 0.0
-    return axis(float(np.percentile(seen, cut)), float(np.percentile(seen, 100 - cut)), 5)
+    cut = CLIPPED if len(known) > 2 * COLUMNS else 0.0
+    return axis(float(np.percentile(known, cut)), float(np.percentile(known, 100 - cut)), 5)
 
 
 def _end(panel: Panel, values: Array) -> float | None:

@@ -1,4 +1,4 @@
-"""What has no name over its driver: as shown, in words, with what it says of memory and rivals."""
+"""Terms without a name over their driver: their shape, in words, with memory and rivals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rulec.mismatch.result import Beaten, Region, Shape
 from rulec.mismatch.search.curve_found import Branches, CurveFound, RejectedCandidate
 
 LEGS = 3
-"""Rises and falls that are told one by one."""
+"""Most rises and falls that are listed one by one."""
 
 ENDS_ALIKE = 0.3
 """Share of its height by which the ends of a bump may differ."""
@@ -34,14 +34,14 @@ class Curve:
     unit: str
 
     def change(self, first: int, last: int) -> tuple[float, float]:
-        """How much it changes from one point to another, with its standard uncertainty."""
+        """The change from one point to another, with its standard uncertainty."""
         c = self.covariance
         variance = c[first, first] + c[last, last] - 2.0 * c[first, last]
         return float(self.value[last] - self.value[first]), float(np.sqrt(max(variance, 0.0)))
 
 
 def shape_of(model: Model, found: CurveFound) -> Shape | None:
-    """The shape in the units of its place and of its driver; None where that is not recorded."""
+    """The shape in the units of its place and of its driver; None if that is not recorded."""
     driver = _variable(model, found.driver)
     if driver is None:
         return None
@@ -76,9 +76,9 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
 
 
 def _from_its_level(curve: Curve) -> tuple[Curve, float]:
-    """A curve from the level at which it begins, and that level.
+    """A curve relative to the level at which it begins, and that level.
 
-    A level alone is a matter of calibration, and its doubt says nothing of the shape.
+    The level alone is a matter of calibration, and its uncertainty says nothing of the shape.
     """
     begin = next(iter(turns_of(curve)), None)
     near = np.ones(len(curve.at), dtype=bool)
@@ -98,7 +98,7 @@ def _variable(model: Model, name: str) -> Variable | None:
 
 
 def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
-    """Does it matter which way the driver came? Yes and no need both to be sure."""
+    """Does it matter from which side the driver came? Yes and no both need certainty."""
     branches = found.branches
     if branches is None:
         if found.driver == TIME:
@@ -116,7 +116,7 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
 
 
 def answer_of(branches: Branches, height: float) -> str:
-    """Yes or no where either is sure: whether a gap counts beside the height of a curve."""
+    """Yes or no if either is certain: does a gap matter compared with the height of a curve?"""
     gap, least = abs(branches.gap), limits.CURVE_COUNTS * height
     if gap > limits.CURVE_CLEAR * branches.u and gap > least:
         return "yes"
@@ -132,7 +132,7 @@ def _beaten(lost: RejectedCandidate, name: str, driver: Variable) -> Beaten:
 
 
 def shape_words(curve: Curve) -> tuple[str, bool]:
-    """A curve in words, and whether it turns back nowhere.
+    """A curve in words, and whether it is monotone.
 
     >>> z = np.linspace(0.0, 60.0, 31)
     >>> v = 0.8 * np.clip((z - 30.0) / 16.0, 0.0, 1.0)
@@ -152,13 +152,13 @@ def shape_words(curve: Curve) -> tuple[str, bool]:
             amount = _amount(curve, *max(legs, key=lambda leg: abs(curve.change(*leg)[0])))
             near = f"{number(float(curve.at[turns[1]]))}{_unit(curve.driver_unit)}"
             return f"a {'bump' if there > 0 else 'dip'} of {amount} near {near}", False
-    told = [_leg(curve, a, b, float(curve.at[a]), float(curve.at[b])) for a, b in legs[:LEGS]]
+    shown = [_leg(curve, a, b, float(curve.at[a]), float(curve.at[b])) for a, b in legs[:LEGS]]
     more = f", and turns {len(legs) - LEGS} more times" if len(legs) > LEGS else ""
-    return ", then ".join(told) + more, False
+    return ", then ".join(shown) + more, False
 
 
 def turns_of(curve: Curve) -> list[int]:
-    """Points at which a curve turns, its ends included, so far as they are beyond chance."""
+    """Significant turning points of a curve, including its ends."""
     value = curve.value
     turns: list[int] = []
     low = high = way = 0
@@ -178,12 +178,12 @@ def turns_of(curve: Curve) -> list[int]:
 
 def _clear(curve: Curve, first: int, last: int) -> bool:
     change, u = curve.change(first, last)
-    height = float(np.ptp(curve.value))
-    return abs(change) > max(limits.CURVE_CLEAR * u, limits.CURVE_COUNTS * height)
+    least = limits.CURVE_COUNTS * float(np.ptp(curve.value))
+    return abs(change) > max(limits.CURVE_CLEAR * u, least)
 
 
 def _one(curve: Curve, first: int, last: int) -> str:
-    """A curve that turns back nowhere, and where it is flat."""
+    """A monotone curve, and where it is flat."""
     share = (curve.value[first : last + 1] - curve.value[first]) / curve.change(first, last)[0]
     begin = curve.at[first + int(np.flatnonzero(share <= limits.CURVE_FLAT)[-1])]
     end = curve.at[first + int(np.flatnonzero(share >= 1.0 - limits.CURVE_FLAT)[0])]

@@ -1,4 +1,4 @@
-"""The story on the terminal and as a page; the page has pictures besides."""
+"""The story on the terminal and as a page, which also has pictures."""
 
 from __future__ import annotations
 
@@ -23,9 +23,6 @@ from rulec.mismatch.answer.wording import letter, meaning, symbol
 from rulec.mismatch.result import Mismatch
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
-
-SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z])")
-"""Between two sentences."""
 
 
 def tell(out: Console, mismatch: Mismatch) -> None:
@@ -67,12 +64,12 @@ def _facts(part: Part) -> RenderableType | None:
 
 
 def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> str:
-    """Write a page; the same comparison gives the same text.
+    """The page as HTML; the same comparison gives the same text.
 
     Parameters
     ----------
     subject : the plant as its file says, and the recording.
-    made : when and by what; left out without.
+    made : when and by what it was made; None leaves that out.
     """
     style, parts = letter(mismatch), story(mismatch, brief=False)
     sections = [
@@ -107,6 +104,7 @@ def _html(part: Part) -> str:
 
 
 def verdict(mismatch: Mismatch) -> tuple[str, str]:
-    """The verdict in one sentence, and what else is to be said at once."""
-    first, *rest = SENTENCE.split(mismatch.headline or meaning(mismatch), maxsplit=1)
+    """The verdict in one sentence, and what must follow at once."""
+    text = mismatch.headline or meaning(mismatch)
+    first, *rest = re.split(r"(?<=[.])\s+(?=[A-Z])", text, maxsplit=1)
     return first.removesuffix("."), " ".join([*rest, f"{meaning(mismatch)}."])

@@ -1,4 +1,4 @@
-"""The answer as a story: its parts in order, which the terminal and the page show alike."""
+"""The answer as a story: its parts in order, alike on the terminal and on the page."""
 
 from __future__ import annotations
 
@@ -45,18 +45,17 @@ SORTS = {
 }
 
 MOST = 3
-"""Of each kind so many are told in brief; JSON has all."""
+"""Most items of a kind in the brief story; JSON has all."""
 
 Fact = tuple[str, Sequence[str]]
-"""A term with the lines that are to be said of it."""
+"""A term with its lines."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
     """A part of the story: a table, sentences, and facts.
 
-    Titles of columns of numbers begin with a point. A part that is `first` must be known before
-    all others.
+    Titles of columns of numbers begin with a point. Parts that are `first` come before all others.
     """
 
     title: str
@@ -68,7 +67,7 @@ class Part:
 
 
 def story(mismatch: Mismatch, brief: bool) -> list[Part]:
-    """All parts that say something; in brief the most important of each, with curves drawn in
+    """All parts that are not empty; in brief the most important items of each, with curves drawn in
     characters."""
     parts = [*_findings(mismatch, brief)]
     if mismatch.hidden is not None:
@@ -86,7 +85,7 @@ def story(mismatch: Mismatch, brief: bool) -> list[Part]:
 
 
 def _some(lines: Sequence[str], brief: bool, noun: str) -> list[str]:
-    """The first lines, and how many there are besides."""
+    """The first lines, and the number of those left out."""
     left = len(lines) - MOST if brief else 0
     if left <= 0:
         return list(lines)
@@ -94,14 +93,14 @@ def _some(lines: Sequence[str], brief: bool, noun: str) -> list[str]:
 
 
 def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
-    """What was found, each with its place; then places where nothing was found."""
+    """Each finding with its place, then places without a finding."""
     places = list(mismatch.locations)
     findings = mismatch.findings[:MOST] if brief else mismatch.findings
     for finding in findings:
         columns = finding.sort == "structure"
         name = finding.place if columns else f"{finding.module}.{finding.place}"
         here = [p for p in places if f"{p.module}.{p.place}" in name.split()]
-        # Two findings may be of one place; places stand in the order of findings.
+        # Two findings may share a place; places are in the order of findings.
         here = here if columns else here[:1]
         facts = [fact for place in here for fact in _place(place, brief)]
         places = [place for place in places if place not in here]
@@ -118,7 +117,7 @@ def _findings(mismatch: Mismatch, brief: bool) -> Iterator[Part]:
 
 
 def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
-    """How sure a finding is, what else it could be, when it was there, and what to do."""
+    """How certain a finding is, its alternatives, when it occurred, and what to do."""
     sort = SORTS.get(finding.name if finding.name == CONNECTION else finding.sort, finding.sort)
     yield "probability", [f"{share(finding.probability)}, {sort}"]
     ordered = sorted(finding.alternatives, key=lambda a: -a.probability)
@@ -126,7 +125,7 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
         f"{a.title} ({share(a.probability)})" for a in ordered if a.probability >= limits.PLAUSIBLE
     ]
     if finding.inexact >= limits.PLAUSIBLE:
-        # First, as it is the reason why the finding is not sure.
+        # First, as it is the reason why the finding is uncertain.
         others.insert(0, f"what laws and sensors may be off by ({share(finding.inexact)})")
     if others:
         yield "could also be", [listed(_some(others, brief, "explanation"))]
@@ -137,8 +136,8 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
 
 
 def _place(location: Location, brief: bool) -> Iterator[Fact]:
-    """A place with how much of the mismatch lies there, its region and periods, and the shape of
-    what has no name."""
+    """A place with its share of the mismatch, its region and periods, and the shape of a term
+    without a name."""
     name = f"{location.module}.{location.place}"
     place = name if location.title in ("", name) else f"{location.title} ({name})"
     if np.isfinite(location.share):
@@ -154,7 +153,7 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
     shape = location.shape
     if shape is None:
         return
-    # Of a course in time another one is drawn.
+    # A course in time has a drawing of its own.
     units = (shape.driver_unit, shape.unit)
     drawn = brief and shape.driver != TIME
     rows = text_plot(shape.at, shape.value, shape.u, units) if drawn else []
@@ -183,12 +182,12 @@ def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
 
 
 def _recordings(mismatch: Mismatch) -> Iterator[Fact]:
-    """Each of several recordings with what it says alone, then what each further one changed."""
+    """The verdict of each recording alone, then the change by each further one."""
     for part in mismatch.recordings:
         likely = "; ".join(f"{likely.title} {percent(likely.probability)}" for likely in part.alone)
         used = f"{part.used} of {counted(part.rows, 'row')} used"
-        said = VERDICTS[part.verdict][1] + (f" ({likely})" if likely else "")
-        yield part.name, [f"{used}; alone: {said}"]
+        alone = VERDICTS[part.verdict][1] + (f" ({likely})" if likely else "")
+        yield part.name, [f"{used}; alone: {alone}"]
     if mismatch.changed:
         yield "changed", [update.text for update in mismatch.changed]
 
@@ -205,7 +204,7 @@ def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
     return Part(
         title=f"{'Not proven' if why else 'Proof'}: error of {fit.signal} ({fit.unit}, rms)",
         titles=("", ".fitted", ".held out"),
-        rows=[(name, number(seen), number(kept)) for name, seen, kept in rows],
+        rows=[(name, number(fitted), number(kept)) for name, fitted, kept in rows],
         texts=[text for text in texts if text],
         facts=[*facts, *([("rivals", rivals)] if rivals else [])],
     )
@@ -222,13 +221,13 @@ def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
 
 
 def _fit_words(fit: Fit, repaired: bool) -> str:
-    """Held-out errors of one predicted signal in a row."""
+    """Held-out errors of one predicted signal in one line."""
     rows, unit = _errors(fit, repaired), "" if fit.unit == "1" else f" {fit.unit}"
     return f"{fit.signal} " + ", ".join(f"{number(kept)} {name}" for name, _, kept in rows) + unit
 
 
 def _heldout_words(fit: Fit, repaired: bool) -> str:
-    """What held-out blocks say of the repair, or of recalibration where there is none."""
+    """What held-out blocks say of the repair, or of recalibration if there is none."""
     kept = fit.heldout
     if not repaired:
         were = "was" if kept.points == 1 else "were"
@@ -248,7 +247,7 @@ def _heldout_words(fit: Fit, repaired: bool) -> str:
 
 
 def explained_words(mismatch: Mismatch) -> str:
-    """What the whole explanation reaches, where a model may not hold all of it; else empty."""
+    """The error with the whole explanation, if a model cannot hold all of it; else empty."""
     fit, left = mismatch.fit, {name for name, _ in mismatch.left_out}
     if fit is None or not left or not np.isfinite(fit.heldout.explained):
         return ""
@@ -262,7 +261,7 @@ def explained_words(mismatch: Mismatch) -> str:
 
 
 def _rivals_words(finding: Finding) -> str:
-    """What the finding won against: its gain, and that of the strongest rival."""
+    """The gain of a finding, and that of its strongest rival."""
     known = [r for r in finding.rivals if np.isfinite(r.gain)]
     free = finding.sort == "free"
     title = "What has no name" if free else titled(finding)
@@ -277,7 +276,7 @@ def _rivals_words(finding: Finding) -> str:
 
 
 def _numbers(mismatch: Mismatch, brief: bool) -> Part:
-    """Parameters with their uncertainty, what remains in doubt, and what all this comes from."""
+    """Parameters with their uncertainty, remaining doubts, and the origin of the answer."""
     most = MOST if brief else None
     findings = [f for f in mismatch.findings[:most] if f.sort != "free"]
     rows = [
@@ -302,9 +301,10 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
     }
     if every := mismatch.evidence:
         used, of = [e for e in every if e.used], sum(e.rows for e in every)
-        told = f"{sum(e.rows for e in used)} of {counted(of, 'row')} "
-        told += "was used" if of == 1 else "were used"
-        doubts["rows"] = [": ".join([told, *(["; ".join(_counts(used, brief, " "))] * bool(used))])]
+        rows_used = f"{sum(e.rows for e in used)} of {counted(of, 'row')} "
+        rows_used += "was used" if of == 1 else "were used"
+        why = [f": {'; '.join(_counts(used, brief, ' '))}"] if used else []
+        doubts["rows"] = ["".join([rows_used, *why])]
         doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
     return Part(
         title="Numbers",
@@ -315,15 +315,15 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
 
 
 def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:
-    """Rows with what they served for or why they did not; of many the first, the rest as one."""
+    """Rows with what they were used for or why not; of many the first, the rest as one."""
     shown = parts[:MOST] if brief else parts
-    told = [f"{e.rows}{between}{e.because}" for e in shown]
+    lines = [f"{e.rows}{between}{e.because}" for e in shown]
     rest = sum(e.rows for e in parts[len(shown) :])
-    return [*told, f"{rest}{between}other reasons (--json has all)"] if rest else told
+    return [*lines, f"{rest}{between}other reasons (--json has all)"] if rest else lines
 
 
 def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:
-    """Which blocks served for what, noise, how many explanations were tried, sources, remarks."""
+    """How blocks were used, noise, number of explanations tried, sources, notes."""
     if mismatch.split:
         yield "blocks", [mismatch.split] if brief else [mismatch.split, mismatch.digest]
     if not brief:
@@ -339,12 +339,12 @@ def power_words(power: SelfProof) -> Iterator[str]:
         f"With nothing missing, something would be called missing in {power.called_missing} of "
         f"{power.replays} replays of this recording."
     )
-    for seen in power.effects:
-        yield f"{seen.title}: {_replayed(seen, power.replays)}."
+    for effect in power.effects:
+        yield f"{effect.title}: {_replayed(effect, power.replays)}."
 
 
-def _replayed(seen: Detectability, replays: int) -> str:
-    """How often an effect is told, from which size on, and what else is.
+def _replayed(effect: Detectability, replays: int) -> str:
+    """How often an effect is found, from which size on, and what is found instead.
 
     >>> own = Detectability(id="a", title="A", size=0.12, unit="bar", told=187, found=True,
     ...     usual=0.05, told_usual=40, seen_from=0.08, other={"B": 3})
@@ -353,23 +353,22 @@ def _replayed(seen: Detectability, replays: int) -> str:
     >>> _replayed(own, 200)[85:]
     'seen from about 0.08 bar on; instead of it B was told in 3'
     """
-    if not seen.size > 0.0:
+    if not effect.size > 0.0:
         return "no reading of this recording shows it"
 
     def amount(value: float, digits: int = 2) -> str:
         shown = number(value, digits)
-        return shown if seen.unit == "1" else f"{shown} {seen.unit}"
+        return shown if effect.unit == "1" else f"{shown} {effect.unit}"
 
-    usual = f"at its usual size ({amount(seen.usual)})"
-    if seen.found:
-        found = f"told in {seen.told} of {replays} at the size found ({amount(seen.size)})"
-        parts = [f"{found}, in {seen.told_usual} {usual}"]
-    else:
-        parts = [f"told in {seen.told_usual} of {replays} {usual}"]
-    if seen.seen_from is None:
+    usual = f"at its usual size ({amount(effect.usual)})"
+    parts = [f"told in {effect.told_usual} of {replays} {usual}"]
+    if effect.found:
+        found = f"told in {effect.told} of {replays} at the size found ({amount(effect.size)})"
+        parts = [f"{found}, in {effect.told_usual} {usual}"]
+    if effect.seen_from is None:
         parts.append("at no size that it may have it is told in half of them")
     else:
-        # So many replays tell no more than one digit of it.
-        parts.append(f"seen from about {amount(seen.seen_from, 1)} on")
-    other = [f"{title} was told in {count}" for title, count in list(seen.other.items())[:MOST]]
+        # The number of replays allows one digit.
+        parts.append(f"seen from about {amount(effect.seen_from, 1)} on")
+    other = [f"{title} was told in {count}" for title, count in list(effect.other.items())[:MOST]]
     return "; ".join([*parts, *([f"instead of it {listed(other)}"] if other else [])])

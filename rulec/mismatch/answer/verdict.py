@@ -1,4 +1,4 @@
-"""The answer in one word, one sentence, and the next step."""
+"""The answer: the verdict in one word, one sentence, and the next step."""
 
 from __future__ import annotations
 
@@ -15,15 +15,11 @@ from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
-ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
-
 TO_RECORD = "Record settled operation with all readings that the observers need."
 
 NOT_YET = "Do not adopt this as it is"
 
 EXPERIMENT = "Plan a recording that tells them apart: `rulec experiment` reads what `--json` wrote."
-
-CHECK_SHEET = "Check the data sheets, and record other operating points."
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
@@ -38,11 +34,11 @@ class Answer:
 
 
 def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Answer:
-    """An answer of a recording with columns that are not what their header says, or of a plant that
-    is not connected as its file says: these first."""
+    """An answer that first states columns that differ from their header, and connections that
+    differ from the plant file."""
     if not misread:
         return Answer(verdict, headline, then)
-    said, todo = (
+    found, todo = (
         " ".join(f"{text[0].upper()}{text[1:]}." for text in texts)
         for texts in ([f.text for f in misread], [f.action for f in misread])
     )
@@ -53,16 +49,19 @@ def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Findi
     rest = "" if alone or pipes else f" {then}"
     return Answer(
         ("named" if pipes else "sensor") if alone else verdict,
-        f"{said} {' and '.join(so).capitalize()} as it should be, {_inside(headline)}",
+        f"{found} {' and '.join(so).capitalize()} as it should be, {_inside(headline)}",
         f"{todo} Then run again.{rest}",
     )
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """What speaks against a tick: `nothing` is the probability that nothing is left out, `beyond`
-    the readings that are off by more than noise, sensors and laws explain (by their share of what
-    is read), `strain` parameters that would have to lie far from their data sheets."""
+    """What speaks against the verdict that nothing is missing.
+
+    `nothing` is the probability that nothing is missing. `beyond` are the readings whose errors
+    exceed what noise, sensors and laws explain, with the error as a share of the reading. `strain`
+    are parameters that would have to lie far from their data sheets.
+    """
 
     nothing: float
     beyond: tuple[tuple[Fit, float], ...]
@@ -70,17 +69,17 @@ class Doubt:
 
     @property
     def is_there(self) -> bool:
-        """Does anything speak against it?"""
+        """Is there any doubt?"""
         return self.nothing < limits.CERTAIN or bool(self.beyond) or bool(self.unbelievable)
 
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
-        """Parameters whose values nobody would believe."""
+        """Parameters with values that are not credible."""
         return tuple(s for s in self.strain if not s.is_believable)
 
 
 def verdict_of(findings: Sequence[Finding], left: bool, doubt: Doubt) -> str:
-    """One of the verdicts of docs/repair-a-model.md; `left` tells that something has no name."""
+    """One of the verdicts of docs/repair-a-model.md; `left`: some of the mismatch has no name."""
     named = [f for f in findings if f.sort != "free"]
     if left and sum(f.closed for f in named) < limits.MAJOR:
         return "unnamed"
@@ -105,22 +104,22 @@ def headline_of(
     fits: Sequence[Fit] = (),
     standing: Sequence[CandidateSet] = (),
 ) -> str:
-    """The finding in one sentence; `standing` are the possible sets, the likeliest first."""
-    told = [f for f in findings if f.sort != "free"]
+    """The answer in one sentence; `standing` are the possible sets, most probable first."""
+    named = [f for f in findings if f.sort != "free"]
     if verdict == "none":
         return _nothing(fits)
     if verdict == "unsure":
         return _unsure(doubt, standing)
     if verdict == "unnamed":
-        return _unnamed(told, locations)
-    sure = [f for f in told if f.class_probability >= limits.CERTAIN]
+        return _unnamed(named, locations)
+    sure = [f for f in named if f.class_probability >= limits.CERTAIN]
     if verdict == "ambiguous":
         # Physics decides before faults and sensors.
-        first = next((f for f in told if f.sort in OF_THE_MODEL), told[0])
-        said = f"Not sure enough to be named: {_named(first)} ({percent(first.probability)})."
+        first = next((f for f in named if f.sort in OF_THE_MODEL), named[0])
+        text = f"Not sure enough to be named: {_named(first)} ({percent(first.probability)})."
         if any(a.probability >= limits.MENTIONED for a in first.alternatives):
-            said = f"Several explanations fit about equally: {_named(first)}."
-        return said + (f" Sure beside that: {listed(list(map(_named, sure)))}." if sure else "")
+            text = f"Several explanations fit about equally: {_named(first)}."
+        return text + (f" Sure beside that: {listed(list(map(_named, sure)))}." if sure else "")
     parts = [
         f"{lead} {listed(own)}"
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
@@ -129,26 +128,26 @@ def headline_of(
     if verdict in ("fault", "sensor"):
         lead = parts[0].replace(LEADS["sensor",], "A sensor is not:")
         parts[0] = f"The model is right; {_inside(lead)}"
-    open_ = [_named(f) for f in told if f not in sure]
+    open_ = [_named(f) for f in named if f not in sure]
     parts += [f"not sure: {listed(open_)}"] if open_ else []
     return "; ".join([parts[0], *map(_inside, parts[1:])]) + "."
 
 
 OF_THE_MODEL = ("physics", "ageing")
-"""Sorts of what a model may leave out; these decide before faults and sensors."""
+"""Sorts of effects that a model may leave out; these decide before faults and sensors."""
 
 LEADS = {
     OF_THE_MODEL: "The model leaves out",
     ("fault",): "The plant has a fault:",
     ("sensor",): "A sensor is wrong:",
 }
-"""How explanations of each sort are told."""
+"""How a headline introduces explanations of each sort."""
 
 
-def _unnamed(told: Sequence[Finding], locations: Sequence[Location]) -> str:
-    """The largest place that has no name, and what it follows."""
-    named = {(f.module, f.place) for f in told}
-    nameless = [at for at in locations if (at.module, at.place) not in named]
+def _unnamed(named: Sequence[Finding], locations: Sequence[Location]) -> str:
+    """The place with the largest mismatch without a name, and its driver."""
+    places = {(f.module, f.place) for f in named}
+    nameless = [at for at in locations if (at.module, at.place) not in places]
     most = max(nameless or locations, key=lambda place: place.share, default=None)
     where = f"{most.module}.{most.place}" if most else "the plant"
     shape = most.shape if most else None
@@ -160,22 +159,19 @@ def _unnamed(told: Sequence[Finding], locations: Sequence[Location]) -> str:
 
 
 def _named(finding: Finding) -> str:
-    """What was found and where, and all that is about as likely."""
+    """A finding with its module, and all alternatives of similar probability."""
     name = _inside(titled(finding))
     grown = next((p for p in finding.periods if p.growth), None)
     if grown is not None:
         name += f" that grows since {onset(grown)}"
-    others = [
-        _inside(a.title)
-        for a in finding.alternatives
-        if a.same or a.probability >= limits.MENTIONED
-    ]
+    likely = (a for a in finding.alternatives if a.same or a.probability >= limits.MENTIONED)
+    others = [_inside(a.title) for a in likely]
     shapeless = ["a curve like it"] if finding.shapeless >= limits.MENTIONED else []
     return " or ".join([name, *others, *shapeless])
 
 
 def _inside(text: str) -> str:
-    """A text as it stands within a sentence; one that begins with a reading, such as B.Q, stays.
+    """A text inside a sentence, in lower case unless it begins with a reading, such as B.Q.
 
     >>> _inside("Lost inflow"), _inside("B.Q reads low")
     ('lost inflow', 'B.Q reads low')
@@ -184,9 +180,10 @@ def _inside(text: str) -> str:
 
 
 def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
-    """How far the repaired model is still off, where that is far; empty where it is not.
+    """How far off the repaired model still is, if that is far; else empty.
 
-    A name may be right and yet not be all: who adopts the repair must know.
+    A named explanation may be right but incomplete, which must be known before the repair is
+    adopted.
     """
     most, signal = _farthest(fits)
     if verdict in ("none", "unnamed", "unsure", "cannot judge") or most < limits.FAR_OFF:
@@ -195,20 +192,20 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
 
 
 def _unsure(doubt: Doubt, standing: Sequence[CandidateSet]) -> str:
-    """Something is missing, or may be, and this recording does not tell what."""
+    """Something is or may be missing, and this recording does not show what."""
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
     strained = "; ".join(map(str, doubt.unbelievable))
-    said = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
+    text = f"Perhaps nothing is missing ({percent(doubt.nothing)})."
     if off or strained or doubt.nothing < limits.MENTIONED:
         why = off or strained or f"only {percent(doubt.nothing)} that nothing is missing"
-        said = f"Something is missing, but this recording does not say what: {why}."
+        text = f"Something is missing, but this recording does not say what: {why}."
     likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
     titles = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
-    return f"{said} Possible explanations: {'; '.join(titles)}." if titles else said
+    return f"{text} Possible explanations: {'; '.join(titles)}." if titles else text
 
 
 def _nothing(fits: Sequence[Fit]) -> str:
-    """No explanation is likely; a law that is not exact may all the same be off by much."""
+    """No explanation is probable; an inexact law may nevertheless be far off."""
     most, signal = _farthest(fits)
     if most < limits.FAR_OFF:
         return "Nothing is missing: what recalibration leaves is noise."
@@ -233,20 +230,20 @@ def next_step(
     locations: Sequence[Location] = (),
     standing: Sequence[CandidateSet] = (),
 ) -> str:
-    """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
+    """What to do next: adopt, act, or measure; `refused` says why nothing should be adopted."""
     if hidden is not None and hidden.switches:
         return (
             f"Look at what happens at {hidden.module}.{hidden.place} where it changes. Go to the "
             "same set points from below and from above, and run again."
         )
     if hidden is not None:
-        return (
-            f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
-        )
+        sensor = hidden.sensor or "what may drive it"
+        return f"Record {sensor} together with the rest, and run again."
     if verdict == "none":
         return "Nothing to do."
     if verdict == "unsure":
-        return (EXPERIMENT if len(standing) > 1 else CHECK_SHEET) + f" {NOT_YET}."
+        check = "Check the data sheets, and record other operating points."
+        return f"{EXPERIMENT if len(standing) > 1 else check} {NOT_YET}."
     if verdict == "cannot judge":
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)
@@ -255,7 +252,8 @@ def next_step(
         plan = f"{EXPERIMENT} Or" if len(standing) > 1 else apart
         return f"{plan} add a sensor that only one of them depends on."
     if verdict == "named":
-        return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT
+        adopt = "Write the repaired module types with `rulec adopt`, and diagnose with them."
+        return f"{NOT_YET}: {refused}. {PLAIN}" if refused else adopt
     shaped = [at for at in locations if at.shape is not None and at.shape.driver != TIME]
     if verdict == "unnamed" and shaped:
         return _look_at(shaped[0])
@@ -267,7 +265,7 @@ def next_step(
 
 
 def _look_at(location: Location) -> str:
-    """What to look at, and what to run, where it is known what drives what is left out."""
+    """What to inspect and what to run if the driver of the missing term is known."""
     shape, place = location.shape, f"{location.module}.{location.place}"
     assert shape is not None
     look = f"Look at what changes at {place} with {shape.driver}."

@@ -22,35 +22,32 @@ VERDICTS = {
     "sensor": ("F", "an error of a sensor, not of the model"),
     "cannot judge": ("C", "cannot judge"),
 }
-"""Verdict to letter of NE 107 and meaning; two verdicts of one letter differ in words."""
-
-MISCONNECTED = "The plant file says otherwise than the readings what feeds what"
-"""Meaning of a verdict where that comes first."""
+"""Letter of NE 107 and meaning by verdict; verdicts with the same letter differ in words."""
 
 SPANS = 4
-"""Periods named one by one."""
+"""Most periods listed one by one."""
 
 
 def letter(mismatch: Mismatch) -> str:
-    """Letter of NE 107."""
+    """The letter of NE 107."""
     return VERDICTS[mismatch.verdict][0]
 
 
 def symbol(mismatch: Mismatch) -> str:
-    """Symbol of NE 107, by whose shape verdicts are told apart without colour."""
+    """The symbol of NE 107, whose shape distinguishes verdicts without colour."""
     return STATUS[letter(mismatch)][0]
 
 
 def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
     if mismatch.verdict == "named" and [f.name for f in mismatch.findings[:1]] == [CONNECTION]:
-        return MISCONNECTED
+        return "The plant file says otherwise than the readings what feeds what"
     words = VERDICTS[mismatch.verdict][1]
     return words[:1].upper() + words[1:]
 
 
 def rounded(value: float, u: float, *more: float) -> tuple[str, ...]:
-    """Numbers to two digits of a standard uncertainty, that last; a dash where there is none.
+    """Numbers to two digits of a standard uncertainty, which comes last; a dash if there is none.
 
     >>> rounded(0.0231234, 0.00112)
     ('0.0231', '0.0011')
@@ -68,12 +65,12 @@ def quantity(value: float, u: float, unit: str) -> str:
     ('0.00940 ± 0.00022 1/K', '0.2')
     """
     shown, spread = rounded(value, u)
-    told = shown if spread == "–" else f"{shown} ± {spread}"
-    return told if unit == "1" else f"{told} {unit}"
+    text = shown if spread == "–" else f"{shown} ± {spread}"
+    return text if unit == "1" else f"{text} {unit}"
 
 
 def interval(estimate: Estimate) -> str:
-    """The 95 % interval of a parameter; one that was not searched for has none.
+    """The 95 % interval of a parameter; a fixed one has none.
 
     >>> interval(Estimate("b", 0.02, 0.001, 0.018, 0.0221, "1/K"))
     '0.0180 to 0.0221'
@@ -107,7 +104,7 @@ def periods_words(periods: Sequence[tuple[float, float]]) -> str:
 
 
 def degree_words(periods: Sequence[Period]) -> Iterator[str]:
-    """When a fault was there, and how large; the largest ones in order of time."""
+    """When a fault occurred, and its size; the largest ones in order of time."""
     largest = sorted(periods, key=lambda p: -abs(p.degree))[:SPANS]
     for p in sorted(largest, key=lambda p: p.since):
         span = f"{moment(p.since)} to {moment(p.until)}\u00a0s"
@@ -134,7 +131,7 @@ def growth_words(period: Period) -> str:
 
 
 def onset(period: Period) -> str:
-    """When what grows began, to the first digit of its uncertainty."""
+    """When growth began, rounded to the first digit of its uncertainty."""
     growth = period.growth
     u = growth.u_since if growth is not None else 0.0
     digits = -int(np.floor(np.log10(u))) if u > 0 else 3
@@ -142,12 +139,12 @@ def onset(period: Period) -> str:
 
 
 def titled(finding: Finding) -> str:
-    """A finding and the module that it is about; two may differ by the module alone."""
+    """A finding and its module, as two may differ in the module alone."""
     return f"{finding.title} in {', '.join(finding.members) or finding.module}"
 
 
 def share(value: float) -> str:
-    """A share in percent, also a negative one or one that is not known.
+    """A share in percent, which may be negative or unknown.
 
     >>> share(0.64), share(-0.02), share(float("nan"))
     ('64\xa0%', '−2\xa0%', '–')
@@ -158,7 +155,7 @@ def share(value: float) -> str:
 
 
 def is_repaired(mismatch: Mismatch) -> bool:
-    """Is there a plant to write, with more than other values?"""
+    """Is there a repaired plant to write, beyond recalibrated values?"""
     return bool(mismatch.repair.joined)
 
 

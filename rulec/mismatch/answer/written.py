@@ -1,9 +1,9 @@
-"""What may be written of an explanation, fitted alone, and how good it is as anybody finds it.
+"""The writable part of an explanation, fitted alone, and its errors as any user would find them.
 
-A plant file holds laws and values, nothing else. Faults, errors of sensors and courses in time are
-left out before the fit, not behind it: values that were fitted beside them are those of another
-model. Errors are those of plants that were written, compiled and simulated as `rulec simulate`
-does: shipped, recalibrated and repaired plant alike.
+A plant file holds only laws and values. Faults, sensor errors and courses in time are left out
+before the fit, not after it: values fitted beside them belong to another model. Errors are those of
+plants that are written, compiled and simulated as by `rulec simulate`: of the shipped, the
+recalibrated and the repaired plant alike.
 """
 
 from __future__ import annotations
@@ -34,15 +34,14 @@ from rulec.mismatch.result import Check, Fit, Repair, Series
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.predict import predict
 
-UNDRIVEN = "what drives it is not recorded"
 UNSURE = "it may as well be something else"
 
 
 def writable(found: Explained[F]) -> Refits[F]:
     """Refit what may be written, and the plain model.
 
-    Of explanations that show the same, the likeliest one that may be written stands for all. Beside
-    one that is sure, what may as well be something else is left out: the plant would hold it.
+    Of explanations with the same signature, the most probable one that may be written represents
+    all. If one is certain, uncertain ones are left out, as the plant would keep them.
     """
     taken: list[Candidate] = []
     left_out = []
@@ -62,22 +61,24 @@ def writable(found: Explained[F]) -> Refits[F]:
 
 
 def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
-    """The likeliest one that may be written of those that show as one that may not."""
+    """The most probable writable explanation with the signature of one that is not writable."""
     own = next((a for a in found.accepted if a.candidate.id == candidate.id), None)
     alike = [c for c, _ in own.others if own.same.get(c.id)] if own else []
     return next((c for c in alike if not _why_not(c, found.model.builder)), None)
 
 
 def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
-    """Why no plant file can hold an explanation; empty where one can."""
-    return UNDRIVEN if candidate.sort == HIDDEN else why_not(candidate, builder.network)
+    """Why no plant file can hold an explanation; empty if one can."""
+    if candidate.sort == HIDDEN:
+        return "what drives it is not recorded"
+    return why_not(candidate, builder.network)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlantErrors:
-    """Errors of the three plants, their courses, and what was simulated.
+    """Errors of the three plants, their courses, and the simulation.
 
-    `plants` is None where the plant cannot be simulated, which `why` tells.
+    `plants` is None if the plant cannot be simulated, for the reason `why`.
     """
 
     fits: tuple[Fit, ...]
@@ -95,9 +96,8 @@ def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]
     except (SimulationRefused, Unwritable) as error:
         plants, why = None, str(error)
     readings = found.readings(plants, refits, proofs)
-    signals = ruleset.signal_by_id
+    signals, samples = ruleset.signal_by_id, model.samples
     courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
-    samples = model.samples
     return PlantErrors(
         fits=tuple(r.fit for r in readings),
         series=Series(samples.time, ~samples.open, tuple(courses)),
@@ -114,9 +114,9 @@ def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
 def plants_of(
     ruleset: Ruleset, builder: ModelBuilder, recording: Recording, plain: Repair, repair: Repair
 ) -> Plants:
-    """Write, compile and simulate; raises `SimulationRefused` where the plant cannot be simulated.
+    """Write, compile and simulate the plants; raises `SimulationRefused` if that is impossible.
 
-    Raises `Unwritable` where not even other values can be written.
+    Raises `Unwritable` if not even recalibrated values can be written.
     """
     first = simulated(ruleset, recording)
     recalibrated = trial(builder, plain)
@@ -139,15 +139,15 @@ def refusal(
     checks: Sequence[Check] = (),
     instead: bool = True,
 ) -> str:
-    """Why the repaired plant is not to be written; empty if it may.
+    """Why the repaired plant should not be written; empty if it may be.
 
-    `instead` tells whether recalibration alone would do: its values may be nobody's to believe.
-    Then the repair must be better than the plant as shipped, and no worse beyond chance than what
-    those values give.
+    `instead`: recalibration alone is an alternative, as its values are credible. If it is not, the
+    repair must be better than the shipped plant, and not significantly worse than recalibration.
 
-    Held-out blocks decide nothing but this. The first reading must be met better beyond chance
-    where errors are told, and not worse over all held-out rows, those in periods of faults too: a
-    fault may be none. No other reading may be met worse beyond chance.
+    Held-out blocks decide nothing else. The repair must lower the error of the first reading
+    significantly where errors are reported, and must not raise it over all held-out rows, including
+    periods of faults, as a fault may be false. It must not raise the error of any other reading
+    significantly.
     """
     if verdict == "ambiguous" and joined:
         return "the recording does not tell which of several explanations is right"
@@ -184,16 +184,12 @@ def _worse(fit: Fit, own: float, plain: float, where: str) -> str:
 def checks_of(
     plants: Plants, recording: Recording, spans: Sequence[tuple[float, float]]
 ) -> tuple[Check, ...]:
-    """What `rulec adopt` must find again: see `row_errors`."""
+    """The errors that `rulec adopt` must reproduce: see `row_errors`."""
     ruleset = plants.rulesets[0]
     plain = row_errors(ruleset, plants.recalibrated, recording, spans)
     own = row_errors(ruleset, plants.last, recording, spans)
-    both = (n for n in own if n in plain)
-    return tuple(
-        Check(signal=n, rows=own[n][1], error=own[n][0], plain=plain[n][0])
-        for n in both
-        if own[n][1]
-    )
+    both = (n for n in own if n in plain and own[n][1])
+    return tuple(Check(signal=n, rows=own[n][1], error=own[n][0], plain=plain[n][0]) for n in both)
 
 
 def row_errors(
@@ -202,11 +198,10 @@ def row_errors(
     recording: Recording,
     spans: Sequence[tuple[float, float]],
 ) -> dict[str, tuple[float, int]]:
-    """Error of each predicted reading, as shown, over rows of spans, and how many those are.
+    """Error of each predicted reading, as shown, over the rows of spans, and the number of rows.
 
-    Rows count that have a reading and a prediction; not those in which the reading is below its
-    minimum, as the equations do not hold there. `predicted` has shape (rows,) per signal, SI;
-    `spans` are in s.
+    Rows count if they have a reading and a prediction, and the reading is not below its minimum,
+    where the equations do not hold. `predicted` has shape (rows,) per signal, SI; `spans` are in s.
     """
     inside = inside_of(recording.time, spans)
     found = {}
@@ -221,7 +216,7 @@ def row_errors(
 
 
 def _files(recording: Recording) -> list[RecordingFile]:
-    """The recording as the files that it was read from."""
+    """The recording split into the files that it was read from."""
     found = []
     for segment in dict.fromkeys(recording.segment.tolist()):
         rows = recording.segment == segment
@@ -231,17 +226,14 @@ def _files(recording: Recording) -> list[RecordingFile]:
 
 
 def file_of(name: str, time: Array, values: dict[str, Array]) -> RecordingFile:
-    """Readings, SI, at times, s, shape (n,) each, as a file of that name would hold them."""
+    """Readings, SI, at times, s, shape (n,) each, as a recording file with a name."""
     return RecordingFile(
         path=Path(name), header=Header(), time=time, values=values, zones=None, comma=False
     )
 
 
 def is_spoiled(fit: Fit) -> bool:
-    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
+    """Does the repair make the error of a reading significantly worse, and exceed its noise?"""
     held = fit.heldout
-    rise = held.repaired - held.recalibrated
-    beyond_chance = fit.gain_interval[1] < 0.0
-    return (
-        beyond_chance and rise > limits.SPOILED * held.recalibrated and held.repaired > held.noise
-    )
+    rises = held.repaired - held.recalibrated > limits.SPOILED * held.recalibrated
+    return fit.gain_interval[1] < 0.0 and rises and held.repaired > held.noise
