@@ -303,8 +303,8 @@ def _numbers(mismatch: Mismatch, brief: bool) -> Part:
         used, of = [e for e in every if e.used], sum(e.rows for e in every)
         rows_used = f"{sum(e.rows for e in used)} of {counted(of, 'row')} "
         rows_used += "was used" if of == 1 else "were used"
-        why = [f": {'; '.join(_counts(used, brief, ' '))}"] if used else []
-        doubts["rows"] = ["".join([rows_used, *why])]
+        why = f": {'; '.join(_counts(used, brief, ' '))}" if used else ""
+        doubts["rows"] = [rows_used + why]
         doubts["not used"] = _counts([e for e in every if not e.used], brief, ": ")
     return Part(
         title="Numbers",

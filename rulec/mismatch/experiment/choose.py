@@ -1,12 +1,13 @@
-"""Which operating points tell explanations apart, how long to hold them, and which cover the rest.
+"""Which operating points discriminate between explanations, how long to hold them, which cover the
+rest.
 
-A step is worth what it adds to the expected probability of the true explanation. The odds of that
-one against another grow by a log Bayes factor; between normal distributions its mean is their
-divergence f, and its variance 2 f if their covariances are alike. Holding steps longer averages
-noise and costs time, so each doubling has to be worth it.
+A step is worth the increase of the expected probability of the true explanation. The log odds of
+that one against another grow by a log Bayes factor. Between normal distributions its mean is their
+divergence f, and its variance is 2 f if their covariances are alike. Longer steps average noise but
+cost time, so each doubling has to be worth it.
 
-Steps that tell explanations apart are as good as those explanations. The truth may be none of them,
-or bend where nobody recorded; so the other steps lie far from each other along each input.
+Steps that discriminate are only as good as the explanations. The truth may be none of them, or bend
+where nothing was recorded; so the other steps lie far from each other along each input.
 
 Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
 Leibler 1951; Cover and Thomas 2006, 2.5 (chain rule of divergences); Joseph, Gul and Ba 2015
@@ -31,12 +32,12 @@ from rulec.mismatch.experiment.points import Feasible
 
 @dataclass(frozen=True)
 class Choice:
-    """Places in the order in which they were chosen.
+    """Places in the order of choice.
 
-    `certainty` is the expected probability of the true explanation before the first and after each,
-    `worth` that after all of them if it is one of these. `factors`, shape (explanations,
-    explanations), are expected log Bayes factors, nats: of the explanation of a row, if it is true,
-    against that of a column.
+    `certainty` is the expected probability of the true explanation before the first place and after
+    each; `worth` is that after all of them, given that it is one of these. `factors`, shape
+    (explanations, explanations), are expected log Bayes factors, nats, of the row's explanation, if
+    true, against the column's.
     """
 
     places: tuple[int, ...]
@@ -46,19 +47,20 @@ class Choice:
 
 
 def chosen(
-    told: Sequence[Foretold],
+    predicted: Sequence[Foretold],
     odds: Array,
     most: int,
     *,
     among: NDArray[np.bool_] | None = None,
     in_time: Callable[[Sequence[int]], bool] = lambda places: True,
 ) -> Choice:
-    """Up to so many places, each the one that adds most to what is known by then.
+    """Up to `most` places, each the one that adds most to those before.
 
-    `told` has one entry per explanation as the true one, `odds` their probabilities. `among`, shape
-    (n,), flags places that may be chosen; `in_time` says whether there is time for some.
+    `predicted` has one entry per explanation as the true one, `odds` their probabilities. `among`,
+    shape (n,), flags places that may be chosen; `in_time` says whether there is time for some
+    places.
     """
-    every = sorted(set(told[0].point.tolist()).intersection(*(one.point for one in told)))
+    every = sorted(set(predicted[0].point.tolist()).intersection(*(one.point for one in predicted)))
     left = [place for place in every if among is None or among[place]]
     places: list[int] = []
     factors = [np.zeros((len(odds), len(odds)))]
@@ -66,7 +68,7 @@ def chosen(
     worth = [certain(shares, factors[0])]
     while left and len(places) < most:
         grown = factors[-1][:, :, None] + np.array(
-            [gains(one, true, places, left) for true, one in enumerate(told)]
+            [gains(one, true, places, left) for true, one in enumerate(predicted)]
         )
         sure = [
             certain(shares, own) if in_time([*places, place]) else 0.0
@@ -78,22 +80,22 @@ def chosen(
         places.append(left.pop(best))
         factors.append(grown[:, :, best])
         worth.append(sure[best])
-    # One step may tell nothing where two do.
+    # Two steps may discriminate where one does not.
     kept = int(np.argmax(np.array(worth) - limits.WORTH_A_STEP * np.arange(len(worth))))
     certainty = tuple(certain(odds, own) for own in factors[: kept + 1])
     return Choice(tuple(places[:kept]), certainty, worth[kept], factors[kept])
 
 
 NODES, SHARES = np.polynomial.hermite_e.hermegauss(limits.SCATTER_NODES)
-"""Where a normal deviate is taken, and for which share of its draws each stands."""
+"""Nodes and weights of an average over a normal deviate."""
 
 
 def certain(odds: Array, factors: Array) -> float:
-    """Probability that the true explanation can be expected to have.
+    """Expected probability of the true explanation.
 
     `factors` are expected log Bayes factors, nats, shape (explanations, explanations). What `odds`
-    lack to 1 is none of these: no reading counts against it, and where it is true nothing is
-    gained.
+    lack to 1 is that none of these is true: no reading counts against that, and nothing is gained
+    if it is.
     """
     unlisted = max(1.0 - float(odds.sum()), 0.0)
     read = factors + NODES[:, None, None] * np.sqrt(2.0 * factors)
@@ -103,16 +105,16 @@ def certain(odds: Array, factors: Array) -> float:
     return float(SHARES @ sure @ odds / SHARES.sum())
 
 
-def gains(told: Foretold, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
-    """By how much each place would raise the expected log Bayes factors of the true explanation
-    against each, after readings at the known places; nats, shape (explanations, places)."""
-    before, rows = _rows(told, known), _rows(told, places)
+def gains(predicted: Foretold, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+    """The rise of the expected log Bayes factors of the true explanation against each by each
+    place, after readings at the known places; nats, shape (explanations, places)."""
+    before, rows = _rows(predicted, known), _rows(predicted, places)
     read = before[before >= 0]
-    first, by_true, own = _conditional(told, true, read, rows)
+    first, by_true, own = _conditional(predicted, true, read, rows)
     found = []
-    for other, off in enumerate(told.off):
-        factor, by, left = _conditional(told, other, read, rows)
-        apart = told.off[true] - off
+    for other, off in enumerate(predicted.off):
+        factor, by, left = _conditional(predicted, other, read, rows)
+        apart = predicted.off[true] - off
         mean = np.where(rows >= 0, apart[rows], 0.0)
         mean -= np.einsum("kni,k->ni", by, np.linalg.solve(factor, apart[read]))
         spread = np.einsum("kni->nik", by_true)
@@ -124,22 +126,22 @@ def gains(told: Foretold, true: int, known: Sequence[int], places: Sequence[int]
     return np.array(found)
 
 
-def _rows(told: Foretold, places: Sequence[int]) -> NDArray[np.intp]:
-    """Numbers of the rows of each place, shape (places, r); a negative one says nothing."""
-    own = [np.flatnonzero(told.point == place) for place in places]
-    most = int(np.bincount(told.point).max())
+def _rows(predicted: Foretold, places: Sequence[int]) -> NDArray[np.intp]:
+    """Numbers of the rows of each place, shape (places, r); negative ones are padding."""
+    most = int(np.bincount(predicted.point).max())
     number = np.tile(-1 - np.arange(most), (len(places), 1))
-    for line, there in zip(number, own, strict=True):
-        line[: len(there)] = there
+    for line, place in zip(number, places, strict=True):
+        own = np.flatnonzero(predicted.point == place)
+        line[: len(own)] = own
     return number
 
 
 def _conditional(
-    told: Foretold, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
+    predicted: Foretold, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
 ) -> tuple[Array, Array, Array]:
-    """Lower factor of the covariance of what was read, shape (k, k); the covariance of rows with
-    that in its units, shape (k, n, r); and the factors of what it leaves, shape (n, r, r)."""
-    between = functools.partial(told.between, explanation)
+    """Lower factor of the covariance of the rows that were read, shape (k, k); the covariance of
+    rows with these in its units, shape (k, n, r); lower factors of the rest, shape (n, r, r)."""
+    between = functools.partial(predicted.between, explanation)
     factor = np.linalg.cholesky(between(read[:, None], read[None, :]))
     by = np.linalg.solve(factor, between(read[:, None], rows.reshape(1, -1)))
     by = by.reshape(len(read), *rows.shape)
@@ -149,36 +151,31 @@ def _conditional(
 
 @dataclass(frozen=True)
 class Best:
-    """Places that were chosen within limits, and what each explanation foretells of means as long
-    as they are held; readings whose limits forbid better ones, and whether time does."""
+    """Places chosen within limits, and what each explanation predicts for means over the time of
+    holding; readings whose limits forbid better places, and whether time does."""
 
     choice: Choice
-    told: Sequence[Foretold]
+    predicted: Sequence[Foretold]
     limited: Feasible
     hindering: tuple[str, ...]
     time_is_short: bool
 
 
 def best_within(
-    told: Sequence[Foretold],
+    predicted: Sequence[Foretold],
     odds: Array,
     most: int,
     seconds: float,
     limited: Feasible,
     settling: float,
 ) -> Best:
-    """The places that tell most within limits, and how long to hold them; readings take `settling`,
-    s. Places that cost no product are preferred."""
+    """The places that discriminate best within limits, and how long to hold them; readings take
+    `settling`, s. Places that cost no product are preferred."""
 
     def plan(held: int, among: NDArray[np.bool_], until: float = seconds) -> Choice:
-        longer, own = _held(told, limited, held, settling)
-        return chosen(
-            longer,
-            odds,
-            most,
-            among=among,
-            in_time=lambda places: own.seconds(places) <= until,
-        )
+        longer, own = _held(predicted, limited, held, settling)
+        in_time = lambda places: own.seconds(places) <= until  # noqa: E731
+        return chosen(longer, odds, most, among=among, in_time=in_time)
 
     @functools.cache
     def best(held: int) -> Choice:
@@ -202,25 +199,25 @@ def best_within(
     forbid = [n for n, there in limited.forbidden.items() if there[list(wider.places)].any()]
     return Best(
         choice,
-        *_held(told, limited, held, settling),
+        *_held(predicted, limited, held, settling),
         tuple(forbid) if better else (),
         any(one.worth > choice.worth + limits.WORTH_COST for one in unhurried),
     )
 
 
 def _held(
-    told: Sequence[Foretold], limited: Feasible, held: int, settling: float
+    predicted: Sequence[Foretold], limited: Feasible, held: int, settling: float
 ) -> tuple[Sequence[Foretold], Feasible]:
-    """What is foretold where each place is held so many times as long as it has to be."""
+    """The predictions if each place is held `held` times as long as necessary."""
     least = limited.shortest - settling
     times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)
-    return [one.held(times) for one in told], replace(limited, held=held)
+    return [one.held(times) for one in predicted], replace(limited, held=held)
 
 
 def covering(
     limited: Feasible, among: NDArray[np.bool_], steps: Sequence[int], most: int, seconds: float
 ) -> tuple[int, ...]:
-    """Up to so many places beside some steps, as long as there is time, s.
+    """Up to `most` places in addition to some steps, as long as there is time, s.
 
     Each is the one farthest from all others by the product of distances along each input; without
     any step the first is the middle. `among`, shape (n,), flags places that may be chosen.
@@ -229,9 +226,9 @@ def covering(
     at = np.stack([(limited.places.inputs[n] - low) / (high - low) for n, (low, high) in ranges], 1)
 
     def near(point: Array) -> Array:
-        """What one point adds to the criterion at all places: infinite where they coincide."""
+        """The criterion at all places by one point; infinite where they coincide."""
         apart = np.abs(at - point)
-        # Values of an input are as good as apart where `most` evenly spread ones are.
+        # Values of an input are far enough apart if they are as far as `most` evenly spread ones.
         added: Array = 1.0 / np.prod(apart + 1.0 / most, axis=1) ** 2
         return np.where(apart.any(axis=1), added, np.inf)
 

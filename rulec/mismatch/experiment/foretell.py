@@ -1,4 +1,4 @@
-"""What each explanation foretells of readings at operating points that nobody has recorded."""
+"""What each explanation predicts for readings at operating points that were not recorded."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_te
 class Places:
     """Operating points that could be run, n of them.
 
-    `inputs` are values of what is set, SI, shape (n,) each, `around` of what nobody sets; noise and
-    all else is as at the recorded point `near`, shape (n,). `time`, s on the clock of the
-    recording, is when.
+    `inputs` are values of the inputs, SI, shape (n,) each, `around` those of readings that are not
+    set; noise and all else are as at the recorded point `near`, shape (n,). `time` is the time of
+    each, s on the clock of the recording.
     """
 
     inputs: Mapping[str, Array]
@@ -51,13 +51,13 @@ class Places:
 class Foretold:
     """Readings if one explanation is true, and how far off every explanation would find them.
 
-    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,). Of
-    each explanation in turn `off`, shape (rows,), in units of the noise, is what its best values
-    leave, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
-    `spread` per output, shape (n,), SI, is the standard deviation of a reading, NaN where nothing
-    is foretold, and `noise` the part of it that a longer mean averages; of each explanation that
-    part has the variance `shares` in `covariance`, of which means have `less` by this share (0: as
-    short as they can be); `spread` has it already. `flows` per module, shape (n,), m3/s.
+    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,). For
+    each explanation, `off`, shape (rows,), in units of the noise, is the residual of its best
+    values, and `covariance`, shape (rows, rows), is due to noise, values and errors of form.
+    `spread` per output, shape (n,), SI, is the standard deviation of a reading, NaN if none is
+    predicted, and `noise` the part of it that a longer mean averages. For each explanation that
+    part has the variance `shares` in `covariance`; means have this share `less` of it (0: the
+    shortest means), which `spread` includes already. `flows` per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]
@@ -71,20 +71,17 @@ class Foretold:
     flows: Mapping[str, Array] = field(default_factory=dict)
 
     def between(self, explanation: int, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Array:
-        """Covariance of some rows with others by an explanation, broadcast; a row below 0 stands
-        for no reading, with a variance of its own."""
+        """Covariance of some rows with others by an explanation, broadcast; a row below 0 is
+        padding with a variance of its own."""
         gone = self.less * self.shares[explanation] if self.less else 0.0
         known, same = (rows >= 0) & (others >= 0), rows == others
         found: Array = self.covariance[explanation][rows, others] - gone * same
         return np.where(known, found, same)
 
     def held(self, times: float) -> Foretold:
-        """Of means over so many times as many settled samples: their noise alone averages."""
+        """The same for means over `times` as many settled samples: only their noise averages."""
         less = 1.0 - 1.0 / times
-        spread = {
-            name: np.sqrt(whole**2 - less * self.noise[name] ** 2)
-            for name, whole in self.spread.items()
-        }
+        spread = {n: np.sqrt(v**2 - less * self.noise[n] ** 2) for n, v in self.spread.items()}
         return replace(self, less=less, spread=spread)
 
 
@@ -100,10 +97,9 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
         system = replace(system, data=_moved(rows, fitted))
     rows = rows_of(system, Configuration())
     there = Geometry(rows)
-    views = [_seen_by(geometry, there, own) for own in models]
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
-    off, covariance = zip(*views, strict=True)
+    off, covariance = zip(*(_residuals_by(geometry, there, m) for m in models), strict=True)
     shares = tuple(min(own.scale, 1.0) ** 2 for own in models)
     return Foretold(
         readings=readings,
@@ -118,7 +114,7 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
 
 
 def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
-    """Standard deviation of each output, shape (n,), SI; NaN where it is not foretold."""
+    """Standard deviation of each output, shape (n,), SI; NaN if it is not predicted."""
     number = np.cumsum(there.seen) - 1
     spread: dict[str, Array] = {}
     for cell in rows.cells:
@@ -134,8 +130,7 @@ def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
 
 def _flows(system: System, model: Model) -> dict[str, Array]:
     """Flows of modules by a model, m3/s, shape (n,) each."""
-    setting = _later(model.setting, system.data.time)
-    values = system.flows(setting).values
+    values = system.flows(_later(model.setting, system.data.time)).values
     members: dict[str, list[int]] = {}
     for i, observer in enumerate(system.observers):
         members.setdefault(observer.module, []).append(i)
@@ -143,20 +138,18 @@ def _flows(system: System, model: Model) -> dict[str, Array]:
 
 
 def data_at(data: Data, places: Places) -> Data:
-    """Points as if they had been recorded; readings are those of the recorded point nearest."""
+    """Points as if they had been recorded; readings are those of the nearest recorded point."""
     near, n = places.near, len(places)
 
     def taken(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.asarray(column)[near] for name, column in values.items()}
 
-    values = {**taken(data.points.values), **places.around, **places.inputs}
-    nothing = np.zeros(n, dtype=bool)
     points = replace(
         data.points,
-        values=values,
+        values={**taken(data.points.values), **places.around, **places.inputs},
         u=taken(data.points.u),
         systematic=taken(data.points.systematic),
-        bad=dict.fromkeys(data.points.bad, nothing),
+        bad=dict.fromkeys(data.points.bad, np.zeros(n, dtype=bool)),
         time=places.time,
     )
     return replace(
@@ -169,28 +162,29 @@ def data_at(data: Data, places: Places) -> Data:
         moving={},
         stretches=Stretches(np.arange(n), np.arange(n) + 1),
         source=data.source[near],
-        # As long after the nearest point on its own clock as on that of the recording.
+        # The time after the nearest point is the same on its own clock as on the recording's.
         clock=data.clock[near] + places.time - data.time[near],
     )
 
 
 def _later(setting: Configuration, time: Array) -> Configuration:
-    """A setting at other times, s, its values as they are: what grows has grown further there."""
+    """A setting at other times, s, with the same values; growth has gone on until then."""
     return replace(setting, courses=tuple(course.at_times(time) for course in setting.courses))
 
 
 def _evaluated(rows: Rows, model: Model) -> Fitted:
     """A model at points of a further recording."""
-    setting = _later(model.setting, rows.system.data.time)
-    at = model.at * _kept(model)[0]
-    return evaluated(rows, setting, model.prior, at, rows.system.data.open)
+    data, at = rows.system.data, model.at * _kept(model)[0]
+    return evaluated(rows, _later(model.setting, data.time), model.prior, at, data.open)
 
 
 def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
-    """What of each value a further recording keeps, shape (values,), 1 but for errors of sensors;
-    which values are errors that stay, and the variance of what a further recording adds to them.
+    """The part of each value that holds for a further recording, shape (values,), 1 except for
+    errors of sensors; which values are persistent errors, and the variance that a further recording
+    adds to them.
 
-    It is judged with the last one: there each has errors of its own besides those that stay.
+    That recording is judged with the last one, where each has errors of its own besides persistent
+    ones.
     """
     names = model.prior.names
     own = [name.startswith(ERROR) and reading_and_recording(name)[1] is not None for name in names]
@@ -198,13 +192,13 @@ def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     kept = np.where(own, 0.0, 1.0)
     if any(own):
         return kept, np.flatnonzero(stay), limits.OWN_ERROR
-    # Of one recording it is not known which part of an error stays: two are alike by so much.
+    # One recording does not show which part of an error persists: this is the correlation of two.
     alike = 1.0 - limits.OWN_ERROR
     return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
 
 
 def _moved(rows: Rows, fitted: Fitted) -> Data:
-    """The data with each output where a model says that it would be."""
+    """The data with each output moved to where a model predicts it."""
     data = rows.system.data
     values = dict(data.points.values)
     for cell in rows.cells:
@@ -218,11 +212,11 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
 
 
 def known_with_onsets(geometry: Geometry, model: Model) -> Array:
-    """Covariance of all numbers of a model and, behind them, of when each fault that grows began,
-    s, shape (numbers, numbers).
+    """Covariance of all numbers of a model and, behind them, of the onset of each growing fault, s,
+    shape (numbers, numbers).
 
-    A later beginning asks for a faster growth: with it held, later readings would be foretold too
-    surely. Before the recording each time in it is as likely.
+    A later onset needs faster growth: with a fixed onset, later readings would be predicted with
+    too much certainty. A priori each time in the recording is equally probable.
     """
     slopes = _slopes_by_onsets(model.fitted)[geometry.seen]
     length = max(float(np.ptp(geometry.rows.system.data.time)), 1e-300)
@@ -232,17 +226,17 @@ def known_with_onsets(geometry: Geometry, model: Model) -> Array:
 
 
 def _slopes_by_onsets(fitted: Fitted) -> Array:
-    """Slopes of all residuals by when each fault that grows began, 1/s, shape (rows, faults)."""
+    """Slopes of all residuals by the onset of each growing fault, 1/s, shape (rows, faults)."""
     names = fitted.prior.names
     growing = [course for course in fitted.setting.courses if course.grows]
     found = [slope_by_onset(fitted, c, names.index(c.names()[0])) for c in growing]
     return np.stack(found, axis=1) if found else np.zeros((len(fitted.residual), 0))
 
 
-def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
-    """How far off a model of `geometry` finds readings, shape (rows,), and the covariance of that,
-    shape (rows, rows): of noise, its values, when faults began to grow, terms without a name,
-    errors of form, and of sensors anew."""
+def _residuals_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
+    """Residuals of readings by a model of `geometry`, shape (rows,), and their covariance, shape
+    (rows, rows), due to noise, values, onsets of growth, terms without a name, errors of form, and
+    new errors of sensors."""
     fitted = _evaluated(there.rows, model)
     solution, known = solved(model)[0], known_with_onsets(geometry, model)
     off = fitted.residual[there.seen]
@@ -265,11 +259,10 @@ def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, 
 
 
 def _columns(there: Geometry, model: Model, fitted: Fitted, term: Term) -> Array:
-    """Functions of a term as they show, each of unit size before, shape (rows, functions)."""
+    """Residuals by the functions of a term, each of prior unit size, shape (rows, functions)."""
     slopes = spot_column(fitted, term.changed)
     driver = driver_of(there.rows.system, term.driver)[there.point]
     basis = term.basis.at(driver)
     if slopes is None:
         return np.zeros_like(basis)
-    columns: Array = size_of_term(model, term) * slopes[there.seen, None] * basis
-    return columns
+    return np.asarray(size_of_term(model, term) * slopes[there.seen, None] * basis)

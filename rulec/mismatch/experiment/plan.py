@@ -1,4 +1,5 @@
-"""Plan an experiment: refit what stands, see what may be set, choose steps, and foretell them."""
+"""Plan an experiment: refit the possible explanations, find the inputs, choose steps, predict
+readings."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ NO_RANGES = (
     "limits with --limits"
 )
 NOTHING_LEFT = "the limits leave no input of the recording that may be changed"
-"""Why nothing can be set."""
+"""Why no input can be set."""
 
 
 def planned(
@@ -46,25 +47,24 @@ def planned(
     *,
     given: Allowed | None = None,
 ) -> Experiment:
-    """The steps that best tell apart what stands, and such as cover what may be set; in a given
-    time, s, at most, and within limits that are given, or else within what was recorded.
+    """The steps that discriminate best between possible explanations, and others that cover the
+    range; within a given time, s, and within given limits, else within what was recorded.
 
-    Raises ExperimentRefused where nothing can be set.
+    Raises ExperimentRefused if nothing can be set.
     """
     if most < 1:
         raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
     again, left_out = _refitted(recording, ruleset, builder, standing)
     system = again.geometry.rows.system
     sample = _sample(recording.time)
-    reach = reach_of(
-        system, recording, sample, None if given is None else allowed_of(ruleset, given)
-    )
+    allowed = None if given is None else allowed_of(ruleset, given)
+    reach = reach_of(system, recording, sample, allowed)
     if not reach.ranges:
         raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
     places = places_in(system, reach)
     every = range(len(again.sets))
-    told = [foretold(again.geometry, again.models, i, places) for i in every]
-    limited = feasible(ruleset, places, reach, told)
+    predicted = [foretold(again.geometry, again.models, i, places) for i in every]
+    limited = feasible(ruleset, places, reach, predicted)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(
             f"--hours {seconds / 3600.0:g}: one step takes {limited.shortest / 3600.0:.3g} hours"
@@ -72,9 +72,9 @@ def planned(
     odds = np.array([one.probability for one in again.sets])
     settling = 0.0 if system.data.of_rows else SETTLING * sample
     telling = min(most, limits.TELLING_STEPS)
-    best = best_within(told, odds, telling, seconds, limited, settling)
-    steps = _steps(best.limited, best.choice.places, best.told, system)
-    steps += _covering(limited, best, most - len(steps), seconds, told, system)
+    best = best_within(predicted, odds, telling, seconds, limited, settling)
+    steps = _steps(best.limited, best.choice.places, best.predicted, system)
+    steps += _covering(limited, best, most - len(steps), seconds, predicted, system)
     return Experiment(
         standing=again.sets,
         left_out=left_out,
@@ -96,7 +96,8 @@ def planned(
 def _refitted(
     recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[CandidateSet]
 ) -> tuple[Again, tuple[CandidateSet, ...]]:
-    """What stands, refitted to what was recorded; and what cannot be foretold, for it switched."""
+    """The possible explanations refitted to the recording, and those that cannot be predicted
+    because they switched."""
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())
@@ -126,46 +127,45 @@ def _covering(
     best: Best,
     most: int,
     seconds: float,
-    told: Sequence[Foretold],
+    predicted: Sequence[Foretold],
     system: System,
 ) -> tuple[Step, ...]:
-    """Steps that cover what may be set, after those that tell explanations apart and without loss
-    of product."""
+    """Steps that cover the range, after those that discriminate and without loss of product."""
     telling = best.choice.places
     since = best.limited.seconds(telling)
     held = math.ceil(limits.COVERING_HELD * limited.reach.step / limited.shortest)
     after = replace(limited, held=held, begun=telling[-1] if telling else -1)
     places = covering(after, limited.free, telling, most, seconds - since)
-    return _steps(after, places, told, system, since, covers=True)
+    return _steps(after, places, predicted, system, since, covers=True)
 
 
 def _steps(
     limited: Feasible,
     chosen: Sequence[int],
-    told: Sequence[Foretold],
+    predicted: Sequence[Foretold],
     system: System,
     since: float = 0.0,
     *,
     covers: bool = False,
 ) -> tuple[Step, ...]:
-    """Steps in turn, the first from when on, s."""
+    """Steps in sequence, the first from `since` on, s."""
     steps: list[Step] = []
     places, noise, signals = limited.places, system.data.noise, system.ruleset.signal_by_id
     for place, (ramp, hold) in zip(chosen, limited.times(chosen), strict=True):
         near = places.near[place]
         inputs = {name: float(values[place]) for name, values in places.inputs.items()}
         readings = []
-        for name in told[0].readings:
-            values = tuple(float(one.readings[name][place]) for one in told)
-            spread = tuple(float(one.spread[name][place]) for one in told)
-            if not all(math.isfinite(own) for own in spread):
-                continue  # its module was moving where the set points are nearest: not foretold
+        for name in predicted[0].readings:
+            values = tuple(float(one.readings[name][place]) for one in predicted)
+            spread = tuple(float(one.spread[name][place]) for one in predicted)
+            if not all(map(math.isfinite, spread)):
+                continue  # its module had not settled at the nearest recorded set points
             apart = (max(values) - min(values)) / float(noise[name][near])
             readings.append(Reading(name, values, apart, spread))
         given = {
             name: float(places.around[name][place] if name in places.around else values[near])
             for name, values in system.data.values.items()
-            if name in signals and name not in inputs and name not in told[0].readings
+            if name in signals and name not in inputs and name not in predicted[0].readings
         }
         steps.append(
             Step(

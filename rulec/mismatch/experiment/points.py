@@ -1,4 +1,4 @@
-"""Operating points that may be run: within what was recorded or allowed, when, and at what cost."""
+"""Feasible operating points: within what was recorded or allowed, when, and at what cost."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from rulec.separation.allowed import Allowed
 
 @dataclass(frozen=True)
 class Reach:
-    """What may be set: by signal the lowest and highest value, SI.
+    """The range of each input, SI.
 
-    A step lasts `step`, s, at least. `present` are inputs as they were last, SI; with `allowed`,
-    those without a range stay there.
+    A step lasts at least `step`, s. `present` are the last values of inputs, SI; with `allowed`,
+    inputs without a range keep them.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -38,10 +38,9 @@ class Reach:
 def reach_of(
     system: System, recording: Recording, sample: float, allowed: Allowed | None = None
 ) -> Reach:
-    """The ranges that are allowed, or else those of inputs that were changed while recording.
+    """The allowed ranges, else the ranges of inputs that varied in the recording.
 
-    Steps are as long as they usually were, and so long that readings are seen to settle, with
-    samples of `sample`, s.
+    Steps are as long as usual, and long enough for readings to settle, with samples of `sample`, s.
     """
     present = {
         signal.id: float(known[-1])
@@ -54,7 +53,7 @@ def reach_of(
     steps = np.diff(np.sort(data.time))
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
     if not data.of_rows:
-        # Inputs that are changed in turn give means closer to each other than a step takes.
+        # If inputs change one after another, means are closer to each other than a step takes.
         step = max(step, (SETTLING + limits.HELD_SAMPLES) * sample)
     if allowed is None:
         return Reach(dict(_recorded(system)), step, present)
@@ -68,12 +67,12 @@ def reach_of(
 
 
 def _recorded(system: System) -> Iterator[tuple[str, tuple[float, float]]]:
-    """The range of each input that was changed while recording, SI."""
+    """The range of each input that varied in the recording, SI."""
     for signal in system.ruleset.signals:
         values = system.data.values.get(signal.id)
         if not signal.is_input or values is None:
             continue
-        # Where a pump stands no equation holds, and nothing between is known to run.
+        # No equation holds where a pump stands, and whether values between can run is unknown.
         least = -np.inf if signal.minimum is None else signal.minimum
         ran = values[np.isfinite(values) & (values >= least)]
         noise = float(np.nanmedian(system.data.noise[signal.id]))
@@ -82,13 +81,13 @@ def _recorded(system: System) -> Iterator[tuple[str, tuple[float, float]]]:
 
 
 def places_in(system: System, reach: Reach) -> Places:
-    """Points that fill what may be set evenly, its corners among them; the last is the present one.
+    """Points that fill the ranges evenly, including corners; the last one is the present point.
 
-    Where ranges are allowed ones, values are easy to set, and other inputs stay as they are.
+    For allowed ranges, values are easy to set, and other inputs stay as they are.
     """
     names = sorted(reach.ranges)
     low, high = np.array([reach.ranges[name] for name in names]).T
-    # Of many inputs the ends of the first alone are combined in all ways.
+    # Of many inputs, only the ends of the first ones are combined in all ways.
     ends = [(0.0, 1.0) if i < limits.CORNERED else (0.5,) for i in range(len(names))]
     between = qmc.Sobol(len(names), scramble=False).random_base2(limits.PLACES_DOUBLED)
     table = low + np.concatenate([np.array(list(product(*ends))), between]) * (high - low)
@@ -101,7 +100,7 @@ def places_in(system: System, reach: Reach) -> Places:
         names, table = names + stay, np.hstack([table, np.tile(kept, (len(table), 1))])
     table = np.vstack([table, [reach.present[name] for name in names]])
     data = system.data
-    # A sensor that fails shows nothing at all.
+    # A failed sensor has no reading at all.
     shown = [there for v in data.values.values() if (there := np.isfinite(v)).any()]
     usable = np.flatnonzero(np.all(shown, axis=0))
     recorded = np.stack([data.values[name][usable] for name in names], axis=1)
@@ -117,7 +116,7 @@ def places_in(system: System, reach: Reach) -> Places:
 
 
 def _unset(system: System, inputs: Sequence[str]) -> tuple[str, ...]:
-    """Readings that are neither set nor caused by what is set, as far as any law says."""
+    """Readings that are neither set nor, by any law, depend on what is set."""
     signals = system.ruleset.signal_by_id
     caused = {s for o in system.observers for s in o.signals if not signals[s].is_input}
     return tuple(n for n in system.data.values if n in signals.keys() - caused - set(inputs))
@@ -126,20 +125,20 @@ def _unset(system: System, inputs: Sequence[str]) -> tuple[str, ...]:
 def surroundings(
     recorded: Mapping[str, Array], time: Array, names: Sequence[str], inputs: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Values of readings that nobody sets at other inputs, shape (n,) each.
+    """Values at other inputs of readings that are not set, shape (n,) each.
 
-    They stay as they were last, but for what of them followed the inputs in the recording, by
-    linear least squares: a temperature may follow the load. None leaves what was recorded.
+    They keep their last value except for the part that followed the inputs in the recording, by
+    linear least squares: a temperature may follow the load. All stay within the recorded range.
     """
     names = [n for n in names if np.isfinite(recorded[n]).any()]
     usable = np.all([np.isfinite(recorded[n]) for n in (*names, *inputs)], axis=0)
     table = np.stack([recorded[n][usable] for n in inputs], axis=1)
     last = int(np.argmax(time[usable]))
     moved = np.stack(list(inputs.values()), axis=1) - table[last]
+    off = table - table.mean(axis=0)
     found = {}
     for name in names:
         values = recorded[name][usable]
-        off = table - table.mean(axis=0)
         slopes = np.linalg.lstsq(off, values - values.mean(), rcond=1e-6)[0]
         found[name] = np.clip(values[last] + moved @ slopes, values.min(), values.max())
     return found
@@ -147,13 +146,13 @@ def surroundings(
 
 @dataclass(frozen=True)
 class Feasible:
-    """Places of which the last is the present one, and what limits say of each.
+    """Places, the last of which is the present one, and what limits say of each.
 
-    `possible`, shape (n,): each explanation foretells it, and no reading leaves its sensor.
+    `possible`, shape (n,): each explanation predicts it, and no reading leaves its sensor's range.
     `forbidden` per reading with limits, shape (n,): where it may leave them. `costs` names per
     place the inputs and modules that cost product. `unwatched` are readings with limits that no
-    explanation foretells. Each place is held `held` times as long as it has to be at least; the way
-    to the first one begins at the place `begun`.
+    explanation predicts. Each place is held `held` times as long as necessary; the way to the first
+    one begins at the place `begun`.
     """
 
     places: Places
@@ -169,45 +168,43 @@ class Feasible:
     def may_run(self) -> NDArray[np.bool_]:
         """Places that keep all limits, shape (n,)."""
         leaves = [np.zeros(len(self.possible), dtype=bool), *self.forbidden.values()]
-        keeps: NDArray[np.bool_] = self.possible & ~np.any(leaves, axis=0)
-        return keeps
+        return np.asarray(self.possible & ~np.any(leaves, axis=0))
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Those of them that cost no product, shape (n,)."""
-        free: NDArray[np.bool_] = self.may_run & np.array([not costs for costs in self.costs])
-        return free
+        """Places that also cost no product, shape (n,)."""
+        return np.asarray(self.may_run & np.array([not costs for costs in self.costs]))
 
     @property
     def shortest(self) -> float:
-        """How long a place is held at least, s."""
+        """The shortest time to hold a place, s."""
         own = self.reach.allowed.inputs.values()
         return max([self.reach.step, *(part.hold for part in own)])
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
-        """For each of some places in turn, how long the way there takes at least, and how long it
-        is held, s."""
+        """For each of some places in sequence, the shortest time of the way there, and the time to
+        hold it, s."""
         ways = zip([self.begun, *places], places, strict=False)
         hold = self.held * self.shortest
         return [(self._ramp(before, place), hold) for before, place in ways]
 
     def seconds(self, places: Sequence[int]) -> float:
-        """How long some places take in turn, s."""
+        """The time that some places take in sequence, s."""
         return sum(ramp + hold for ramp, hold in self.times(places))
 
     def _ramp(self, before: int, place: int) -> float:
         allowed = self.reach.allowed.inputs
-        ways = {n: self.places.inputs[n] for n in allowed if n in self.places.inputs}
-        return max(
-            (
-                abs(float(v[place] - v[before])) / abs(allowed[n].signal.factor) / allowed[n].rate
-                for n, v in ways.items()
-            ),
-            default=0.0,
+        inputs = (
+            (own, self.places.inputs[n]) for n, own in allowed.items() if n in self.places.inputs
         )
+        ways = (
+            abs(float(v[place] - v[before])) / abs(own.signal.factor) / own.rate
+            for own, v in inputs
+        )
+        return max(ways, default=0.0)
 
     def at_end(self, place: int) -> Iterator[tuple[str, str]]:
-        """Inputs that are at an end of what may be set there: its name, and which end."""
+        """Inputs that are at an end of their range at a place: name, and which end."""
         for name in self.reach.ranges:
             values = self.places.inputs[name][:-1]
             value = self.places.inputs[name][place]
@@ -215,11 +212,13 @@ class Feasible:
                 yield name, "lowest" if value == values.min() else "highest"
 
 
-def feasible(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Foretold]) -> Feasible:
-    """What limits say of places, by what each explanation foretells of them."""
+def feasible(
+    ruleset: Ruleset, places: Places, reach: Reach, predicted: Sequence[Foretold]
+) -> Feasible:
+    """What limits say of places, by the predictions of each explanation."""
     possible = np.ones(len(places), dtype=bool)
     possible[-1] = False
-    for true, one in enumerate(told):
+    for true, one in enumerate(predicted):
         settled = np.zeros(len(places), dtype=bool)
         settled[one.point] = True
         settled[one.point[np.abs(one.off[true]) > limits.FORETOLD_WELL]] = False
@@ -230,36 +229,37 @@ def feasible(ruleset: Ruleset, places: Places, reach: Reach, told: Sequence[Fore
             least = low if signal.minimum is None else max(low, signal.minimum)
             possible &= (values >= least) & (values <= high)
     bounds = reach.allowed.readings
-    known = {n: b for n, b in bounds.items() if all(n in one.readings for one in told)}
+    known = {n: b for n, b in bounds.items() if all(n in one.readings for one in predicted)}
     return Feasible(
         places=places,
         reach=reach,
         possible=possible,
-        forbidden={name: _leaves(told, name, *ends) for name, ends in known.items()},
-        costs=_costs(places, reach, told),
+        forbidden={name: _leaves(predicted, name, *ends) for name, ends in known.items()},
+        costs=_costs(places, reach, predicted),
         unwatched=tuple(sorted(bounds.keys() - known.keys())),
     )
 
 
-def _leaves(told: Sequence[Foretold], name: str, low: float, high: float) -> NDArray[np.bool_]:
-    """Where a reading may leave its limits under any explanation; so it may where none foretells
-    it."""
-    values = np.array([one.readings[name] for one in told])
-    far = limits.COVERED * np.array([one.spread[name] for one in told])
-    keeps: NDArray[np.bool_] = np.all((values - far >= low) & (values + far <= high), axis=0)
-    return ~keeps
+def _leaves(predicted: Sequence[Foretold], name: str, low: float, high: float) -> NDArray[np.bool_]:
+    """Where a reading may leave its limits by some explanation, or is not predicted."""
+    values = np.array([one.readings[name] for one in predicted])
+    far = limits.COVERED * np.array([one.spread[name] for one in predicted])
+    return ~np.asarray(np.all((values - far >= low) & (values + far <= high), axis=0))
 
 
-def _costs(places: Places, reach: Reach, told: Sequence[Foretold]) -> tuple[tuple[str, ...], ...]:
-    """Of each place the inputs and modules of which a change from the present point costs product;
-    a flow that is not known may change."""
+def _costs(
+    places: Places, reach: Reach, predicted: Sequence[Foretold]
+) -> tuple[tuple[str, ...], ...]:
+    """For each place, the inputs and modules whose change from the present point costs product; an
+    unknown flow counts as changed."""
     costly: dict[str, NDArray[np.bool_]] = {}
     for name, own in reach.allowed.inputs.items():
         if own.costs and name in reach.ranges:
             values = places.inputs[name]
             costly[name] = ~np.isclose(values, values[-1], rtol=1e-9, atol=0.0)
     for module in sorted(reach.allowed.costly):
-        flows = np.array([one.flows.get(module, np.full(len(places), np.nan)) for one in told])
+        unknown = np.full(len(places), np.nan)
+        flows = np.array([one.flows.get(module, unknown) for one in predicted])
         same = np.abs(flows - flows[:, -1:]) <= SAME_FLOW * np.abs(flows[:, -1:])
         costly[module] = ~np.all(same, axis=0)
     at = range(len(places))

@@ -1,4 +1,4 @@
-"""An experiment as a recipe: one table and the same words for the terminal and for a page."""
+"""An experiment as a recipe: the same table and words on the terminal and on a page."""
 
 from __future__ import annotations
 
@@ -23,15 +23,12 @@ from rulec_runtime.report.text import number, percent, safe
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.result import Experiment, Reading, duration, in_words
 
-FEWEST_DIGITS, MOST_DIGITS = 3, 7
-"""Digits of what is read."""
-
 READINGS = 2
-"""Readings that are told of each step."""
+"""Readings listed for each step."""
 
 
 def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
-    """Print the finding, the explanations, the steps, and what they leave open."""
+    """Print the result, the explanations, the steps, and remarks."""
     out.print(styled("\n[bold]{}[/]\n", found.headline))
     for place, line in enumerate(_standing(found), start=1):
         out.print(styled("  {}  {}", place, line))
@@ -39,7 +36,8 @@ def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
         titles, rows = _steps(found, ruleset)
         shown = Table(box=None, pad_edge=False, header_style="dim")
         for title in titles:
-            shown.add_column(title.removeprefix("."), justify=_justify(title))  # type: ignore[arg-type]
+            justify = "right" if title.startswith(".") else "left"
+            shown.add_column(title.removeprefix("."), justify=justify)  # type: ignore[arg-type]
         for row in rows:
             shown.add_row(*("\n".join(lines) for lines in row))
         out.print("", shown, "", sep="\n")
@@ -68,37 +66,32 @@ def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = Non
     return document(head, "".join(sections))
 
 
-def _justify(title: str) -> str:
-    return "right" if title.startswith(".") else "left"
-
-
 def _items(kind: str, lines: Iterable[str]) -> str:
     return f"<{kind}>{''.join(f'<li>{safe(line)}</li>' for line in lines)}</{kind}>"
 
 
 def _standing(found: Experiment) -> Iterator[str]:
-    """Each explanation with its probability."""
     return (f"{in_words(one)} ({percent(one.probability)})" for one in found.standing)
 
 
 def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[list[str]]]]:
-    """Titles of columns, those of numbers with a point before, and per step the lines of each
-    cell: how long it takes, what to set, and what each explanation foretells of the most telling
-    readings."""
+    """Titles of columns, with a point before those of numbers, and per step the lines of each cell:
+    its duration, the set points, and the most significant readings by each explanation."""
     signals, every = ruleset.signal_by_id, range(len(found.standing))
     slowly = any(step.ramp for step in found.steps)
     titles = ["step", "time" if slowly else "hold", "set", "read"]
     titles += [f".if {own + 1}" for own in every] + [".sure"] * bool(found.telling)
     rows = []
     for place, step in enumerate(found.steps, start=1):
-        told = [(signals[r.signal], r) for r in step.readings[:READINGS]]
+        readings = [(signals[r.signal], r) for r in step.readings[:READINGS]]
+        inputs = [(signals[n], v) for n, v in step.inputs.items() if n in found.set_by]
         hold = duration(step.until - step.since - step.ramp)
         cells = [
             [str(place)],
             [f"way {duration(math.ceil(step.ramp))}", f"hold {hold}"] if slowly else [hold],
-            [_set(signals[n], v) for n, v in step.inputs.items() if n in found.set_by],
-            [f"{signal.id} [{signal.unit}]" for signal, _ in told],
-            *([_read(signal, r, own) for signal, r in told] for own in every),
+            [f"{signal.id} {number(signal.shown(v))} {signal.unit}" for signal, v in inputs],
+            [f"{signal.id} [{signal.unit}]" for signal, _ in readings],
+            *([_read(signal, r, own) for signal, r in readings] for own in every),
         ]
         if found.telling:
             cells.append(["" if step.covers else percent(found.certainty[place])])
@@ -106,22 +99,18 @@ def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[li
     return titles, rows
 
 
-def _set(signal: SignalSpec, value: float) -> str:
-    return f"{signal.id} {number(signal.shown(value))} {signal.unit}"
-
-
 def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
-    """What is read if one explanation is true, to as many digits as tell it from the others."""
+    """The reading if one explanation is true, with enough digits to distinguish it from the
+    others."""
     value = reading.values[explanation]
     apart = max(reading.values) - min(reading.values)
     noise = apart / reading.apart if reading.apart > 0.0 else reading.spread[explanation]
     digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
-    shown = f"{signal.shown(value):#.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
-    return shown.rstrip(".")
+    return f"{signal.shown(value):#.{min(max(digits, 3), 7)}g}".rstrip(".")
 
 
 def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
-    """What probabilities mean, what stays open, and which limit binds."""
+    """The meaning of the probabilities, what remains open, and which limits are active."""
     if found.telling:
         unlisted = f" The case that none of these is true ({percent(found.unlisted)}) counts as "
         yield (
@@ -156,31 +145,31 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
 
 
 def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
-    """The cheapest sensor that tells two explanations apart."""
+    """The cheapest sensor that distinguishes two explanations."""
     which = f"{pair[0] + 1} and {pair[1] + 1}"
-    told = next((advised for advised in found.sensors if advised.pair == pair), None)
-    if told is None:
+    advised = next((one for one in found.sensors if one.pair == pair), None)
+    if advised is None:
         return (
             f"A second reading of any signal, or a flow meter, would not tell {which} apart either."
         )
-    sensor, (first, second) = told.sensor, told.values
+    sensor, (first, second) = advised.sensor, advised.values
     cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
     return (
         f"To tell {which} apart, add: {sensor.title}{cost}, "
         f"{number(abs((first - second) / sensor.factor))} {sensor.unit} apart, where the sensor is "
-        f"exact to {number(told.u / sensor.factor)} {sensor.unit}."
+        f"exact to {number(advised.u / sensor.factor)} {sensor.unit}."
     )
 
 
 def _limits(found: Experiment) -> Iterator[str]:
-    """What a step costs, and which limit forbids a better one."""
-    told: dict[str, list[int]] = {}
+    """The cost of steps, and the limits that forbid better ones."""
+    steps: dict[str, list[int]] = {}
     for place, step in enumerate(found.telling if found.limited else (), start=1):
         costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
         binds = [f"The {end} value that is allowed of {n} binds in {{}}." for n, end in step.at_end]
         for text in (*costs, *binds):
-            told.setdefault(text, []).append(place)
-    yield from (text.format(_steps_of(places)) for text, places in told.items())
+            steps.setdefault(text, []).append(place)
+    yield from (text.format(_steps_of(places)) for text, places in steps.items())
     for name in found.hindering:
         yield f"The limits of {name} forbid steps that would tell more."
     if found.time_is_short:
@@ -198,37 +187,35 @@ def _steps_of(places: Sequence[int]) -> str:
 
 
 SPREAD = 0.7
-"""Width in a picture over which the explanations of a step are spread, in steps."""
-
-FEWEST_SPREAD = 3
-"""Explanations from which on they fill that width; fewer stand as near to one another."""
+"""Width in a picture over which three or more explanations of a step are spread, in steps; two are
+as near to each other as three."""
 
 
 def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
-    """One per signal that is told in some step."""
-    told = [r.signal for s in found.steps for r in s.readings[:READINGS]]
-    for index, name in enumerate(dict.fromkeys(told)):
+    """One picture per signal that is listed in some step."""
+    listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
+    for index, name in enumerate(listed):
         yield _picture(found, ruleset.signal_by_id[name], index)
 
 
 def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
-    """What each explanation foretells of a signal, less what the likeliest does, in each step in
-    which it is foretold."""
-    told = {
+    """The prediction of a signal by each explanation minus that of the most probable one, in each
+    step with a prediction."""
+    predicted = {
         float(place): reading
         for place, step in enumerate(found.steps, start=1)
         for reading in step.readings
         if reading.signal == signal.id
     }
-    values = np.array([r.values for r in told.values()]) / signal.factor
-    spread = 2.0 * np.array([r.spread for r in told.values()]) / abs(signal.factor)
+    values = np.array([r.values for r in predicted.values()]) / signal.factor
+    spread = 2.0 * np.array([r.spread for r in predicted.values()]) / abs(signal.factor)
     off = values - values[:, :1]
-    count, steps, last = len(found.standing), np.array(list(told)), len(found.steps)
+    count, steps, last = len(found.standing), np.array(list(predicted)), len(found.steps)
     across = Axis(0.5, last + 0.5, tuple(float(place) for place in range(1, last + 1)))
     panel = Panel(across, axis(float(np.min(off - spread)), float(np.max(off + spread)), 5), 240)
     bars, marks = [], []
     for own in range(count):
-        x = steps + SPREAD / max(count, FEWEST_SPREAD) * (own - (count - 1) / 2.0)
+        x = steps + SPREAD / max(count, 3) * (own - (count - 1) / 2.0)
         style, shape = f"s{own % 6}", list(SYMBOLS)[own % len(SYMBOLS)]
         low, high = (off - spread)[:, own], (off + spread)[:, own]
         bars.append(panel.bars(x, low, high, style))

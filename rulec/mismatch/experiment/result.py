@@ -1,5 +1,5 @@
-"""An experiment: what stands, which steps tell it apart, and what is read if each is true; with its
-JSON form, and the explanations as a mismatch left them."""
+"""An experiment: possible explanations, the steps that discriminate between them, and the predicted
+readings; with its JSON form, and the explanations as a mismatch left them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rulec.mismatch.refused import ExperimentRefused
 
 @dataclass(frozen=True)
 class Reading:
-    """What a signal shows in a step under each explanation, SI, how far the explanations are apart,
+    """Predictions of a signal in a step by each explanation, SI, the distance between explanations
     in units of the noise of one mean, and the standard deviation of each, SI."""
 
     signal: str
@@ -35,12 +35,12 @@ class Reading:
 
 @dataclass(frozen=True)
 class Step:
-    """An operating point to hold: from when until when, s; inputs, SI; what is read, the most
-    telling signal first.
+    """An operating point to hold, with its time span, s, its inputs, SI, and its readings, the most
+    significant signal first.
 
-    The way there takes `ramp`, s, of that time. It tells the explanations apart, or `covers` what
-    may be set. `costs` names inputs and modules that cost product,
-    `at_end` inputs with the end of what may be set that they are at.
+    The way there takes `ramp`, s, of that time. A step discriminates between explanations, or
+    `covers` the range. `costs` names inputs and modules that cost product, `at_end` inputs at an
+    end of their range.
     """
 
     since: float
@@ -56,19 +56,17 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """What to run, and what is known behind it.
+    """What to run, and the knowledge behind it.
 
-    `certainty` is the probability that the true explanation can be expected to have before the
-    first step and after each that tells explanations apart; those that cover come last and are not
-    counted. `unlisted` is the probability that it is none of `standing`: there it
-    has none. `factors`, shape (explanations, explanations), are expected log Bayes factors of all
-    steps, nats; `set_by` the inputs with the range within which they were chosen,
-    SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
-    which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
-    that no explanation foretells. `time_is_short`: longer experiments tell more.
-    `left_out` still stand and are not foretold: they switched with set points.
-    `sensors` would tell apart what these steps do not. `sample` is the usual time between two
-    samples of the recording, s; `read` what an equation or an explanation reads.
+    `certainty` is the expected probability of the true explanation before the first step and after
+    each that discriminates; steps that cover come last and do not count. `unlisted` is the
+    probability that none of `standing` is true. `factors`, shape (explanations, explanations), are
+    expected log Bayes factors of all steps, nats. `set_by` are inputs with the range from which
+    they were chosen, SI, and `present` their last values. With `limited`, these ranges and readings
+    have limits: `hindering` are readings whose limits forbid better steps, `unwatched` those that
+    no explanation predicts. `time_is_short`: longer experiments would be better. `left_out` remain
+    possible but are not predicted, as they switched with set points. `sensors` would distinguish
+    what these steps do not. `sample` is the usual time between two samples of the recording, s.
     """
 
     standing: tuple[CandidateSet, ...]
@@ -88,12 +86,12 @@ class Experiment:
 
     @property
     def telling(self) -> tuple[Step, ...]:
-        """The steps that tell explanations apart."""
+        """The steps that discriminate between explanations."""
         return tuple(step for step in self.steps if not step.covers)
 
     @property
     def headline(self) -> str:
-        """What the experiment is worth, in one sentence."""
+        """The value of the experiment, in one sentence."""
         steps = counted(len(self.steps), "step")
         if len(self.standing) == 1:
             if not self.steps:
@@ -118,7 +116,7 @@ class Experiment:
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:
-        """Explanations that these steps do not tell apart, by their numbers."""
+        """Explanations that these steps do not distinguish, by their numbers."""
         return alike(self.factors)
 
 
@@ -130,20 +128,20 @@ def alike(factors: Array) -> tuple[tuple[int, int], ...]:
 
 
 def in_words(one: CandidateSet) -> str:
-    """What a set of explanations says."""
+    """A set of explanations in words."""
     return " and ".join(one.titles) or "nothing is missing"
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit in which it is told best."""
+    """A time in the most suitable unit."""
     if seconds < 120.0:
         return f"{seconds:.3g} s"
     return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
 
 
 def standing_of(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ...]:
-    """What a mismatch left standing; `file` is its name. Raises ExperimentRefused where it does not
-    say."""
+    """The explanations that a mismatch left possible; `file` is its name. Raises ExperimentRefused
+    if the file does not say."""
     try:
         found = tuple(_one(one) for one in data["standing"])
     except (LookupError, TypeError, ValueError, AttributeError):
@@ -179,7 +177,7 @@ def _one(data: dict[str, Any]) -> CandidateSet:
 
 
 ROWS = (10, 600)
-"""Fewest and most rows of the input file for each step."""
+"""Fewest and most rows per step in the file of inputs."""
 
 
 def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
@@ -250,14 +248,13 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
 
 
 def _shown(signal: SignalSpec, value: float) -> float:
-    """A value, SI, in the signal's unit, without what changing units leaves behind the tenth digit:
-    14 L/h, and not 14.000000000000002."""
+    """A value, SI, in the signal's unit, rounded to ten digits: 14 L/h, not 14.000000000000002."""
     return float(f"{signal.shown(value):.10g}")
 
 
 def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
-    """A recording of what is set, for `rulec simulate`, sampled as the last one was; what nobody
-    sets is as it can be expected."""
+    """A recording of the inputs for `rulec simulate`, sampled like the last one; other readings
+    have their expected values."""
     signals = ruleset.signal_by_id
     names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
     lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]

@@ -1,9 +1,9 @@
-"""Where no set points tell explanations apart: the cheapest sensor that would.
+"""The cheapest sensor for explanations that no set points distinguish.
 
-Looked at are a second reading of every signal that an estimate uses, and a flow meter in each
-module, as for faults (`rulec/passes/cheapest.py`). Each explanation says what such a sensor would
-have read at the recorded operating points; those are apart where the difference exceeds the class
-of the sensor and the doubt of both explanations, as if they shared none of it.
+Candidates are a second reading of every signal that an estimate uses, and a flow meter in each
+module, as for faults (`rulec/passes/cheapest.py`). Each explanation predicts the readings of such a
+sensor at the recorded operating points. They differ if the distance exceeds the class of the sensor
+and the uncertainty of both explanations, taken as independent.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from rulec.mismatch.search.settled.geometry import Geometry, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 
 Quantity = tuple[str, str]
-"""A module, and its own signal; no signal for the flow through it."""
+"""A module and its signal; an empty signal for the flow through the module."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A sensor that could be read: `quantity` is what, `title` the words for it.
+    """A possible sensor: `quantity` is what it reads, `title` its description.
 
     Values are shown in `unit`, SI = shown * `factor`; `cost` is relative to a pressure transmitter.
     """
@@ -47,9 +47,9 @@ class Sensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Advised:
-    """A sensor that tells two explanations apart, by their numbers: what it reads under each, and
-    its standard uncertainty, SI, at the recorded inputs `at`, SI, where it tells most; `apart` in
-    standard deviations."""
+    """A sensor that distinguishes two explanations, by their numbers: its reading under each and
+    its standard uncertainty, SI, at the recorded inputs `at`, SI, where they differ most; `apart`
+    in standard deviations."""
 
     pair: tuple[int, int]
     sensor: Sensor
@@ -62,26 +62,26 @@ class Advised:
 def advised(
     geometry: Geometry, models: Sequence[Model], pairs: Sequence[tuple[int, int]]
 ) -> tuple[Advised, ...]:
-    """Sensors that tell pairs apart, of each pair the cheapest first."""
+    """Sensors that distinguish pairs, the cheapest first for each pair."""
     system = geometry.rows.system
     claims = {number: _claims(system, models[number]) for number in {n for p in pairs for n in p}}
     sensors, found = list(_sensors(system)), list[Advised]()
     for pair in pairs:
         judged = [_judged(system, sensor, pair, *(claims[n] for n in pair)) for sensor in sensors]
-        told = [a for a in judged if a.apart**2 / 2.0 >= limits.TOLD_APART]
-        found += sorted(told, key=lambda a: (a.sensor.cost, -a.apart))
+        clear = [a for a in judged if a.apart**2 / 2.0 >= limits.TOLD_APART]
+        found += sorted(clear, key=lambda a: (a.sensor.cost, -a.apart))
     return tuple(found)
 
 
 Claims = Mapping[Quantity, tuple[Array, Array]]
-"""Of each quantity what an explanation says at the recorded points, SI, and its standard
-uncertainty by the doubt of all its numbers, shape (points,) each."""
+"""Predictions of each quantity at the recorded points, SI, and their standard uncertainty, shape
+(points,) each."""
 
 
 def _judged(
     system: System, sensor: Sensor, pair: tuple[int, int], first: Claims, second: Claims
 ) -> Advised:
-    """How far a sensor tells a pair apart where it tells most."""
+    """The distance of a pair by a sensor, at the point where it is largest."""
     (a, u_a), (b, u_b) = first[sensor.quantity], second[sensor.quantity]
     own = np.array([sensor.kind.uncertainty(sensor.full_scale, float(v)) for v in a])
     apart = np.nan_to_num(np.abs(a - b) / np.sqrt(own**2 + u_a**2 + u_b**2))
@@ -98,7 +98,7 @@ def _judged(
 
 
 def _claims(system: System, model: Model) -> Claims:
-    """All that one explanation says of quantities at the recorded points."""
+    """All predictions of one explanation at the recorded points."""
     solution, known = solved(model)
     numbers = np.arange(len(model.at))
     numbers = np.concatenate([numbers, *(columns_of(model, term) for term in model.terms)])
@@ -115,7 +115,7 @@ def _claims(system: System, model: Model) -> Claims:
 
 
 def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
-    """Values of all quantities at some numbers of a model: its own, then those of its terms."""
+    """Values of all quantities for given numbers of a model: its own, then those of its terms."""
     builder, count = system.builder, len(model.prior.names)
     values = dict(zip(model.prior.names, at[:count].tolist(), strict=True))
     setting = replace(model.setting, values={**model.setting.values, **values})
@@ -130,7 +130,7 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
             spots.append(changed.id)
             inputs[changed.unknown] = shift
         else:
-            # Of a parameter it is the change that is unknown.
+            # The unknown of a parameter is its change.
             name = changed.unknown.removesuffix(CHANGE)
             inputs[name] = inputs[name] + shift
         if changed.kind == "signal":
@@ -174,26 +174,26 @@ def _sensors(system: System) -> Iterator[Sensor]:
 
 
 def _flow_meter(system: System, module: Module) -> Iterator[Sensor]:
-    """The one that the type declares, or else the cheapest of a class that measures flows."""
+    """The flow meter that the type declares, else one of the cheapest class that measures flows."""
     knowledge = system.builder.network.plant.knowledge
     classes, quantities = knowledge.sensors, knowledge.units.quantities
-    name, of_flow = module.name, VOLUME_FLOW
-    declared = [s for s in module.type.signals.values() if s.unit.dimension == of_flow]
+    name = module.name
+    declared = [s for s in module.type.signals.values() if s.unit.dimension == VOLUME_FLOW]
     if any(f"{name}.{s.name}" in system.shared for s in declared):
         return
     fitting = [
         (c, None, "l/h", 1e-3 / 3600.0)
         for c in sorted(classes.values(), key=lambda c: c.cost)
-        if quantities.get(c.measures) == of_flow and c.kind != "full scale"
+        if quantities.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
     ]
     own = [(classes[s.sensor], s.full_scale, s.unit.text, s.unit.factor) for s in declared]
     for kind, full_scale, unit, factor in [*own, *fitting][:1]:
-        readings = [f"{name}.{s.name}" for s in declared[:1]]
-        recorded = [r for r in readings if np.isfinite(system.data.values.get(r, np.nan)).any()]
-        used = [f"{r}, which is recorded and which no relation uses" for r in recorded]
+        reading = f"{name}.{declared[0].name}" if declared else ""
+        recorded = bool(np.isfinite(system.data.values.get(reading, np.nan)).any())
+        unused = f"{reading}, which is recorded and which no relation uses"
         yield Sensor(
             quantity=(name, ""),
-            title=(used or [f"a flow meter in {name}"])[0],
+            title=unused if recorded else f"a flow meter in {name}",
             kind=kind,
             full_scale=full_scale,
             unit=unit,

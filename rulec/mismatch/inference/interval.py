@@ -1,4 +1,4 @@
-"""How certain a value is, and what it is confounded with."""
+"""How certain a value is, and with what it is confounded."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def profile(line: Line) -> tuple[float, float]:
 
 
 def _end(line: Line, side: float) -> float:
-    """Where the likelihood has fallen by enough, on one side; at most the end of the range."""
+    """Where the likelihood has fallen by enough on one side, within the range."""
     reach = line.value - line.lowest if side < 0 else line.highest - line.value
     pace = line.pace
     step, inside, outside = min(common.NORMAL_95 * line.u, reach), 0.0, np.inf
@@ -50,7 +50,7 @@ def _end(line: Line, side: float) -> float:
 def confounded(
     names: Sequence[str], covariance: Array, unknowns: frozenset[str]
 ) -> tuple[Confounded, ...]:
-    """Unknowns of explanations that go along with another value, the most correlated first.
+    """Unknowns of explanations that correlate with another value, the most correlated first.
 
     `covariance`, shape (names, names), is that of the values with these names.
     """

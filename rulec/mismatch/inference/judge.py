@@ -1,7 +1,8 @@
-"""What a replay of a recording is judged to be: weighed as the search does, to first order.
+"""The verdict on a replay of a recording, with the weights of the search, to first order.
 
 All is linear: values, errors of form and of sensors are normal with the precision of the model,
-noise is Student as in the search. So one table of products judges any number of replays.
+noise has a Student distribution as in the search. So one table of products serves any number of
+replays.
 
 Source: O'Hagan and Forster 2004, 9 (a linear model with normal priors); Huber 1981, 7.8 (residuals
 replaced by their score: robust fits with one normal matrix).
@@ -31,7 +32,7 @@ from rulec.mismatch.search.tolerance import Tolerance, least_beyond
 
 @dataclass(frozen=True)
 class Judged:
-    """What replays are judged to be; all of shape (..., replays), shares of one.
+    """Posterior probabilities in replays, all of shape (..., replays).
 
     `nothing` is that nothing is missing, `columns` are those of single columns, `terms` those of
     terms without a name.
@@ -46,7 +47,7 @@ class Judged:
 class Judge:
     """Weighs nothing, each column of each candidate, and each term without a name, in any replay.
 
-    `candidates` is how many there are in the plant.
+    `candidates` is their number in the plant.
     """
 
     geometry: Evidence
@@ -75,38 +76,32 @@ class Judge:
 
     @cached_property
     def _solved(self) -> Array:
-        """What turns residuals into the values fitted to them, shape (values, rows)."""
+        """Maps residuals to the values fitted to them, shape (values, rows)."""
         table, weights = self.model.table, self.model.weights
         normal = table.T @ (table * weights[:, None]) + self.model.precision
         unit = np.sqrt(np.diag(normal))
         scaled = normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
-        solved: Array = (
-            -np.linalg.solve(scaled, (table / unit * weights[:, None]).T) / unit[:, None]
-        )
-        return solved
+        solution = np.linalg.solve(scaled, (table / unit * weights[:, None]).T)
+        return np.asarray(-solution / unit[:, None])
 
     def _free(self, columns: Array) -> Array:
-        """Columns, shape (rows, columns), weighted, with what values imitate taken off."""
-        imitated = self.model.table @ (self._solved @ columns)
-        free: Array = self.model.weights[:, None] * (columns + imitated)
-        return free
+        """Columns, shape (rows, columns), weighted, without the part that values can fit."""
+        fitted = self.model.table @ (self._solved @ columns)
+        return np.asarray(self.model.weights[:, None] * (columns + fitted))
 
     @cached_property
     def _shown(self) -> Array:
-        """The columns with what values imitate taken off, weighted, shape (rows, columns)."""
-        shown: Array = self._free(self.rows)
-        return shown
+        return self._free(self.rows)
 
     @cached_property
     def _gram(self) -> Array:
-        gram: Array = np.maximum(np.sum(self.rows * self._shown, axis=0), 1e-12)
-        return gram
+        return np.asarray(np.maximum(np.sum(self.rows * self._shown, axis=0), 1e-12))
 
     @cached_property
     def alike(self) -> NDArray[np.bool_]:
-        """Columns that show the same beside all else, shape (columns, columns).
+        """Columns with the same signature, apart from all else, shape (columns, columns).
 
-        Those that show the other way round do so only where their amplitudes may have either sign.
+        Columns with opposite signatures are alike only if their amplitudes may have either sign.
         """
         products = self.rows.T @ self._shown
         cosine = products**2 / np.outer(self._gram, self._gram)
@@ -118,7 +113,7 @@ class Judge:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Terms that hold a column as a special case, shape (columns, terms)."""
+        """Terms that contain a column as a special case, shape (columns, terms)."""
         size = np.sum(self.rows**2, axis=0)
         held = np.zeros((len(self.columns), len(self.terms)), dtype=bool)
         for i, columns in enumerate(self._terms):
@@ -128,20 +123,21 @@ class Judge:
 
     @cached_property
     def odds(self) -> Array:
-        """Log odds of each column before the recording, as the search counts them.
+        """Prior log odds of each column, as in the search.
 
-        One as it was found is the same law as those at which it is begun, with its bend.
+        A column without start values is of an explanation as found in a refitted set: the same law
+        as the columns from which its fit started, with its bend.
         """
         ways = Counter(
-            (c.candidate.id, c.name, c.since is None, _as_found(c)) for c in self.columns
+            (c.candidate.id, c.name, c.since is None, not c.values) for c in self.columns
         )
         found = []
         for c in self.columns:
             begins = c.since is not None or c.course is not None
-            count = float(ways[c.candidate.id, c.name, c.since is None, _as_found(c)])
+            count = float(ways[c.candidate.id, c.name, c.since is None, not c.values])
             # Onsets are columns of their own, each with the price of an onset.
             count = count if c.since is None else max(count / of_search.ONSETS, 1.0)
-            if ways[c.candidate.id, c.name, c.since is None, not _as_found(c)]:
+            if ways[c.candidate.id, c.name, c.since is None, bool(c.values)]:
                 count *= 2.0
             price = float(np.log(count)) + begins * float(np.log(of_search.ONSETS))
             price += of_search.COMMON * bool(c.candidate.members)
@@ -150,8 +146,8 @@ class Judge:
 
     @cached_property
     def sizes(self) -> tuple[Array, Array, Array]:
-        """What is known of each amplitude, SI, shape (columns,) each: a Student distribution about
-        a usual size of either sign, with a width, and its degrees of freedom."""
+        """The prior of each amplitude, SI, shape (columns,) each: a Student distribution about a
+        usual size of either sign, with a width, and its degrees of freedom."""
         every = [self.geometry.size(c.candidate, c.amplitude) for c in self.columns]
         known = np.array([np.isfinite(size.width) for size in every], dtype=bool)
         usual = np.where(known, [size.usual for size in every], 0.0)
@@ -160,8 +156,8 @@ class Judge:
 
     @cached_property
     def widths(self) -> tuple[Array, Array]:
-        """Widths of normal distributions that together are the Student distribution of each
-        amplitude, in its own width, and their log shares, shape (widths, columns)."""
+        """Widths of a mixture of normal distributions that approximates the Student distribution of
+        each amplitude, in its own width, and their log shares, shape (widths, columns)."""
         freedom, widths = self.sizes[2], np.array(limits.WIDTHS)
         ends = np.sqrt(widths[1:] * widths[:-1])
         below = gammainc(freedom / 2.0, freedom / 2.0 / ends[:, None] ** 2)
@@ -170,13 +166,13 @@ class Judge:
 
     @cached_property
     def ends(self) -> tuple[Array, Array]:
-        """How far each amplitude may be off its null, SI, shape (columns,) each."""
+        """The range of each amplitude relative to its null, SI, shape (columns,) each."""
         null = np.array([c.amplitude.null or 0.0 for c in self.columns])
         low = np.array([c.amplitude.lowest for c in self.columns]) - null
         return low, np.array([c.amplitude.highest for c in self.columns]) - null
 
     def judged(self, replays: Array) -> Judged:
-        """Shares of all explanations; `replays` as drawn, shape (rows, replays)."""
+        """Probabilities of all explanations; `replays` as drawn, shape (rows, replays)."""
         clean, more = self._scored(replays)
         moment = self._shown.T @ clean
         columns = self._evidence(moment)
@@ -189,7 +185,7 @@ class Judge:
 
     @cached_property
     def _least(self) -> Array:
-        """The size from which on each column stands out, SI, shape (columns,)."""
+        """The smallest size at which each column is significant, SI, shape (columns,)."""
         off_by = Tolerance(self.geometry, self.model).off_by
         sorts = (
             (self.geometry.of_reading(c.candidate), c.since is not None or c.course is not None)
@@ -199,14 +195,13 @@ class Judge:
         return np.array([least_beyond(self.geometry, c.rows, off_by[own]) for c, own in every])
 
     def _scored(self, replays: Array) -> tuple[Array, Array]:
-        """Replays in which residuals are replaced by their score, with the best column fitted, or
-        nothing, where that is likelier; and by how much nothing is likelier than it shows there,
-        nats, shape (replays,).
+        """Replays in which residuals are replaced by their score, with nothing or, if that is more
+        probable, with the best column fitted; and by how much nothing is more probable than it
+        appears there, nats, shape (replays,).
 
-        So each counts as it does by the Student distribution, and all by the same weights.
+        So each replay has the Student likelihood, with the same weights for all.
         """
-        none = np.zeros_like(replays)
-        clean, bare = self._fitted(replays, none)
+        clean, bare = self._fitted(replays, np.zeros_like(replays))
         more = np.zeros(replays.shape[1])
         if not self.columns:
             return clean, more
@@ -224,16 +219,16 @@ class Judge:
         return np.where(taken, with_best, clean), more
 
     def _best_sizes(self, replays: Array) -> tuple[Array, Array]:
-        """The likeliest size of each column within its range, SI, and the log odds it would gain
-        there; shape (columns, replays) both."""
+        """The most probable size of each column within its range, SI, and its gain of log odds;
+        both of shape (columns, replays)."""
         low, high = self.ends
         moment, gram = self._shown.T @ replays, self._gram[:, None]
         size = np.clip(-moment / gram, low[:, None], high[:, None])
         return size, -(0.5 * gram * size + moment) * size + self.odds[:, None]
 
     def _fitted(self, replays: Array, shift: Array) -> tuple[Array, Array]:
-        """Replays with residuals replaced by their score where `shift`, of the same shape, is
-        added, and their log likelihood with all values fitted, shape (replays,)."""
+        """Replays with `shift` added, of the same shape, and residuals replaced by their score, and
+        their log likelihood with all values fitted, shape (replays,)."""
         model, clean, likely = self.model, replays, np.zeros(0)
         for _ in range(limits.SCORED):
             values = self._solved @ (clean + shift)
@@ -245,8 +240,8 @@ class Judge:
         return clean, likely
 
     def _evidence(self, moment: Array) -> Array:
-        """Log odds of each column, amplitudes integrated out within their range, shape (columns,
-        replays), by its moments of the same shape; what cannot count has none."""
+        """Log odds of each column with amplitudes integrated out within their range, shape
+        (columns, replays), by its moments of the same shape; -inf for negligible ones."""
         best = 0.5 * moment**2 / self._gram[:, None] + self.odds[:, None]
         least = np.maximum(best.max(axis=0, initial=0.0) - limits.FAR_BEHIND, limits.CANNOT_COUNT)
         i, replay = np.nonzero(best > least)
@@ -269,9 +264,9 @@ class Judge:
 
     @cached_property
     def _turned(self) -> tuple[Array, Array, NDArray[np.intp], Array]:
-        """Directions of all terms that values do not imitate, weighted, shape (rows, directions),
-        what the rows tell of each, shape (directions, 1), the first one of each term, and log odds
-        of the terms before the recording, shape (terms, 1)."""
+        """Principal directions of all terms without the part that values can fit, weighted, shape
+        (rows, directions), the information of the rows on each, shape (directions, 1), the first
+        direction of each term, and prior log odds of the terms, shape (terms, 1)."""
         ways, shown, own, odds = Counter((t.spot, t.driver) for t in self.terms), [], [], []
         for term, columns in zip(self.terms, self._terms, strict=True):
             free = self._free(columns)
@@ -293,30 +288,23 @@ class Judge:
         for size in of_search.TERM_SIZES:
             each = square / (own + size**-2.0) - np.log1p(own * size**2)
             gains.append(0.5 * np.add.reduceat(each, first))
-        gained: Array = np.logaddexp.reduce(gains) + odds
-        return gained
-
-
-def _as_found(column: Column) -> bool:
-    """Is it a column of an explanation as it stands in a refitted set?"""
-    return not column.values
+        return np.asarray(np.logaddexp.reduce(gains) + odds)
 
 
 def _log_between(low: Array, high: Array) -> Array:
-    """Logarithm of what a standard normal distribution has between two ends."""
+    """Log probability of a standard normal distribution between two ends."""
     turned = low > 0.0
     low, high = np.where(turned, -high, low), np.where(turned, -low, high)
     upper = log_ndtr(high)
-    between: Array = upper + np.log1p(-np.exp(np.minimum(log_ndtr(low) - upper, -1e-12)))
-    return between
+    return np.asarray(upper + np.log1p(-np.exp(np.minimum(log_ndtr(low) - upper, -1e-12))))
 
 
 @dataclass(frozen=True)
 class ReplayVerdicts:
-    """What is told in each replay, shape (replays,).
+    """The verdict in each replay, shape (replays,).
 
-    `best` is the number of the column that its class is told by, or behind the last one that of a
-    term without a name; `sure` flags where its class has enough.
+    `best` is the number of the column that represents the most probable class, or behind the last
+    one that of a term without a name; `sure` flags classes with enough probability.
     """
 
     best: NDArray[np.intp]
@@ -324,10 +312,10 @@ class ReplayVerdicts:
 
 
 def replay_verdicts(judge: Judge, judged: Judged) -> ReplayVerdicts:
-    """The class of the most probable explanation of each replay, and whether it is sure.
+    """The class of the most probable explanation of each replay, and whether it is certain.
 
-    Columns that show the same are one class, with all columns of the same candidate, and with what
-    has no name and holds it as a special case.
+    A class consists of columns with the same signature, all columns of the same candidate, and
+    terms without a name that contain them as a special case.
     """
     every, count = np.arange(len(judged.nothing)), len(judge.columns)
     _, number = np.unique(judge.owner, return_inverse=True)

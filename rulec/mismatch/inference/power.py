@@ -1,7 +1,7 @@
-"""How often this recording would tell an effect: the plant's own model replays it.
+"""How often this recording would reveal an effect, in replays by the plant's own model.
 
-With nothing missing, and with each explanation that stands or is asked for concealed in it. No
-sample of the real recording decides here: only its inputs, its noise, and what is known before.
+Replays contain nothing, or one of the possible or requested explanations. No sample of the real
+recording decides here: only its inputs, its noise, and prior knowledge.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ NAMELESS = "something without a name"
 
 
 def called_missing(judge: Judge, replays: Array) -> int:
-    """In how many replays, shape (rows, replays), something is said to be missing."""
+    """The number of replays, shape (rows, replays), in which something counts as missing."""
     judged = judge.judged(replays)
     missing = (judged.nothing < of_search.LIKELIER) | replay_verdicts(judge, judged).sure
     return int(missing.sum())
@@ -44,31 +44,31 @@ def called_missing(judge: Judge, replays: Array) -> int:
 def asked_of(
     judge: Judge, concealed: Sequence[int], size: float, count: int
 ) -> tuple[int, Counter[str]]:
-    """In how many replays an effect of a size, SI, is told, and what else is, by its title.
+    """The number of replays in which an effect of a size, SI, is found, and what else is found, by
+    title.
 
-    `concealed` are the numbers of its columns. A shape that is not known is another one in each
-    replay, as likely as it was before.
+    `concealed` are the numbers of its columns. An unknown shape is drawn anew in each replay, by
+    its prior.
     """
     rng = np.random.default_rng(1)
     own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     drawn = rng.choice(own, count, p=share / share.sum())
     shift = judge.rows[:, drawn] * size
-    told = replay_verdicts(
-        judge, judge.judged(Replayer(judge.geometry, judge.model).drawn(count, shift))
-    )
+    replays = Replayer(judge.geometry, judge.model).drawn(count, shift)
+    verdicts = replay_verdicts(judge, judge.judged(replays))
+    best, sure = verdicts.best, verdicts.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
-    named = told.best < len(judge.columns)
-    known = np.where(named, told.best, 0)
-    right = named & ((names[told.best] == judge.owner[own[0]]) | judge.alike[known, drawn])
+    named = best < len(judge.columns)
+    known = np.where(named, best, 0)
+    right = named & ((names[best] == judge.owner[own[0]]) | judge.alike[known, drawn])
     titles = {c.candidate.id: titled_with_module(c.candidate) for c in judge.columns}
-    wrong = told.best[told.sure & ~right]
-    other = Counter(titles.get(str(names[b]), NAMELESS) for b in wrong)
-    return int((told.sure & right).sum()), other
+    other = Counter(titles.get(str(names[b]), NAMELESS) for b in best[sure & ~right])
+    return int((sure & right).sum()), other
 
 
 def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | None:
-    """The smallest size, SI, that is told in enough of the replays; None where none is."""
+    """The smallest size, SI, that is found in enough of the replays; None if there is none."""
     end = judge.ends[1 if usual > 0.0 else 0][concealed[0]]
     count = limits.SEEN_REPLAYS
 
@@ -94,8 +94,8 @@ def seen_from(judge: Judge, concealed: Sequence[int], usual: float) -> float | N
 
 
 def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
-    """Columns of explanations, by their ids, as they stand in the most probable set that has them,
-    each with its size, SI: there a law bends as it does at its size."""
+    """Columns of explanations by id, as found in the most probable set with them, each with its
+    size, SI: laws are linearised at that size."""
     found: dict[str, tuple[Column, float]] = {}
     odds = posterior.odds
     for names in sorted(odds, key=lambda names: (-odds[names], sorted(names))):
@@ -109,7 +109,7 @@ def found_columns(posterior: Posterior) -> dict[str, tuple[Column, float]]:
 def _as_found(
     geometry: Evidence, model: Model, candidate: Candidate
 ) -> tuple[Column, float] | None:
-    """What an explanation changes in a model that has it, as one column of its first amplitude."""
+    """The effect of an explanation in a model that has it, as one column of its first amplitude."""
     first, size = None, 0.0
     for unknown in (u for u in candidate.unknowns if u.null is not None and not u.fixed):
         for i in places_of(model, unknown.id):
@@ -138,7 +138,7 @@ def _as_found(
 
 
 def judge_of(posterior: Posterior) -> Judge:
-    """Who judges replays of a recording."""
+    """The judge of replays of a recording."""
     geometry = posterior.geometry
     model = without_explanations(geometry, posterior.models[posterior.told])
     found = [column for column, _ in found_columns(posterior).values()]
@@ -153,7 +153,7 @@ def judge_of(posterior: Posterior) -> Judge:
 
 
 def _tried(geometry: Evidence, model: Model) -> tuple[list[Column], list[Term]]:
-    """What a search would try beside a model."""
+    """What a search would try in addition to a model."""
     if isinstance(geometry, StoresGeometry):
         return of_stores.columns(geometry, model), nameless.terms(geometry, model)
     assert isinstance(geometry, Geometry)
@@ -163,10 +163,10 @@ def _tried(geometry: Evidence, model: Model) -> tuple[list[Column], list[Term]]:
 def self_proof(
     posterior: Posterior, every: Sequence[Candidate], asked: Sequence[str] = ()
 ) -> SelfProof:
-    """How often something is told in replays: with nothing missing, and with effects concealed.
+    """How often something is found in replays: with nothing missing, and with effects concealed.
 
-    `asked` are ids of some of `every` candidate of the plant; without any, what stands with a
-    probability that is mentioned.
+    `asked` are ids of some of `every` candidate of the plant; without any, all explanations that
+    are probable enough to be mentioned.
     """
     names = posterior.names
     likely = [n for n in sorted(names, key=lambda n: -names[n]) if names[n] >= common.MENTIONED]
@@ -177,22 +177,21 @@ def self_proof(
     none = np.zeros((len(judge.model.left), 1))
     replays = Replayer(judge.geometry, judge.model).drawn(limits.REPLAYS, none)
     titles = {c.id: titled_with_module(c) for c in every}
-    effects = [_seen(judge, id_, sizes, titles.get(id_, id_)) for id_ in ids]
     return SelfProof(
         replays=limits.REPLAYS,
         called_missing=called_missing(judge, replays),
-        effects=tuple(effects),
+        effects=tuple(_detectability(judge, i, sizes, titles.get(i, i)) for i in ids),
     )
 
 
-def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Detectability:
-    """How often one effect is told; what no reading shows has no size."""
+def _detectability(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Detectability:
+    """How often one effect is found; an effect without influence on readings has no size."""
     own = [i for i, c in enumerate(judge.columns) if c.candidate.id == id_]
     if not own:
         return Detectability(id=id_, title=title)
     first = judge.columns[own[0]]
     size = found.get(id_)
-    # What was found comes first.
+    # The column as found comes first.
     same = [i for i in own if judge.columns[i].amplitude.id == first.amplitude.id]
     concealed = same if size is None else own[:1]
     usual = _usual(judge, own[0], size)
@@ -216,7 +215,7 @@ def _seen(judge: Judge, id_: str, found: Mapping[str, float], title: str) -> Det
 
 
 def _usual(judge: Judge, column: int, found: float | None) -> float:
-    """The usual size of an amplitude, SI, of the sign that was found, or else may be."""
+    """The usual size of an amplitude, SI, with the sign found, else a possible one."""
     one, (low, high) = judge.columns[column], judge.ends
     size = judge.geometry.size(one.candidate, one.amplitude)
     most = size.usual or size.scale

@@ -1,4 +1,5 @@
-"""Errors of the model as shipped, recalibrated and repaired, on samples that it never saw."""
+"""Errors of the shipped, the recalibrated and the repaired model, on samples held out from the
+fit."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from rulec.mismatch.result import Errors, Fit
 
 @dataclass(frozen=True)
 class Proof:
-    """The fit of one reading as shown, and what the three models predict.
+    """The fit of one reading as shown, and the predictions of the three models.
 
     `judged`, shape (n,), flags samples whose errors count.
     """
@@ -37,9 +38,9 @@ def fit_of(
 
     Parameters
     ----------
-    errors : predicted less measured of shipped, recalibrated and repaired model, SI, shape (n,).
+    errors : predicted minus measured of shipped, recalibrated and repaired model, SI, shape (n,).
     noise : root mean square of the noise of the reading in both parts, SI.
-    parts : flags of the samples that were open, and of those that were held out, shape (n,).
+    parts : flags of the open and of the held-out samples, shape (n,).
     explained : errors of the whole explanation in both parts, as shown.
     """
     known = np.all([np.isfinite(e) for e in errors], axis=0)
@@ -67,12 +68,12 @@ def fit_of(
 
 
 def rms(values: Array) -> float:
-    """Root mean square of values, shape (n,); NaN of nothing."""
+    """Root mean square of values, shape (n,); NaN for none."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def gain_interval(before: Array, after: Array) -> tuple[float, float]:
-    """95 % interval of the fall of the error, as share of the error before; shape (n,) each.
+    """95 % interval of the fall of the error, as a share of the error before; shape (n,) each.
 
     Source: bootstrap over blocks of consecutive points (Kunsch 1989).
     """
@@ -89,9 +90,9 @@ def gain_interval(before: Array, after: Array) -> tuple[float, float]:
 
 
 def closed_share(errors: Errors) -> float:
-    """Share of what could be explained, in squares, that the repair explains.
+    """Share of the explainable squared error that the repair explains.
 
-    Below 0 it makes worse; NaN where nothing was held out, or nothing could be explained.
+    Negative if the repair makes it worse; NaN if nothing was held out or explainable.
     """
     explainable = errors.recalibrated**2 - errors.noise**2
     gained = errors.recalibrated**2 - errors.repaired**2

@@ -1,7 +1,7 @@
 """Replays of a recording by the plant's own model.
 
-Only what it was made with counts: its inputs, its noise, and how far sensors, parameters and laws
-may be off. What it shows does not.
+Only its conditions count: inputs, noise, and possible errors of sensors, parameters and laws. Its
+readings do not.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from rulec.mismatch.search.refit import Model
 
 
 def without_explanations(geometry: Evidence, model: Model) -> Model:
-    """A model with its values and its sizes of errors, but with nothing that explains.
+    """A model with its values and its sizes of errors, but without explanations.
 
-    What is believed once something was found is what replays: without it the same errors would
-    have to be larger.
+    Replays use the values believed with the explanations: without those, the same model would need
+    larger errors.
     """
     setting = model.setting
     for candidate in setting.joined:
@@ -59,7 +59,7 @@ class Replayer:
     def drawn(self, count: int, shift: Array, seed: int = 0) -> Array:
         """Residuals at the means of the values, shape (rows, count).
 
-        `shift`, shape (rows, 1) or (rows, count), is what a concealed effect changes in them.
+        `shift`, shape (rows, 1) or (rows, count), is the effect of a concealed explanation on them.
         """
         model = self.model
         rng = np.random.default_rng(seed)
@@ -69,5 +69,4 @@ class Replayer:
         normal = rng.standard_normal((len(unit), count))
         values = np.linalg.solve(lower.T, normal) / unit[:, None]
         noise = self.geometry.drawn(model.noise, count, rng)
-        residuals: Array = noise - model.table @ values - shift
-        return residuals
+        return np.asarray(noise - model.table @ values - shift)

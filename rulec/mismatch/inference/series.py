@@ -1,4 +1,4 @@
-"""What the three models predict, as a table, and the spans of time that were held out."""
+"""Predictions of the three models as a table, and the spans of time that were held out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MODELS = ("shipped", "recalibrated", "repaired")
 
 
 class Predicted(NamedTuple):
-    """What the models predict, SI, shape (n,) each."""
+    """Predictions of the models, SI, shape (n,) each."""
 
     shipped: Array
     recalibrated: Array
@@ -32,7 +32,7 @@ def course_of(signal: SignalSpec, measured: Array, predicted: Predicted) -> Cour
 
 
 def series_csv(series: Series | None) -> str:
-    """A row per sample; a cell is empty where nothing was read or predicted."""
+    """A row per sample; a cell is empty without a reading or prediction."""
     if series is None:
         return "time [s],heldout [1]\n"
     head = ["time [s]", "heldout [1]"]
@@ -43,15 +43,16 @@ def series_csv(series: Series | None) -> str:
     for course in series.courses:
         for name in ("measured", *MODELS):
             head.append(f"{course.signal} {name} [{course.unit}]")
-            columns.append([_cell(value) for value in getattr(course, name)])
+            values = getattr(course, name)
+            columns.append([f"{v:.9g}" if math.isfinite(v) else "" for v in values])
     rows = zip(*columns, strict=True)
     return "\n".join([row_of(head), *(",".join(row) for row in rows)]) + "\n"
 
 
 def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tuple[float, float]]:
-    """Spans of time, s, that hold the held-out samples and no other; both shape (n,).
+    """Spans of time, s, that contain exactly the held-out samples; both shape (n,).
 
-    They end midway to the neighbours: a sample may be the mean of some stretch about its time.
+    They end midway to the neighbours, as a sample may be a mean over some time around it.
 
     >>> heldout_spans(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), [False, True, True, False, True])
     [(0.5, 2.5), (3.5, 4.5)]
@@ -65,7 +66,3 @@ def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tup
     edges = np.concatenate([[first], middles, [last]])
     turns = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(float(edges[a]), float(edges[b])) for a, b in turns.reshape(-1, 2)]
-
-
-def _cell(value: float) -> str:
-    return f"{value:.9g}" if math.isfinite(value) else ""
