@@ -1,4 +1,4 @@
-"""What cannot be made of a recording; each message says why and what to do."""
+"""Refusals to compare or to plan; each message says why and what to do."""
 
 from __future__ import annotations
 

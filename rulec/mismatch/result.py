@@ -1,6 +1,6 @@
-"""What a comparison of simulation and recording found; terminal, JSON and page show it.
+"""The result of a comparison of simulation and recording, for terminal, JSON and page.
 
-Values are as shown, in their `unit`, times in s; arrays have shape (n,) where nothing else is said.
+Values are as shown, in their `unit`, times in s; arrays have shape (n,) unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Region:
-    """Readings of `variable` between `low` and `high` (None: open), where `share` of the mismatch
-    at a place lies."""
+    """Readings of `variable` between `low` and `high` (None: open) with a `share` of the mismatch
+    at a place."""
 
     variable: str
     low: float | None
@@ -36,8 +36,8 @@ class Region:
 
 @dataclass(frozen=True)
 class Beaten:
-    """A name that was tried in the place of a term without one: it fits worse by `nats`, most of
-    that in `region` (None: everywhere)."""
+    """A named effect that was tried instead of a term without a name: it fits worse by `nats`,
+    mostly in `region` (None: everywhere)."""
 
     effect: str
     title: str
@@ -47,13 +47,13 @@ class Beaten:
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """What is left out at a place over its driver.
+    """The missing term at a place over its driver.
 
-    `at`, `value` and `u` are the driver, what the law would have to add, from the level at which it
-    begins, and its standard uncertainty; `means`, shape (m, 3), the same of single operating
-    states. `monotone`: it turns back nowhere. `memory` is ``yes``, ``no`` or ``cannot be told``:
-    whether it matters from which side the driver came. `beaten` are names that were tried in its
-    place, the nearest first.
+    `at` is the driver, `value` the missing term relative to the level at which it begins, and `u`
+    its standard uncertainty; `means`, shape (m, 3), are the same for single operating states.
+    `monotone`: it has no turning point. `memory` is ``yes``, ``no`` or ``cannot be told``: whether
+    it matters from which side the driver came. `beaten` are named effects that were tried instead,
+    the nearest first.
     """
 
     driver: str
@@ -72,8 +72,8 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Location:
-    """A place that has `share` of the whole mismatch, where and when; `also` are places that no
-    residual tells from it. What has no name and follows a driver has a `shape`."""
+    """A place with a `share` of the whole mismatch, where and when; `also` are places that no
+    residual distinguishes from it. A term without a name that follows a driver has a `shape`."""
 
     module: str
     place: str
@@ -99,7 +99,8 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another explanation that fits about as well; one that is the `same` shows as the first."""
+    """Another explanation that fits about as well; one with the `same` signature looks like the
+    first."""
 
     id: str
     name: str
@@ -110,7 +111,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Rival:
-    """Something that must lose: its gain in log likelihood, to be compared with the finding's."""
+    """A rival that must lose: its gain in log likelihood, to be compared with the finding's."""
 
     title: str
     gain: float
@@ -118,8 +119,8 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True)
 class Growth:
-    """How a degree grows from nothing: `rate` per hour with standard uncertainty and 95 % bounds;
-    `u_since` is that of the onset."""
+    """Growth of a degree from zero: `rate` per hour with standard uncertainty and 95 % bounds;
+    `u_since` is the standard uncertainty of the onset."""
 
     rate: float
     u: float
@@ -130,8 +131,8 @@ class Growth:
 
 @dataclass(frozen=True)
 class Period:
-    """A fault was there at a degree: a share, or a size in `unit`. One with a `growth` was nothing
-    at `since` and reached its degree at `until`."""
+    """A period of a fault with a degree: a share, or a size in `unit`. With `growth`, it grew from
+    zero at `since` to its degree at `until`."""
 
     since: float
     until: float
@@ -145,13 +146,13 @@ class Period:
 class Finding:
     """An explanation.
 
-    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or ``structure`` (a column is
-    not what its header says, or a pipe not as the plant file does; `place` then holds ids of
-    signals or outlets). `gain` is its own in log likelihood, prices paid (of settled plants on
-    blocks that it was not fitted to, of plants that store on those it was); `rivals` lost. `closed`
-    is its share of the gains of all explanations. `members` are all modules where it acts alike,
-    empty for one alone. A curve of its shape without a name has the probability `shapeless`; that
-    only errors of laws and sensors are seen, `inexact`.
+    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or ``structure`` (a column
+    differs from its header, or a pipe from the plant file; `place` then holds ids of signals or
+    outlets). `gain` is its own gain in log likelihood after prices (of settled plants on held-out
+    blocks, of plants that store on fitted ones); `rivals` lost. `closed` is its share of the gains
+    of all explanations. `members` are all modules that it affects alike, empty for a single one.
+    `shapeless` is the probability of a curve of its shape without a name, `inexact` that only
+    errors of laws and sensors are present.
     """
 
     id: str
@@ -177,7 +178,8 @@ class Finding:
 
     @property
     def class_probability(self) -> float:
-        """That it is this one or one of those that no recording of this kind tells from it."""
+        """Probability of this explanation or one that no recording of this kind distinguishes from
+        it."""
         same = sum(a.probability for a in self.alternatives if a.same)
         return self.probability + self.shapeless + same
 
@@ -186,9 +188,9 @@ class Finding:
 class Errors:
     """Root mean square errors of a predicted signal.
 
-    `repaired` is that of the plant that `rulec adopt` writes; `explained` that of the whole
-    explanation, with what no model may hold (faults, sensors, courses in time), NaN where it was
-    not judged by this signal.
+    `repaired` is of the plant that `rulec adopt` writes; `explained` is of the whole explanation,
+    including what no model may hold (faults, sensors, courses in time), NaN if this signal was not
+    used to judge it.
     """
 
     shipped: float
@@ -201,11 +203,11 @@ class Errors:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """How well a predicted signal is met.
+    """How well a signal is predicted.
 
     `gain_interval` is the 95 % block-bootstrap interval of the fall of the held-out error by the
-    repair, as a share of the recalibrated error; `closed` the share of the explainable mismatch (in
-    squares) that is gone, held out. Errors are those of `simulated` plants, or else (and in the
+    repair, as a share of the recalibrated error; `closed` is the share of the explainable mismatch
+    (in squares) that it closes, held out. Errors are of `simulated` plants, or else (and in the
     search) of the residual with the id `relation`, solved for the signal.
     """
 
@@ -221,7 +223,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Evidence:
-    """So many rows of the recording served for something, or were not used, because."""
+    """A number of rows of the recording and what they were used for, or why they were not used."""
 
     rows: int
     used: bool
@@ -239,8 +241,8 @@ class Likely:
 
 @dataclass(frozen=True)
 class OfRecording:
-    """One of several recordings that were judged together: of its rows so many were used; what it
-    says alone, and which explanations may be right by it, the likeliest first."""
+    """One of several recordings judged together: its rows and how many were used, its own verdict,
+    and the explanations that it allows, most probable first."""
 
     name: str
     rows: int
@@ -251,8 +253,8 @@ class OfRecording:
 
 @dataclass(frozen=True)
 class Moved:
-    """An explanation with its probability before and after a further recording; `before` is None
-    where the recordings before it could not be judged."""
+    """An explanation with its probability before and after a further recording; `before` is None if
+    the earlier recordings could not be judged."""
 
     id: str
     title: str
@@ -262,7 +264,8 @@ class Moved:
 
 @dataclass(frozen=True)
 class Update:
-    """What a further recording changed; those first that are likeliest, before or after."""
+    """The change by a further recording; explanations that are most probable, before or after,
+    first."""
 
     recording: str
     text: str
@@ -271,7 +274,7 @@ class Update:
 
 @dataclass(frozen=True)
 class Misread:
-    """A column that is not what its header says, by kind, and how to read it."""
+    """A column that differs from its header, by kind, and how to read it."""
 
     kind: str
     mending: Mending
@@ -279,8 +282,8 @@ class Misread:
 
 @dataclass(frozen=True, kw_only=True)
 class Rewired:
-    """A connection as the plant file has it and as it fits the readings, such as ``A -> M1`` (None:
-    there is none); `edit` says what to change, with file and line."""
+    """A connection as in the plant file and as it fits the readings, such as ``A -> M1`` (None:
+    none); `edit` says what to change, with file and line."""
 
     stated: str | None
     fits: str | None
@@ -289,7 +292,7 @@ class Rewired:
 
 @dataclass(frozen=True)
 class Confounded:
-    """Two parameters that the recording does not tell apart."""
+    """Two parameters that the recording does not separate."""
 
     first: str
     second: str
@@ -298,8 +301,8 @@ class Confounded:
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenDriver:
-    """Course of something that drives a mismatch and is not recorded, in `unit` of the place that
-    it moves; one that `switches` does so with what the plant is set to."""
+    """Course of an unrecorded driver of a mismatch, in `unit` of the place that it affects; it
+    `switches` with the set points, if so."""
 
     module: str
     place: str
@@ -314,9 +317,9 @@ class HiddenDriver:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What anybody finds who simulates the written plant over the recording: root mean square
-    errors of the repaired and of the recalibrated plant over the `rows` of the held-out spans that
-    have a reading and a prediction."""
+    """What any user finds who simulates the written plant over the recording: root mean square
+    errors of the repaired and of the recalibrated plant over the `rows` of the held-out spans with
+    a reading and a prediction."""
 
     signal: str
     rows: int
@@ -326,8 +329,8 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """For pictures: what was measured and predicted. `heldout` flags points that nothing was fitted
-    to, `inside` those whose errors count; `drivers` maps titles with unit to readings."""
+    """For pictures: measured and predicted values. `heldout` flags points that were not fitted,
+    `inside` those whose errors count; `drivers` maps titles with unit to readings."""
 
     time: Array
     measured: Array
@@ -341,8 +344,8 @@ class Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """What the three models predict of a signal, NaN: nothing; where nothing was found `repaired`
-    is `recalibrated`."""
+    """Predictions of a signal by the three models, NaN if there is none; without a finding
+    `repaired` is `recalibrated`."""
 
     signal: str
     unit: str
@@ -363,12 +366,12 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class Detectability:
-    """How often an effect is told that is concealed in replays of the recording.
+    """How often an effect is found that is concealed in replays of the recording.
 
-    Of all replays it is `told` at its `size`: the one that was `found`, else the usual one; and
-    `told_usual` at its `usual` size. `other` maps titles of what was told instead at its size to
-    how often. `seen_from` is the smallest size that half of the replays tell. What no reading shows
-    has no size (NaN).
+    It is found in `told` replays at its `size`, the one that was `found` or else the usual one, and
+    in `told_usual` at its `usual` size. `other` counts what was found instead at its size, by
+    title. `seen_from` is the smallest size that half of the replays reveal. An effect without
+    influence on any reading has no size (NaN).
     """
 
     id: str
@@ -385,8 +388,8 @@ class Detectability:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfProof:
-    """What replays of the recording by the plant's own model say; with nothing missing something
-    was said to be missing in `called_missing` of them."""
+    """Results of replays of the recording by the plant's own model; with nothing missing, something
+    counted as missing in `called_missing` of them."""
 
     replays: int
     called_missing: int
@@ -394,7 +397,7 @@ class SelfProof:
 
 
 UNWRITTEN = Repair((), (), np.zeros((0, 0)), {}, {}, {})
-"""Nothing that could be written."""
+"""An empty repair."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -402,15 +405,15 @@ class Mismatch:
     """The whole answer.
 
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous``, ``unsure``
-    or ``cannot judge``. `strain` are parameters far from their data sheets. `fits` has one for each
-    predicted signal, `fit` is the first. `split` says which blocks served for what, `digest` is its
-    hash. `tried` is how many explanations were tried. `repair` is the plant that `rulec adopt`
+    or ``cannot judge``. `strain` are parameters far from their data sheets. `fits` has one entry
+    for each predicted signal, `fit` is the first. `split` says how blocks were used, `digest` is
+    its hash. `tried` is the number of explanations tried. `repair` is the plant that `rulec adopt`
     writes, `plain` the recalibrated one. `left_out` are explanations that no model may hold, with
-    the reason; `refused` says why nothing is to be written, empty where it may be. `checks` are for
-    whoever writes a plant. `evidence` counts every row once. `misread` are columns that were read
-    otherwise than their header says: all that is told holds for the recording read so.
-    `recordings` are those that were judged together, `changed` what each further one changed.
-    `power` says what replays show, where that was asked for.
+    the reason; `refused` says why nothing should be written, empty if it may be. `checks` are for
+    whoever writes a plant. `evidence` counts every row once. `misread` are columns that differ from
+    their header; the answer holds for the corrected recording. `recordings` are those judged
+    together, `changed` the change by each further one. `power` has the results of replays, if
+    requested.
     """
 
     plant: str
@@ -450,7 +453,7 @@ class Mismatch:
 
     @property
     def unproven(self) -> str:
-        """Why the repair counts as not proven: what `rulec adopt` says; empty where it is, or there
-        is none."""
+        """Why the repair counts as not proven, as `rulec adopt` says; empty if it is, or there is
+        none."""
         edits = [one.edit for one in self.rewired]
         return why_refused(edits, self.refused) if self.repair.joined else ""

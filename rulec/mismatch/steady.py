@@ -1,4 +1,4 @@
-"""A recording of a plant that settles, explained: errors in variables at settled points."""
+"""A recording of a plant that settles, explained by errors in variables at settled points."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from rulec.mismatch.search.settled.candidate_sets import standing_of
 from rulec.simulation.predict import predict
 
 SHOWN = 4
-"""Readings that are named where many have no number."""
+"""Most readings listed that have no number."""
 
 
 def explain(
@@ -60,7 +60,7 @@ def explain(
     heldout: Sequence[tuple[float, float]],
     tell: Callable[[str], None],
 ) -> Explanation | NotComparable:
-    """Find the settled points, and search for what explains them."""
+    """Find the settled points, and search for an explanation of them."""
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
@@ -85,11 +85,10 @@ def explain(
 
 
 def _explained(recording: Recording, found: Search, by: ByRecording | None) -> Explanation:
-    """What a search found, and what each of several recordings says."""
+    """The result of a search, with the verdicts of several recordings."""
     fitted, accepted, posterior = found.fitted, found.accepted, found.posterior
     system = fitted.rows.system
-    of_rows = system.data.of_rows
-    # Places that follow a driver that nobody recorded, the first that was found first.
+    # Places with an unrecorded driver, in the order in which they were found.
     latent = tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
     model = model_of(fitted)
     return Explanation(
@@ -100,8 +99,10 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
         hidden=_driver(system, latent, _switching(accepted, latent[0])) if latent else None,
         tried=found.tried,
-        noise=_noise_told(fitted),
-        untimed="operating points" if of_rows else "files, each with a clock of its own,",
+        noise=_noise_words(fitted),
+        untimed="operating points"
+        if system.data.of_rows
+        else "files, each with a clock of its own,",
         fitted=fitted,
         latent=latent,
         standing=standing_of(posterior),
@@ -115,14 +116,14 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
 
 
 def _place(model: SteadyModel, spot: Spot, share: float) -> Location:
-    """A place that follows what is not recorded: its course says when."""
+    """A place with an unrecorded driver, whose course shows the times."""
     term = model.term(next(c for c in model.joined if c.id == spot.id))
     also = _also(model.fitted, spot)
     return replace(location_of_spot(model, spot, share, term, also), periods=())
 
 
-def _noise_told(fitted: Fitted) -> str:
-    """Where the size of the noise comes from, and how large what is left is against it."""
+def _noise_words(fitted: Fitted) -> str:
+    """The origin of the noise, and the size of the residuals relative to it."""
     source = (
         "each row is a settled point; noise from the classes of the sensors"
         if fitted.rows.system.data.of_rows
@@ -136,7 +137,7 @@ def _noise_told(fitted: Fitted) -> str:
 
 
 def _to_be_read(recording: Recording) -> str:
-    """Which columns to look at: those without a number; of these first the ones that are there."""
+    """Which columns to look at: those without a number, columns that exist first."""
     absent = set(recording.missing)
     empty = [n for n, v in recording.values.items() if not np.isfinite(v).any()]
     empty = sorted(empty, key=lambda name: name in absent)
@@ -149,8 +150,8 @@ def _to_be_read(recording: Recording) -> str:
 class Models:
     """Models to compare with the shipped one, fitted to all points that are not held out.
 
-    `faulty`, shape (n,), flags points in periods of faults; in held-out blocks these are found by
-    the finished model.
+    `faulty`, shape (n,), flags points in periods of faults; the finished model finds these in
+    held-out blocks.
     """
 
     recalibrated: Configuration
@@ -161,10 +162,10 @@ class Models:
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation(Explained[Fitted]):
-    """By errors in variables; `fitted` is the model with all that was accepted.
+    """An explanation by errors in variables; `fitted` is the model with everything accepted.
 
-    `latent` are courses of what nobody recorded. `within` is the error of each output that sensors
-    within their class, and laws within their accuracy, explain, SI.
+    `latent` are courses of unrecorded drivers. `within` is the error of each output that sensors
+    within their class and laws within their accuracy explain, SI.
     """
 
     fitted: Fitted
@@ -172,7 +173,7 @@ class Explanation(Explained[Fitted]):
     within: Mapping[str, float]
 
     def allowed(self, signal: str) -> float:
-        """What sensors and laws explain; a reading that no output is has no such number."""
+        """The error that sensors and laws explain; infinite for a reading that is no output."""
         return self.within.get(signal, np.inf)
 
     @property
@@ -184,14 +185,14 @@ class Explanation(Explained[Fitted]):
         return models_of(with_sensors_as_they_are(self.fitted))
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
-        """One proof per reading in whose units errors are told, flows first."""
+        """One proof per reading whose errors are reported, flows first."""
         models = self._models
         found = [prove(p, models) for p in self._predictors(findings)]
-        # A fault may hold all samples of a reading that are held out: nothing is proven there.
+        # If a fault covers all held-out samples of a reading, they prove nothing.
         return [proof for proof in found if proof.fit.heldout.points] or found
 
     def _predictors(self, findings: Sequence[Finding]) -> list[Predictor]:
-        """For each finding the reading that shows it best: the flow meter, where there is one."""
+        """The reading that shows each finding best: the flow meter, if there is one."""
         system = self._system
         candidates = {c.id: c for c in system.builder.candidates}
         spots = {(s.module, s.place): s for s in system.builder.spots}
@@ -218,7 +219,7 @@ class Explanation(Explained[Fitted]):
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[Fitted]:
-        """Refits to points outside of periods of faults, with laws as exact as they are stated."""
+        """Refits to points outside periods of faults, with laws as accurate as stated."""
         settled, clear = self._models.fitted, self._clear
         setting, chosen = settled.setting, {c.id for c in taken}
         bare = setting
@@ -239,7 +240,7 @@ class Explanation(Explained[Fitted]):
 
     @property
     def _clear(self) -> np.ndarray:
-        """Points outside of periods of faults, shape (n,); all, where too few are."""
+        """Points outside periods of faults, shape (n,); all points if these are too few."""
         open_, clear = self._system.data.open, ~self._models.faulty
         enough = (open_ & clear).sum() >= limits.KEPT * open_.sum()
         return clear if enough else np.ones_like(clear)
@@ -254,9 +255,8 @@ class Explanation(Explained[Fitted]):
         if plants is not None:
             tables = (plants.shipped, plants.recalibrated, plants.last)
             for name in _signals(plants, system, list(explained)):
-                found[name] = Predicted(
-                    *(_at_points(self.recording, system, name, t) for t in tables)
-                )
+                courses = (_at_points(self.recording, system, name, t) for t in tables)
+                found[name] = Predicted(*courses)
         simulated = plants is not None and bool(found)
         if not simulated:
             settings = (Configuration(), refits.plain.setting, refits.repaired.setting)
@@ -273,22 +273,20 @@ class Explanation(Explained[Fitted]):
             else:
                 noise = explained[name].heldout.noise * signal.factor
             usable = refits.judged & _works(system, name)
-            fit_ = fit_of(
-                signal,
-                [p - measured for p in predicted],
-                (noise, noise),
-                (system.data.open & usable, (system.data.part == HELDOUT) & usable),
-                (proven.estimation.repaired, proven.heldout.repaired)
-                if proven
-                else (np.nan, np.nan),
-            )
-            relation = proven.relation if proven else None
+            parts = (system.data.open & usable, (system.data.part == HELDOUT) & usable)
+            whole, relation = (np.nan, np.nan), None
+            if proven:
+                whole, relation = (
+                    (proven.estimation.repaired, proven.heldout.repaired),
+                    proven.relation,
+                )
+            fit_ = fit_of(signal, [p - measured for p in predicted], (noise, noise), parts, whole)
             fit_ = replace(fit_, relation=relation, simulated=simulated)
             result.append(Reading(fit=fit_, measured=measured, predicted=predicted))
         return result
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
-        """What settled points served for, and why other rows did not."""
+        """What settled points were used for, and why other rows were not."""
         judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
         data = self._system.data
         return evidence_of(self.recording, data, self.fitted.rows, judged, self._models.faulty)
@@ -296,7 +294,7 @@ class Explanation(Explained[Fitted]):
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Whose errors are told; what faults took."""
+        """Which errors are reported; which points lie in faults."""
         before, behind = [], []
         if why or (fits and not fits[0].simulated):
             why = why or "simulation takes it as given"
@@ -313,7 +311,7 @@ class Explanation(Explained[Fitted]):
 
 
 def _switching(accepted: Sequence[Accepted], first: Reconstruction) -> str:
-    """What switches a place, or empty."""
+    """What switches a place; empty if nothing does."""
     curves = [own.curve for own in accepted if own.candidate.id == first.spot.id]
     return next((curve.says for curve in curves if curve is not None), "")
 
@@ -321,10 +319,8 @@ def _switching(accepted: Sequence[Accepted], first: Reconstruction) -> str:
 def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> HiddenDriver:
     hidden, *others = found
     spot = hidden.spot
-    lacking = [
-        m for m in system.builder.missing if (m.module, m.place) == (spot.module, spot.place)
-    ]
-    lacking = lacking or [m for m in system.builder.missing if m.module == spot.module]
+    near = [m for m in system.builder.missing if m.module == spot.module]
+    lacking = [m for m in near if m.place == spot.place] or near
     text = (
         f"what drives {_what(spot)} is not recorded; "
         f"its course: {described(hidden.time, hidden.course)}"
@@ -350,20 +346,20 @@ def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> 
 
 
 def _what(spot: Spot) -> str:
-    # A parameter is a place by its id, `parameter:A.C2`.
+    # The id of a parameter as a place is like `parameter:A.C2`.
     what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
     return f"{what} {spot.module}.{spot.place}"
 
 
 def _also(fitted: Fitted, spot: Spot) -> list[Spot]:
-    """Places whose errors look the same in all residuals."""
+    """Places with the same errors in all residuals."""
     found = {s.spot.id: s for s in suspects(fitted)}
     own = found.pop(spot.id, None)
     return [s.spot for s in found.values() if own is not None and alike(own, s)]
 
 
 def models_of(repaired: Fitted) -> Models:
-    """The repaired model, and what it is compared with."""
+    """The repaired model and those to compare it with."""
     plain = plain_of(repaired.setting)
     for spot in repaired.setting.spots:
         plain = plain.leaving(spot)
@@ -377,7 +373,8 @@ def models_of(repaired: Fitted) -> Models:
 
 
 def gain_shown(predictor: Predictor, models: Models) -> float:
-    """By how much the repair lowers the error of a reading on points that are not held out."""
+    """The factor by which the repair lowers the error of a reading on points that are not held
+    out."""
     data = predictor.system.data
     measured = data.values[predictor.signal.id]
     part = predictor.points & data.open & ~models.faulty
@@ -407,7 +404,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
 
 
 def _without_periods(setting: Configuration) -> Configuration:
-    """Faults in periods are no part of what a model predicts."""
+    """A setting without faults in periods, which a model does not predict."""
     for course in setting.courses:
         candidate = setting.candidate_of(course)
         if candidate.sort != HIDDEN:
@@ -416,7 +413,7 @@ def _without_periods(setting: Configuration) -> Configuration:
 
 
 def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
-    """Points in periods of faults; in held-out blocks found by the finished model."""
+    """Points in periods of faults; the finished model finds these in held-out blocks."""
     data = rows.system.data
     faulty = np.zeros(len(data), dtype=bool)
     for course in repaired.setting.courses:
@@ -428,15 +425,16 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
             continue
         faulty |= (course.segment >= 0) & data.open
         bare = repaired.setting.leaving(candidate.id)
-        seen = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
-        trial = in_periods(seen, candidate)
+        evaluated = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
+        trial = in_periods(evaluated, candidate)
         if trial is not None and trial.course is not None:
             faulty |= (trial.course.segment >= 0) & ~data.open
     return faulty
 
 
 def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
-    """Readings to tell errors of: those asked for, else all that are measured of their modules."""
+    """Readings whose errors are reported: those asked for, else all measured ones of their
+    modules."""
     values = system.data.values
     there = [n for n in plants.signals if n in values and np.isfinite(values[n]).any()]
     modules = {name.partition(".")[0] for name in asked}
@@ -449,17 +447,16 @@ def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
 
 
 def _works(system: System, name: str) -> np.ndarray:
-    """Points at which some estimate by a reading may be used: elsewhere its module stands."""
+    """Points at which some estimate may use a reading; at others its module stands."""
     rows = [i for i, o in enumerate(system.observers) if name in o.signals]
-    works: np.ndarray = np.any(system.valid[rows], axis=0)
-    return works
+    return np.asarray(np.any(system.valid[rows], axis=0))
 
 
 def _at_points(
     recording: Recording, system: System, name: str, table: Mapping[str, Array]
 ) -> Array:
-    """A predicted reading at settled points, shape (n,), SI: the measured mean and the mean error
-    of the rows behind it."""
+    """A predicted reading at settled points, shape (n,), SI: the measured mean plus the mean error
+    of its rows."""
     bad, _ = check_readings(recording, system.ruleset)
     off = np.where(bad[name], np.nan, table[name] - recording.values[name])
     sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(off))])
@@ -467,12 +464,11 @@ def _at_points(
     first, last = system.data.stretches.first, system.data.stretches.last
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = (sums[last] - sums[first]) / (counts[last] - counts[first])
-    predicted: Array = system.data.values[name] + mean
-    return predicted
+    return np.asarray(system.data.values[name] + mean)
 
 
 def _noise(ruleset: Ruleset, system: System, name: str) -> float:
-    """Standard uncertainty of measured less simulated by the noise of all readings, SI."""
+    """Standard uncertainty of measured minus simulated due to the noise of all readings, SI."""
     data = system.data
     table = dict(data.values)
     file = file_of("settled points", data.time, table)
@@ -483,5 +479,4 @@ def _noise(ruleset: Ruleset, system: System, name: str) -> float:
             moved = {**table, given: table[given] + np.nan_to_num(data.noise[given])}
             course = predict(ruleset, [replace(file, values=moved)]).values[name]
             variance = variance + np.nan_to_num(course - plain.values[name]) ** 2
-    known = np.isfinite(variance)
-    return rms(np.sqrt(variance[known]))
+    return rms(np.sqrt(variance[np.isfinite(variance)]))

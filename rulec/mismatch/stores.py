@@ -1,4 +1,4 @@
-"""A recording of a plant that stores, explained: output error by integration."""
+"""A recording of a plant that stores, explained by integration (output errors)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def explain(
     heldout: Sequence[tuple[float, float]],
     tell: Callable[[str], None],
 ) -> Explanation | NotComparable:
-    """Search for what explains a recording; held-out blocks may take names away again."""
+    """Search for an explanation of a recording; held-out blocks may reject it."""
     record = record_of(recording, ruleset, builder.given, heldout)
     if record is None:
         why = lacking(recording, ruleset)
@@ -76,12 +76,14 @@ def explain(
     proofs = prove(bench, found.plain, best, judged)
     dropped: tuple[str, ...] = ()
     if accepted and _gained(best, proofs) <= _least(proofs):
-        # What is named does not hold where it was not fitted.
+        # The named explanations fail on data to which they were not fitted.
         dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, judged)
     tell("looking for places where something is wrong")
-    left = suspects(bench, _sharp(bench, best), judged)
+    # A place may explain errors as far as they exceed noise.
+    sharp = replace(best, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
+    left = suspects(bench, sharp, judged)
     model = model_of(bench, best, judged, fixed_values(best))
     nameless = nameless_places(model, left, len(bench.candidates))
     if found.nameless or (nameless and not accepted):
@@ -100,7 +102,7 @@ def explanation(
     nameless: tuple[Location, ...] = (),
     dropped: tuple[str, ...] = (),
 ) -> Explanation:
-    """What a search found; what nobody recorded is not looked for, but told as a place."""
+    """The result of a search; unrecorded drivers are not sought, but reported as places."""
     ruleset, noise = model.ruleset, model.fitted.noise
     correlated = ", ".join(
         f"{n} over {counted(round(own.memory), 'sample')}" for n, own in noise.items()
@@ -127,10 +129,10 @@ def explanation(
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation(Explained[Fitted]):
-    """By simulation errors.
+    """An explanation by simulation errors.
 
-    `nameless` are places where the model is still wrong, `dropped` titles of what held-out blocks
-    took away.
+    `nameless` are places where the model is still wrong, `dropped` titles of explanations that
+    held-out blocks rejected.
     """
 
     model: StoresModel
@@ -149,7 +151,7 @@ class Explanation(Explained[Fitted]):
         return allowed(own.bench, fitted, own.kept, judged)
 
     def allowed(self, signal: str) -> float:
-        """What sensors and laws explain, everything else refitted."""
+        """The error that sensors and laws explain, with everything else refitted."""
         return self._allowed.get(signal, np.inf)
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
@@ -161,10 +163,10 @@ class Explanation(Explained[Fitted]):
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[Fitted]:
-        """Refits to what lies before the first fault: what that does stays in what is stored.
+        """Refits to the time before the first fault, whose effect remains in the states.
 
-        Neither a slow error of what is given nor a zero that floats belongs to the plant that is
-        simulated later, so neither is in the fit.
+        Slow errors of inputs and floating zeros do not belong to the plant that is simulated later,
+        so neither is in the fit.
         """
         bench, plain, best = self._bench, self.found.plain, self.model.fitted
         before = bench.record.time < until_of(bench, best, [c for c, _ in left_out])
@@ -189,8 +191,8 @@ class Explanation(Explained[Fitted]):
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
     ) -> list[Reading]:
-        """Errors over all rows of the recording, as a fault may be none; those of the analysis
-        where nothing is simulated."""
+        """Errors over all rows of the recording, as a fault may be false; those of the analysis if
+        nothing is simulated."""
         bench, record, recording = self._bench, self._bench.record, self.recording
         held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
         found = []
@@ -218,14 +220,14 @@ class Explanation(Explained[Fitted]):
         ]
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
-        """What rows served for."""
+        """What rows were used for."""
         return stored_evidence(self.recording, self._bench.record)
 
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """What held-out blocks took away, what hides what and is left; what was set aside."""
-        before = [*self._took_part(), *self._hiding(), *self._still()]
+        """What held-out blocks rejected, what is hidden and what remains; what was left out."""
+        before = [*self._rejected(), *self._hiding(), *self._remaining()]
         behind = [
             f"{count} single readings of {name} are left out: neither neighbour supports them"
             for name, count in self._bench.record.glitches.items()
@@ -244,8 +246,8 @@ class Explanation(Explained[Fitted]):
             )
         return tuple(before), tuple(behind)
 
-    def _took_part(self) -> list[str]:
-        """What is said where held-out blocks had a say."""
+    def _rejected(self) -> list[str]:
+        """A note on explanations that held-out blocks rejected."""
         if not self.dropped:
             return []
         return [
@@ -254,22 +256,22 @@ class Explanation(Explained[Fitted]):
         ]
 
     def _hiding(self) -> list[str]:
-        """Which explanations only show together."""
+        """A note on explanations that show only together."""
         alone = self.found.alone
         hidden = [
             a for a in self.accepted if alone.get(a.candidate.id, 0.0) < limits.HIDES * a.gain
         ]
         if len(self.accepted) < 2 or not hidden:
             return []
-        told = (
+        gains = (
             f"{a.candidate.title.lower()} in {a.candidate.module} gains "
             f"{alone.get(a.candidate.id, 0.0):.0f} alone and {a.gain:.0f} beside the others"
             for a in hidden
         )
-        return [f"these show only beside each other (gain in log likelihood): {'; '.join(told)}"]
+        return [f"these show only beside each other (gain in log likelihood): {'; '.join(gains)}"]
 
-    def _still(self) -> list[str]:
-        """What the repaired model leaves."""
+    def _remaining(self) -> list[str]:
+        """A note on the remaining errors of the repaired model."""
         if not self.nameless or not (self.accepted or self.failing):
             return []
         place = self.nameless[0]
@@ -282,7 +284,8 @@ class Explanation(Explained[Fitted]):
 def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:
     """Open the held-out blocks; one proof per measured signal.
 
-    Slow errors of what is given, within the class of its sensors, are taken out of all three alike.
+    Slow errors of inputs, within the class of their sensors, are removed from all three models
+    alike.
     """
     errors = [_shipped(bench, judged), plain.errors, best.errors]
     return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
@@ -306,18 +309,19 @@ def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
 
 
 def noise_floor(measured: Array) -> float:
-    """Scatter of a reading, shape (n,), by its third differences: no plant that stores has any."""
+    """Scatter of a reading, shape (n,), by its third differences, which are zero in plants that
+    store."""
     return white_noise(np.diff(measured, 3), 3)
 
 
 def _worse(proof: Proof) -> float:
-    """How much of an error there was, in noise."""
+    """The error before the repair, in units of noise."""
     errors = proof.fit.estimation
     return errors.recalibrated / max(errors.noise, 1e-300)
 
 
 def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
-    """What names gain in log likelihood on blocks that played no part in finding them."""
+    """Gain of named explanations in log likelihood on blocks that were not used to find them."""
     gained = 0.0
     for proof in proofs:
         errors = proof.fit.heldout
@@ -327,17 +331,12 @@ def _gained(best: Fitted, proofs: Sequence[Proof]) -> float:
 
 
 def _least(proofs: Sequence[Proof]) -> float:
-    """What they must gain there: nothing where those blocks show no error, but others do."""
-    seen, learnt = (
+    """The required gain there, negative if those blocks show no error but others do."""
+    heldout, learnt = (
         any(e.recalibrated > limits.BEYOND_NOISE * e.noise for e in part)
         for part in ([p.fit.heldout for p in proofs], [p.fit.estimation for p in proofs])
     )
-    return -limits.PROVEN if learnt and not seen else limits.PROVEN
-
-
-def _sharp(bench: SimulationProblem, fitted: Fitted) -> Fitted:
-    """A model whose errors count as far as they exceed noise: that is what a place may explain."""
-    return replace(fitted, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
+    return -limits.PROVEN if learnt and not heldout else limits.PROVEN
 
 
 def _floors(bench: SimulationProblem) -> dict[str, float]:
@@ -352,15 +351,15 @@ def _floors(bench: SimulationProblem) -> dict[str, float]:
 def nameless_places(
     model: StoresModel, left: Sequence[Suspect], tried: int
 ) -> tuple[Location, ...]:
-    """The place where the final model is still wrong, if it is so beyond doubt, with all that are
-    not told from it."""
+    """The place where the final model is clearly still wrong, if any, with all places that cannot
+    be distinguished from it."""
     least = of_search.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
     if not left or left[0].gain < least:
         return ()
     bench, noise = model.bench, model.fitted.noise
     floors = _floors(bench)
     far = any(own.spread > limits.FAR_OFF * floors[n] for n, own in noise.items())
-    # A model that is far off has no straight way back: then the likeliest place must do.
+    # Linearisation fails for a model that is far off: then the most probable place must do.
     if left[0].share < limits.PLACE_SHARE and not far:
         return ()
     steps = bench.record.resolution
@@ -384,7 +383,8 @@ def nameless_places(
 
 
 def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:
-    """When the first of what no model holds begins, s; never where that leaves too little."""
+    """When the first effect that no model holds begins, s; infinite if too little remains
+    before."""
     record = bench.record
     onsets = [best.values[c.onset.id] for c in left if c.onset is not None]
     until = float(record.time[0]) + min(onsets, default=np.inf)
@@ -404,9 +404,8 @@ def _refitted(
     found = []
     for start in starts:
         try:
-            found.append(
-                fitter.finish(fitter.vector(start), judged, limits.THOROUGH, limits.ROUNDS)
-            )
+            at = fitter.vector(start)
+            found.append(fitter.finish(at, judged, limits.THOROUGH, limits.ROUNDS))
         except RanAway:
             continue
     best = min(found, key=lambda f: _squares(f, judged))
@@ -414,14 +413,14 @@ def _refitted(
 
 
 def _squares(fitted: Fitted, judged: Judged) -> float:
-    """Squares of errors in one and the same noise, and what priors cost."""
+    """Squared errors in the same noise for all fits, plus the negative log prior."""
     errors = np.concatenate(list(fitted.errors.values()))
     weighted = (errors / judged.weights())[judged.flags()]
     return 0.5 * float(weighted @ weighted) + fitted.negative_log_prior
 
 
 def _repair_of(fitted: Fitted) -> Repair:
-    """What to write of a refitted model; nothing is said of misfits and ranges."""
+    """The values of a refitted model to write, without misfits and ranges."""
     return Repair(
         fitted.ids,
         tuple(Changed(n, float(fitted.values[n]), fitted.u(n)) for n in fitted.free),

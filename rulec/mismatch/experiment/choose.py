@@ -174,8 +174,7 @@ def best_within(
 
     def plan(held: int, among: NDArray[np.bool_], until: float = seconds) -> Choice:
         longer, own = _held(predicted, limited, held, settling)
-        in_time = lambda places: own.seconds(places) <= until  # noqa: E731
-        return chosen(longer, odds, most, among=among, in_time=in_time)
+        return chosen(longer, odds, most, among=among, in_time=lambda p: own.seconds(p) <= until)
 
     @functools.cache
     def best(held: int) -> Choice:

@@ -100,8 +100,7 @@ def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[li
 
 
 def _read(signal: SignalSpec, reading: Reading, explanation: int) -> str:
-    """The reading if one explanation is true, with enough digits to distinguish it from the
-    others."""
+    """The reading if one explanation is true, to enough digits to tell it from the others."""
     value = reading.values[explanation]
     apart = max(reading.values) - min(reading.values)
     noise = apart / reading.apart if reading.apart > 0.0 else reading.spread[explanation]

@@ -1,5 +1,4 @@
-"""Errors of the shipped, the recalibrated and the repaired model, on samples held out from the
-fit."""
+"""Errors of the shipped, the recalibrated and the repaired model on held-out samples."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Columns that come from a logger whose clock is ahead or behind by a constant time.
+"""Columns from a logger whose clock is ahead or behind by a constant time.
 
-A clock moves a column as a whole. A plant or a sensor that lags begins to move with the others and
-moves more slowly. So a shift must explain what a change shows, and far better than a lag does. A
-dead time of a sensor moves its column as a whole, too, and is not told from a clock.
+A clock shifts a whole column. A plant or a sensor with a lag begins to move with the others but
+moves more slowly. So a shift must explain the changes, and far better than a lag does. A dead time
+of a sensor also shifts its whole column, and cannot be distinguished from a clock.
 
 Source: own derivation.
 """
@@ -28,10 +28,10 @@ from rulec.mismatch.structure.moving import Moving
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
-    """Columns of one clock, `by` samples late (less than nothing: early), and what that gains.
+    """Columns with one clock, `by` samples late (negative: early).
 
-    `gain` over the recording as it stands, `lag` what a lag in its place gains, nats; `left` is the
-    share of the disagreement that is left, in logs of its size.
+    `gain` is over the recording as it is, `lag` the gain of a lag instead, nats; `left` is the
+    remaining share of the disagreement, in logs of its size.
     """
 
     signals: tuple[str, ...]
@@ -41,15 +41,16 @@ class Shift:
     left: float = 1.0
 
     def odds(self, tried: int) -> float:
-        """Log odds against the recording as it stands, and against a lag, of so many tried."""
+        """Log odds against the recording as it is, and against a lag, given the number of shifts
+        tried."""
         price = limits.STRUCTURE_ODDS - float(np.log(tried))
         return self.gain + price - float(np.logaddexp(0.0, self.lag + price))
 
 
 def shifts_of(moving: Moving) -> tuple[list[Shift], int]:
-    """Shifts that explain what the samples show, best first, and how many were tried."""
-    units = list(_units(moving))
-    scanned = [(_scanned(moving, unit, by), unit, by) for unit in units for by in _tried(moving)]
+    """Shifts that explain the samples, best first, and the number tried."""
+    tried = [sign * by for by in sizes_of(moving.recording) for sign in (1, -1)]
+    scanned = [(_scanned(moving, unit, by), unit, by) for unit in _units(moving) for by in tried]
     best: dict[tuple[str, ...], tuple[float, int]] = {}
     for gain, unit, by in scanned:
         if gain > best.get(unit, (0.0, 0))[0]:
@@ -60,7 +61,7 @@ def shifts_of(moving: Moving) -> tuple[list[Shift], int]:
 
 
 def _units(moving: Moving) -> Iterator[tuple[str, ...]]:
-    """Columns that may be of one clock: each alone, and those of a module together."""
+    """Columns that may share a clock: each alone, and those of a module together."""
     modules: dict[str, list[str]] = {}
     for name in moving.slopes:
         yield (name,)
@@ -69,23 +70,18 @@ def _units(moving: Moving) -> Iterator[tuple[str, ...]]:
         yield from (tuple(names) for names in modules.values() if len(names) > 1)
 
 
-def _tried(moving: Moving) -> list[int]:
-    """Shifts that are tried at first, in samples, either way."""
-    return [sign * by for by in sizes_of(moving.recording) for sign in (1, -1)]
-
-
 def sizes_of(recording: Recording) -> list[int]:
-    """Shifts that are tried at first, in samples."""
+    """Sizes of shifts to try first, in samples."""
     return [by for by in limits.CLOCK_SHIFTS if by <= longest(recording)]
 
 
 def longest(recording: Recording) -> float:
-    """Samples by which a column is shifted at most."""
+    """The longest shift of a column, in samples."""
     return len(recording) * limits.LATEST
 
 
 def _change(moving: Moving, unit: Sequence[str], by: int) -> Array:
-    """What errors change by when columns are read `by` samples later, to first order."""
+    """The change of errors if columns are read `by` samples later, to first order."""
     change = np.zeros(len(moving.rows))
     for name in unit:
         off = later(moving.recording, name, by) - moving.recording.values[name]
@@ -94,13 +90,13 @@ def _change(moving: Moving, unit: Sequence[str], by: int) -> Array:
 
 
 def _scanned(moving: Moving, unit: Sequence[str], by: int) -> float:
-    """What a shift gains to first order, over all samples."""
+    """The gain of a shift to first order, over all samples."""
     there = moving.excess(moving.recorded + _change(moving, unit, by))
     return float(np.nansum(moving.excess(moving.recorded) - there))
 
 
 def later(recording: Recording, name: str, by: int) -> Array:
-    """What a column shows `by` samples later, shape (n,); NaN beyond the ends of its file."""
+    """A column read `by` samples later, shape (n,); NaN beyond the ends of its file."""
     values, n = recording.values[name], len(recording)
     at = np.arange(n) + by
     inside = (at >= 0) & (at < n)
@@ -109,13 +105,13 @@ def later(recording: Recording, name: str, by: int) -> Array:
 
 
 def _read(moving: Moving, unit: Sequence[str], by: int) -> Array:
-    """How many noises samples are off, in logs, with columns read `by` samples later."""
+    """Deviations of samples in noise, in logs, with columns read `by` samples later."""
     columns = {name: later(moving.recording, name, by) for name in unit}
     return moving.excess(moving.errors(columns))
 
 
 def _refined(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
-    """The shift near one that was tried which agrees best."""
+    """The best shift near one that was tried."""
     plain = moving.excess(moving.recorded)
 
     def gain(at: int) -> float:
@@ -125,7 +121,8 @@ def _refined(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
 
 
 def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
-    """The shift near `by`, of `most` samples either way, that gains most, by ever smaller steps."""
+    """The shift near `by` with the largest gain, at most `most` samples either way, by ever smaller
+    steps."""
     known = {0: 0.0}
     step = max(abs(by) // 4, 1)
     while step:
@@ -138,7 +135,7 @@ def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
 
 
 def _judged(moving: Moving, shift: Shift) -> Shift:
-    """What a shift, and a lag in its place, gain where reading otherwise makes a difference.
+    """The gain of a shift, and of a lag instead, where reading otherwise makes a difference.
 
     Samples of one change count as one comparison.
     """
@@ -147,32 +144,32 @@ def _judged(moving: Moving, shift: Shift) -> Shift:
     plain, there = moving.excess(moving.recorded), _read(moving, shift.signals, shift.by)
     change = _change(moving, shift.signals, shift.by)
     size = np.sqrt(np.bincount(moving.rows.point, change**2, minlength=len(plain)))
-    seen = (size > limits.GROSSLY_OFF) & np.isfinite(plain) & np.isfinite(there)
-    if not seen.any() or plain[seen].mean() <= 0.0:
+    moved = (size > limits.GROSSLY_OFF) & np.isfinite(plain) & np.isfinite(there)
+    if not moved.any() or plain[moved].mean() <= 0.0:
         return Shift(signals=shift.signals, by=shift.by)
     lags = [moving.excess(moving.errors(c)) for c in _lagging(moving, shift)]
-    slow = min(float(np.mean(np.where(np.isfinite(v), v, plain)[seen])) for v in lags)
-    count = _changes(moving, seen)
+    slow = min(float(np.mean(np.where(np.isfinite(v), v, plain)[moved])) for v in lags)
+    count = _changes(moved)
     return Shift(
         signals=shift.signals,
         by=shift.by,
-        gain=count * float(plain[seen].mean() - there[seen].mean()),
-        lag=count * float(plain[seen].mean() - slow),
-        left=float(there[seen].mean() / plain[seen].mean()),
+        gain=count * float(plain[moved].mean() - there[moved].mean()),
+        lag=count * float(plain[moved].mean() - slow),
+        left=float(there[moved].mean() / plain[moved].mean()),
     )
 
 
-def _changes(moving: Moving, seen: np.ndarray) -> int:
-    """How many changes there are among samples, shape (n,): runs, cut at the ends of blocks."""
-    block = np.arange(len(seen)) * common.BLOCKS // len(seen)
-    first = seen & ~(np.concatenate([[False], seen[:-1]]) & (np.diff(block, prepend=-1) == 0))
+def _changes(moved: np.ndarray) -> int:
+    """Number of changes among samples, shape (n,): runs, cut at the ends of blocks."""
+    block = np.arange(len(moved)) * common.BLOCKS // len(moved)
+    first = moved & ~(np.concatenate([[False], moved[:-1]]) & (np.diff(block, prepend=-1) == 0))
     return int(first.sum())
 
 
 def _lagging(moving: Moving, shift: Shift) -> Iterator[Mapping[str, Array]]:
-    """Columns as they are if a lag stands behind what seems a shift.
+    """Columns as they are if a lag causes what looks like a shift.
 
-    Of a column that comes late all others are made as slow; one that comes early is itself.
+    If a column is late, all others are slowed down alike; if it is early, the column itself is.
     """
     slow = set(shift.signals)
     if shift.by > 0:
@@ -199,7 +196,8 @@ def taken_of(
     ruleset: Ruleset,
     leaves: float = limits.CLOCK_LEAVES,
 ) -> AcceptedHypothesis | None:
-    """The best shift, if it is sure and leaves so little; with others that explain as much."""
+    """The best shift, if it is certain and leaves little disagreement; with others that explain as
+    much."""
     sound = [s for s in shifts if s.by and s.left < leaves]
     best = max(sound, key=lambda s: s.odds(tried), default=None)
     if best is None or float(expit(best.odds(tried))) <= common.CERTAIN:
@@ -211,16 +209,16 @@ def taken_of(
 
 
 def pace_of(recording: Recording) -> float:
-    """Usual time from row to row, s."""
+    """Usual time between rows, s."""
     return float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
 
 
 def hypothesis_of(
     shift: Shift, alike: Sequence[Shift], pace: float, ruleset: Ruleset
 ) -> Hypothesis:
-    """A shift in words, at so many seconds a sample; `alike` are others that explain as much."""
+    """A shift in words, with `pace` s per sample; `alike` are others that explain as much."""
     late, names = shift.by * pace, listed(list(shift.signals))
-    said = " or ".join(_said(one, pace) for one in (shift, *alike))
+    text = " or ".join(_in_words(one, pace) for one in (shift, *alike))
     inputs = all(ruleset.signal_by_id[name].is_input for name in shift.signals)
     same = ""
     if late > 0.0 and not inputs:
@@ -230,13 +228,13 @@ def hypothesis_of(
     return Hypothesis(
         kind=CLOCK,
         mending=Mending(signals=shift.signals, late=late),
-        text=said + same,
+        text=text + same,
         action=f"set the clock that {names} {'is' if len(shift.signals) == 1 else 'are'} recorded "
         f"by {'back' if late > 0.0 else 'forward'} by {abs(late):.4g} s, or shift what it wrote",
     )
 
 
-def _said(shift: Shift, pace: float) -> str:
+def _in_words(shift: Shift, pace: float) -> str:
     verb = "is" if len(shift.signals) == 1 else "are"
     side = "late" if shift.by > 0 else "early"
     return (

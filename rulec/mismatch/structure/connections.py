@@ -1,32 +1,32 @@
-"""Ways in which modules may be connected otherwise than the plant file says, one pipe at a time.
+"""Other connections of modules than in the plant file, one pipe at a time.
 
-Whatever has an open end may feed; fed are modules of a type of which one is fed in this plant, as
-pumps that draw from vessels are not. What the compiler refuses, or what is the same network, is no
-other way.
+Any module may feed. Only modules of a type that is fed somewhere in this plant may be fed, unlike
+pumps that draw from vessels. Networks that the compiler refuses, and equal networks, do not count.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 from rulec.algebra.continuity import Balance
 from rulec.knowledge.plant import Plant
 from rulec.passes.link import junctions
 
 Pipe = tuple[str, str]
-"""What feeds, and what is fed."""
+"""The source and the target of a connection."""
 
 
 @dataclass(frozen=True)
 class Rewiring:
-    """A pipe as `stated` in the plant file (None: it has none), and as it `fits` the readings."""
+    """A pipe as `stated` in the plant file (None: not there), and as it `fits` the readings."""
 
     stated: Pipe | None
     fits: Pipe | None
 
     def of(self, connections: Sequence[Pipe]) -> tuple[Pipe, ...]:
-        """Connections with the pipe as it fits, in its place."""
+        """Connections with the pipe replaced as it fits."""
         if self.stated is None:
             assert self.fits is not None
             return (*connections, self.fits)
@@ -37,8 +37,7 @@ class Rewiring:
     @property
     def modules(self) -> tuple[str, ...]:
         """Modules at either end, each once."""
-        ends = (*(self.stated or ()), *(self.fits or ()))
-        return tuple(dict.fromkeys(ends))
+        return tuple(dict.fromkeys((*(self.stated or ()), *(self.fits or ()))))
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -48,17 +47,17 @@ class Rewiring:
 
 
 def rewirings(plant: Plant, off: Mapping[str, float], most: int) -> tuple[Rewiring, ...]:
-    """Other networks that differ by one pipe, at most so many.
+    """At most `most` other networks that differ by one pipe.
 
-    `off` is by how much each module contradicts others: a pipe that begins and ends at modules that
-    contradict nothing is right. Those whose ends contradict most come first.
+    `off` is how much each module contradicts others. A pipe between modules without contradiction
+    is right. Pipes at modules with the largest contradiction come first.
     """
-    seen = {_network(plant, plant.connections)}
+    known = {_network(plant, plant.connections)}
     found = []
     for rewiring in _every(plant):
         network = _network(plant, rewiring.of(plant.connections))
-        if network not in seen and any(off.get(m, 0.0) > 0.0 for m in rewiring.modules):
-            seen.add(network)
+        if network not in known and any(off.get(m, 0.0) > 0.0 for m in rewiring.modules):
+            known.add(network)
             found.append(rewiring)
     found.sort(key=lambda r: -max(off.get(m, 0.0) for m in r.modules))
     return tuple(found[:most])
@@ -69,7 +68,7 @@ def _network(plant: Plant, connections: tuple[Pipe, ...]) -> tuple[Balance, ...]
 
 
 def _every(plant: Plant) -> Iterator[Rewiring]:
-    """Each pipe moved at one end, turned about or taken away; then each that is not there."""
+    """Each pipe moved at one end, reversed or removed; then each missing one added."""
     stated = plant.connections
     kind = {name: module.type.name for name, module in plant.modules.items()}
     fed = {kind[target] for _, target in stated}
@@ -84,7 +83,5 @@ def _every(plant: Plant) -> Iterator[Rewiring]:
         for pipe in filter(is_new, (*ends, (target, source))):
             yield Rewiring((source, target), pipe)
         yield Rewiring((source, target), None)
-    for source in sources:
-        for target in targets:
-            if is_new((source, target)):
-                yield Rewiring(None, (source, target))
+    for pipe in filter(is_new, product(sources, targets)):
+        yield Rewiring(None, pipe)

@@ -1,7 +1,7 @@
-"""Ways in which a column may not be what its header says, whatever the plant does.
+"""Ways in which a column may differ from its header, whatever the plant does.
 
-Nothing is free in such a hypothesis: the numbers stand, and read otherwise they either agree with
-the others or they do not. The same holds where a pipe is not as the plant file says.
+Such a hypothesis has no free parameter: its numbers are given, and read otherwise they agree with
+the others or they do not. The same holds if a pipe differs from the plant file.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from rulec.mismatch.structure.connections import Rewiring
 
 SWAPPED, UNIT, SIGN, CLOCK = "swapped-columns", "wrong-unit", "wrong-sign", "clock-shift"
 CONNECTION = "wrong-connection"
-"""Kinds of hypotheses, as they stand in the JSON form."""
+"""Kinds of hypotheses, as in the JSON form."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One way to read a recording otherwise, or to connect its plant; `text` and `action` say it to
+    """One way to read a recording otherwise, or to connect its plant; `text` and `action` are for
     people."""
 
     kind: str
@@ -46,7 +46,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class AcceptedHypothesis:
-    """A hypothesis that was taken: what it gains, nats, and how probable it is."""
+    """A hypothesis that was accepted: its gain, nats, and its probability."""
 
     hypothesis: Hypothesis
     gain: float
@@ -56,7 +56,7 @@ class AcceptedHypothesis:
 def hypotheses(
     recording: Recording, ruleset: Ruleset, read: Sequence[SignalSpec]
 ) -> Iterator[Hypothesis]:
-    """All hypotheses of the readings that a model reads."""
+    """All hypotheses on the readings that a model reads."""
     known = [s for s in read if np.isfinite(recording.values.get(s.id, np.zeros(0))).any()]
     for signal in known:
         yield from _units(recording, ruleset, signal)
@@ -96,7 +96,7 @@ def _too(factor: float, offset: float) -> str:
 
 
 def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
-    """The other sign; a reading whose zero is a convention has none of its own."""
+    """The other sign; a reading with a conventional zero has none."""
     values = recording.values[signal.id]
     if signal.offset or not like_a_reading(signal, -values, noise_of(values)):
         return

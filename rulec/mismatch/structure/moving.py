@@ -1,8 +1,8 @@
-"""How well every sample agrees, also those in which a settled plant moves from state to state.
+"""How well every sample agrees, including those in which a settled plant changes its state.
 
-A column whose clock is off agrees while everything is held, and contradicts the others around each
-change: in samples that the search of physics leaves out. Liquids follow within milliseconds, so
-every sample is an operating point of its own, but for lags.
+A column with a wrong clock agrees while everything is constant, and contradicts the others around
+each change: in samples that the search for physics leaves out. Liquids follow within milliseconds,
+so apart from lags every sample is an operating point of its own.
 
 Source: own derivation.
 """
@@ -32,7 +32,7 @@ from rulec.mismatch.structure import limits
 class Moving:
     """Samples of a recording, judged by a model that was fitted to its settled points.
 
-    `chosen`, shape (n,), are numbers of samples: all, or every so-manyth.
+    `chosen`, shape (n,), are numbers of samples: all, or evenly spaced ones.
     """
 
     recording: Recording
@@ -46,19 +46,19 @@ class Moving:
         return self.errors({})
 
     def errors(self, columns: Mapping[str, Array]) -> Array:
-        """Errors with some columns read otherwise, each shape (samples of the recording,), SI."""
+        """Errors with some columns replaced, each shape (samples of the recording,), SI."""
         at = {name: values[self.chosen] for name, values in columns.items()}
         return self.rows.errors(self.rows.system.flows(self.setting, at=at))[0]
 
     @cached_property
     def slopes(self) -> dict[str, Array]:
-        """How errors follow each reading, shape (rows,), per SI."""
+        """Slopes of errors by each reading, shape (rows,), per SI."""
         flows = self.rows.system.flows(self.setting)
         maps = self.rows.maps(flows)
         return {name: self.rows.column(maps, by) for name, by in flows.by_reading.items()}
 
     def excess(self, errors: Array) -> Array:
-        """Log of how many noises a sample is off, shape (n,); NaN where nothing says."""
+        """Log of a sample's deviation in noise, shape (n,); NaN if nothing is compared."""
         square, count = (
             np.bincount(self.rows.point, values, minlength=len(self.chosen))
             for values in (errors**2, np.ones(len(errors)))
@@ -71,25 +71,13 @@ class Moving:
 def moving_of(
     recording: Recording, data: Data, system: System, setting: Configuration
 ) -> Moving | None:
-    """Samples of a recording beside its settled points; None where nothing checks them."""
+    """Samples of a recording in addition to its settled points; None if nothing checks them."""
     n = len(recording)
     chosen = np.arange(0, n, -(-n // limits.MOVING_SAMPLES))
-    noise = {
-        name: float(np.median(v * np.sqrt(data.stretches.lengths)))
-        for name, v in data.noise.items()
-    }
-    points = points_of_samples(recording, system.ruleset, noise)
-    assert points.time is not None
-    points = type(points)(
-        {k: v[chosen] for k, v in points.values.items()},
-        {k: v[chosen] for k, v in points.u.items()},
-        {k: v[chosen] for k, v in points.systematic.items()},
-        {k: v[chosen] for k, v in points.bad.items()},
-        points.why,
-        points.time[chosen],
-    )
+    lengths = np.sqrt(data.stretches.lengths)
+    noise = {name: float(np.median(v * lengths)) for name, v in data.noise.items()}
     samples = Data(
-        points=points,
+        points=points_of_samples(recording, system.ruleset, noise).at(chosen),
         time=recording.time[chosen],
         noise={k: np.full(len(chosen), v) for k, v in noise.items()},
         block=np.zeros(len(chosen), dtype=np.intp),

@@ -1,7 +1,7 @@
-"""How well the readings of settled points agree, and whether read otherwise they agree far better.
+"""How well readings at settled points agree, and whether they agree far better if read otherwise.
 
-Source: own derivation. Points of one operating state count as one: few states seen through many
-samples are little evidence.
+Source: own derivation. Points of one operating state count as one, as many samples of few states
+are little evidence.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
@@ -46,7 +45,7 @@ class _Fitted:
 
 @dataclass(frozen=True)
 class Settled:
-    """Settled points of a plant, judged by what checks what."""
+    """Settled points of a plant, judged by their redundancy."""
 
     ruleset: Ruleset
     builder: ModelBuilder
@@ -59,7 +58,7 @@ class Settled:
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in so many steps."""
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         found = self._fitted(recording, steps)
         return Agreement.none() if found is None else self._agreement(found.data, found.fitted)
 
@@ -86,7 +85,7 @@ class Settled:
         )
 
     def _fitted(self, recording: Recording, steps: int) -> _Fitted | None:
-        """The plain model refitted; of the last recording it is kept."""
+        """The plain model refitted; that of the last recording is cached."""
         kept = self._kept.get(steps)
         if kept is not None and kept.recording is recording:
             return kept
@@ -101,7 +100,7 @@ class Settled:
         return found
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
-        """Columns whose clock is off, if some are; a table of points has no time."""
+        """Columns with a wrong clock, if any; a table of points has no time."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None or found.data.of_rows or len(found.data) < common.FEWEST_POINTS:
             return None
@@ -115,11 +114,11 @@ class Settled:
         return self.builder.sources
 
     def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        """A connection that is not as stated, if one is; so many columns were doubted besides."""
+        """A wrong connection, if any; `columns` hypotheses on columns were tried besides."""
         return connection_of(recording, self, columns)
 
     def rewired(self, rewiring: Rewiring) -> Settled | None:
-        """The same plant connected otherwise; None where the compiler refuses it."""
+        """The same plant with other connections; None if the compiler refuses it."""
         plant = self.builder.network.plant
         try:
             ruleset, builder = self.builder.connected(rewiring.of(plant.connections))
@@ -128,7 +127,7 @@ class Settled:
         return Settled(ruleset, builder, self.heldout)
 
     def comparable(self, recording: Recording) -> Comparable:
-        """What could be compared if everything could be read that is settled."""
+        """The possible comparisons if all settled readings could be read."""
         found = self._fitted(recording, 0)
         if found is None:
             return Comparable(0, 0)
@@ -144,11 +143,10 @@ class Settled:
             len(residual_basis(self.ruleset, flags)) * len(points)
             for flags, points in patterns_of(rests)
         )
-        ever: np.ndarray = np.any(rests, axis=1)
-        return Comparable(len(residual_basis(self.ruleset, ever)), rows)
+        return Comparable(len(residual_basis(self.ruleset, np.any(rests, axis=1))), rows)
 
     def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
-        """Other connections that may be, near what contradicts the rest."""
+        """Other possible connections, near contradictions."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         plant = self.builder.network.plant
         if found is None or not plant.connections:
@@ -158,8 +156,8 @@ class Settled:
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
-        """How well it agrees with each of the best explanations at some modules, with so many
-        unknowns."""
+        """How well the recording agrees with each of the best explanations at some modules, and
+        their number of unknowns."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None:
             return []
@@ -172,13 +170,9 @@ class Settled:
             result.append((self._agreement(data, there), len(trial.values)))
         return result
 
-    def unread(self, recording: Recording) -> bool:
-        """Is there a reading that mostly cannot be?"""
-        return any(True for _ in impossible(recording, self.ruleset))
-
 
 def _off(system: System) -> dict[str, float]:
-    """By module the largest share of points at which a comparison that it is part of is far off."""
+    """By module, the largest share of points at which one of its comparisons deviates grossly."""
     observed, ruleset = system.observed, system.ruleset
     with np.errstate(invalid="ignore", divide="ignore"):
         far = np.abs(observed.residuals) > limits.GROSSLY_OFF * observed.residual_u

@@ -1,6 +1,6 @@
 """How well readings of a plant that stores agree with a simulation of its plain model.
 
-Errors of a simulation last, so a block of the recording counts as one comparison per reading.
+Errors of a simulation persist, so a block of the recording counts as one comparison per reading.
 
 Source: own derivation.
 """
@@ -20,7 +20,6 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
-from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.stores.drift import drift_of
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise
@@ -43,14 +42,14 @@ class Stores:
     heldout: Sequence[tuple[float, float]]
 
     def read(self) -> list[SignalSpec]:
-        """Readings that the balances take or predict."""
+        """Readings that the balances use or predict."""
         dynamics = self.ruleset.dynamics
         assert dynamics is not None
         used = {*dynamics.inputs, *dynamics.outputs}
         return [s for s in self.ruleset.signals if s.id in used]
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in so many steps."""
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
         record = record_of(recording, self.ruleset, self.builder.given, self.heldout)
         if record is None:
             return Agreement.none()
@@ -75,7 +74,7 @@ class Stores:
         )
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
-        """Columns whose clock is off, if some are."""
+        """Columns with a wrong clock, if any."""
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
 
@@ -87,14 +86,10 @@ class Stores:
         """None: see `connection`."""
         return None
 
-    def unread(self, recording: Recording) -> bool:
-        """Is there a reading that mostly cannot be?"""
-        return any(True for _ in impossible(recording, self.ruleset))
-
 
 def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array], float]:
-    """Errors, shape (n,), SI, less what errors of sensors within their class explain, and how far
-    parameters and sensors had to be moved."""
+    """Errors, shape (n,), SI, minus those that sensors within their class explain, and how far
+    parameters and sensors had to move."""
     fitter = Fitter(problem, (), {})
     at = fitter.vector({})
     drift = drift_of(problem, (), fitter.values(at))
@@ -108,7 +103,7 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
     fitted = fitter.finish(at, judged, steps, limits.STRUCTURE_ROUNDS)
     far = (fitter.vector(fitted.values) - at) / fitter.scale
     if 0.5 * float(far @ far) > limits.STRAINED:
-        # A wrong column may be made up for by numbers that nobody believes: that is no agreement.
+        # Incredible parameters may compensate a wrong column: that is no agreement.
         return fitter.errors(at, judged)[0], 0.0
     return fitted.errors, fitted.negative_log_prior
 
@@ -116,9 +111,9 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
 def _comparison(
     ruleset: Ruleset, problem: SimulationProblem, name: str, error: Array
 ) -> tuple[float, float, float]:
-    """Log likelihood of an error, log of its size and whether it is gross, each a mean."""
-    seen = problem.record.measured[name]
-    finite = seen[np.isfinite(seen)]
+    """Means of the log likelihood of an error, the log of its size, and whether it is gross."""
+    measured = problem.record.measured[name]
+    finite = measured[np.isfinite(measured)]
     u = systematic_u(ruleset.signal_by_id[name], finite)
     of_class = float(np.median(np.broadcast_to(u, finite.shape)))
     noise = max(white_noise(np.diff(finite, 3), 3), problem.record.resolution[name])

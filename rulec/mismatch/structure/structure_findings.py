@@ -1,4 +1,4 @@
-"""Columns and connections that are not as they are said to be, as findings and places."""
+"""Columns and connections that are not as stated, as findings and places."""
 
 from __future__ import annotations
 
@@ -23,14 +23,11 @@ TITLES = {
     CLOCK: "Clock that is off",
     CONNECTION: "Connection that is not as stated",
 }
-"""By kind: what a finding is called."""
-
-SORT = "structure"
-"""What these findings are: neither the plant nor a sensor errs, but the table."""
+"""Titles of findings by kind."""
 
 
 def findings_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Finding, ...]:
-    """Each as a finding; its place is the ids of its signals, or of outlets."""
+    """Each as a finding, whose place is the ids of its signals or outlets."""
     return tuple(_finding(one) for one in taken)
 
 
@@ -39,7 +36,7 @@ def _finding(one: AcceptedHypothesis) -> Finding:
     modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
     return Finding(
         id=f"{'+'.join(signals)}.{one.hypothesis.kind}",
-        sort=SORT,
+        sort="structure",
         name=one.hypothesis.kind,
         title=TITLES[one.hypothesis.kind],
         module=modules[0],
@@ -60,7 +57,7 @@ def _finding(one: AcceptedHypothesis) -> Finding:
 
 
 def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator[Location]:
-    """The signals, or outlets, of each."""
+    """The signals or outlets of each."""
     for one in taken:
         for name in one.hypothesis.places:
             module, _, place = name.partition(".")
@@ -75,7 +72,7 @@ def places_of(taken: Sequence[AcceptedHypothesis], ruleset: Ruleset) -> Iterator
 
 
 def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
-    """What whoever reads the recording again must do to each column, in this order."""
+    """How to correct each column when the recording is read again, in this order."""
     return tuple(
         Misread(t.hypothesis.kind, t.hypothesis.mending)
         for t in taken
@@ -84,7 +81,7 @@ def misread_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Misread, ...]:
 
 
 def rewired_of(taken: Sequence[AcceptedHypothesis]) -> tuple[Rewired, ...]:
-    """What must be edited in the plant file before anything of the answer holds."""
+    """What must be edited in the plant file before the answer holds."""
     return tuple(
         Rewired(
             stated=_pipe(t.hypothesis.rewiring.stated),

@@ -1,9 +1,8 @@
-"""The search for columns and pipes that are not as they are said to be: screened, refitted, taken
-or not.
+"""The search for columns and pipes that are not as stated: screened, refitted, accepted or not.
 
-A hypothesis has nothing to fit, so what it gains it gains by being true. It must gain more than its
-rarity and the number of those that were tried cost, and it must leave little of the disagreement:
-what only lessens it is physics that looks alike.
+A hypothesis has nothing to fit, so it gains only by being true. It must gain more than the price of
+its rarity and of the number tried, and it must leave little of the disagreement: one that merely
+reduces it is physics that looks similar.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from scipy.special import expit
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits as common
+from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
@@ -26,7 +26,7 @@ from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Hypothesis, 
 
 
 class Evidence(Protocol):
-    """What a kind of plant says of a recording."""
+    """What a kind of plant shows of a recording."""
 
     @property
     def ruleset(self) -> Ruleset:
@@ -36,29 +36,25 @@ class Evidence(Protocol):
         """Readings that the model reads."""
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in so many steps."""
-
-    def unread(self, recording: Recording) -> bool:
-        """Is there a reading that mostly cannot be?"""
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
 
     @property
     def builder(self) -> ModelBuilder:
         """Its models."""
 
     def clock(self, recording: Recording) -> AcceptedHypothesis | None:
-        """Columns whose clock is off, if some are."""
+        """Columns with a wrong clock, if any."""
 
     def connection(self, recording: Recording, columns: int) -> AcceptedHypothesis | None:
-        """A connection that is not as stated, if one is; so many columns were doubted besides."""
+        """A wrong connection, if any; `columns` hypotheses on columns were tried besides."""
 
     def rewired(self, rewiring: Rewiring) -> Self | None:
-        """The plant connected otherwise; None where that cannot be."""
+        """The plant with other connections; None if that is impossible."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """The recording as it should be read, the plant as it is connected, and what was not as its
-    header or its file says."""
+    """The corrected recording, the plant as it is connected, and what was not as stated."""
 
     recording: Recording
     evidence: Evidence
@@ -68,7 +64,7 @@ class Structure:
 def structure_of(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
 ) -> Structure:
-    """Doubt columns and connections one by one, as long as some are not as they are said to be."""
+    """Correct columns and connections one by one, as long as some are not as stated."""
     found: list[AcceptedHypothesis] = []
     for _ in range(limits.MOST_MISREAD):
         one = _best(recording, evidence, progress) or evidence.clock(recording)
@@ -87,14 +83,15 @@ def _best(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
 ) -> AcceptedHypothesis | None:
     plain = evidence.agreement(recording, limits.STRUCTURE_STEPS)
-    off = plain.gross >= limits.GROSS_SHARE or plain.idle or evidence.unread(recording)
+    off = plain.gross >= limits.GROSS_SHARE or plain.idle
+    off = off or any(True for _ in impossible(recording, evidence.ruleset))
     column, tried = None, 0
     if off:
         progress("looking for columns that are not what their header says")
         every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
         column, tried = _column(recording, evidence, plain, every), len(every)
     connection = None
-    # A wrong network is partly made up for by wrong numbers, as a wrong column is not.
+    # Wrong parameters partly compensate a wrong network, unlike a wrong column.
     if off or plain.strain >= limits.STRAINED:
         progress("looking for connections that are not as the plant file says")
         connection = evidence.connection(recording, tried)
@@ -104,14 +101,13 @@ def _best(
 def _column(
     recording: Recording, evidence: Evidence, plain: Agreement, every: list[Hypothesis]
 ) -> AcceptedHypothesis | None:
-    """The column, or the two, that read otherwise make the rest agree, if some do."""
+    """The column or pair of columns that, read otherwise, makes the rest agree, if any."""
     price = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
     best, most = None, 0.0
     for hypothesis, rows in _promising(recording, evidence, every):
         there = evidence.agreement(_read_so(hypothesis, recording), limits.STRUCTURE_STEPS)
         compared = Compared(plain.over(rows), there.over(rows))
-        odds = compared.gain + price
-        probability = float(expit(odds))
+        probability = float(expit(compared.gain + price))
         sure = probability > common.CERTAIN and compared.left < limits.STRUCTURE_LEAVES
         if sure and compared.each > most:
             most = compared.each
@@ -126,9 +122,9 @@ def _read_so(hypothesis: Hypothesis, recording: Recording) -> Recording:
 def _promising(
     recording: Recording, evidence: Evidence, every: list[Hypothesis]
 ) -> list[tuple[Hypothesis, int]]:
-    """Those that gain most without any refit, and how many comparisons there may be.
+    """Hypotheses that gain most without a refit, and the number of comparisons.
 
-    What leaves readings unused that others can use is none.
+    Those that leave readings unused that others can use are excluded.
     """
     plain = evidence.agreement(recording, 0)
     found = [evidence.agreement(_read_so(h, recording), 0) for h in every]

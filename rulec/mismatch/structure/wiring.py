@@ -1,8 +1,8 @@
-"""Is the plant connected otherwise than its file says? Judged as columns are, and against physics.
+"""Are the connections other than in the plant file? Judged like columns, and against physics.
 
-Whoever moves a pipe frees nothing: flows balance there, or they do not. A network that leaves less
-to be compared pays for what it leaves out as for readings that cannot be. And what a fault, a
-sensor or an effect at the same modules explains about as well is none of the plant file's mistakes.
+A moved pipe has no free parameter: flows balance there, or they do not. A network with fewer
+comparisons pays for the missing ones as for impossible readings. And if a fault, a sensor or an
+effect at the same modules explains the readings about as well, the plant file is not at fault.
 
 Source: own derivation.
 """
@@ -27,41 +27,42 @@ from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, 
 
 @dataclass(frozen=True)
 class Comparable:
-    """How many comparisons a settled point allows at most, and `rows`, all points together."""
+    """The number of comparisons that a settled point allows, and `rows`, that of all points
+    together."""
 
     each: int
     rows: int
 
 
 class Wired(Protocol):
-    """Settled points of a plant, connected as they are taken to be."""
+    """Settled points of a plant with assumed connections."""
 
     @property
     def sources(self) -> Sources | None:
         """Documents of the plant."""
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
-        """How well a recording agrees with the plain model, refitted in so many steps."""
+        """How well a recording agrees with the plain model, refitted in `steps` steps."""
 
     def comparable(self, recording: Recording) -> Comparable:
-        """What could be compared if everything could be read that is settled."""
+        """The possible comparisons if all settled readings could be read."""
 
     def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
-        """Other connections that may be, near what contradicts the rest."""
+        """Other possible connections, near contradictions."""
 
     def rewired(self, rewiring: Rewiring) -> Wired | None:
-        """The same plant connected otherwise; None where the compiler refuses it."""
+        """The same plant with other connections; None if the compiler refuses it."""
 
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
-        """How well it agrees with each of the best explanations at some modules, with so many
-        unknowns."""
+        """How well the recording agrees with each of the best explanations at some modules, and
+        their number of unknowns."""
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """Other connections, with how far the recording agrees with them better over `rows`."""
+    """Other connections, and how much better the recording agrees with them over `rows`."""
 
     rewiring: Rewiring
     wired: Wired
@@ -70,7 +71,7 @@ class _Judged:
 
 
 def connection_of(recording: Recording, stated: Wired, columns: int) -> AcceptedHypothesis | None:
-    """The connection that is not as stated, if one is; so many `columns` were doubted besides."""
+    """The wrong connection, if any; `columns` hypotheses on columns were tried besides."""
     every = stated.otherwise(recording)
     tried = [(one, wired) for one in every if (wired := stated.rewired(one)) is not None]
     price = limits.STRUCTURE_ODDS - float(np.log(max(len(tried) + columns, 1)))
@@ -97,9 +98,9 @@ def _sure(odds: float) -> bool:
 
 
 def _beyond_physics(recording: Recording, stated: Wired, judged: _Judged) -> float:
-    """What other connections gain over the best explanation with those stated, nats.
+    """Gain of other connections over the best explanation with the stated ones, nats.
 
-    A fault may be there as well, so each network may have one explanation at the same modules.
+    A fault may be present as well, so each network may have one explanation at the same modules.
     """
     plain, modules = judged.compared.recorded, judged.rewiring.modules
     own = max((0.0, *_gains(plain, stated.explained(recording, modules), plain.rows)))
@@ -110,7 +111,7 @@ def _beyond_physics(recording: Recording, stated: Wired, judged: _Judged) -> flo
 def _gains(
     plain: Agreement, explained: Sequence[tuple[Agreement, int]], rows: int
 ) -> Iterator[float]:
-    """What explanations gain, nats, their unknowns paid for (Schwarz 1978)."""
+    """Gains of explanations, nats, minus the price of their unknowns (Schwarz 1978)."""
     for there, unknowns in explained:
         paid = 0.5 * unknowns * float(np.log(max(there.count, 1.0)))
         yield Compared(plain, there.over(rows)).gain - paid
@@ -119,7 +120,7 @@ def _gains(
 def _promising(
     recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]]
 ) -> list[tuple[Rewiring, Wired]]:
-    """Those that gain most without any refit."""
+    """Other connections that gain most without a refit."""
     found = _judged(recording, stated, tried, 0)
     found = sorted((o for o in found if o.compared.each > 0.0), key=lambda o: -o.compared.each)
     return [(o.rewiring, o.wired) for o in found[: limits.STRUCTURE_REFITTED]]
@@ -128,10 +129,10 @@ def _promising(
 def _judged(
     recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]], steps: int
 ) -> list[_Judged]:
-    """Other connections beside those stated.
+    """Other connections compared with those stated.
 
-    What is settled and cannot be read, and what is not compared any more, is as far off as can be.
-    What is compared that was not before is nothing that the stated ones should have foretold.
+    Settled readings that cannot be used, and comparisons that are lost, count as far off. New
+    comparisons do not count against the stated connections.
     """
     own, plain = stated.comparable(recording), stated.agreement(recording, steps)
     every = [(r, w, w.comparable(recording), w.agreement(recording, steps)) for r, w in tried]
@@ -182,7 +183,7 @@ def _fits(rewiring: Rewiring) -> str:
 
 
 def edit_of(rewiring: Rewiring, sources: Sources | None) -> str:
-    """What to edit, with the file and the line."""
+    """What to edit, with file and line."""
     at = _line(rewiring, sources)
     old, new = (f"'{' -> '.join(p)}'" if p else "" for p in (rewiring.stated, rewiring.fits))
     if not old:
@@ -191,7 +192,7 @@ def edit_of(rewiring: Rewiring, sources: Sources | None) -> str:
 
 
 def _line(rewiring: Rewiring, sources: Sources | None) -> str:
-    """Where the connection stands, or where one is to be added."""
+    """The place of the connection, or where to add one."""
     document = None if sources is None else sources.plant
     if sources is None or document is None:
         return "plant.yaml"
