@@ -17,10 +17,7 @@ from rulec.language.units import Dimension
 _GIVES = {
     "flow": (Dimension.of({"m": 3, "s": -1}),),
     "head": (Dimension.of({"m": 1}), Dimension.of({"kg": 1, "m": -1, "s": -2})),
-    "power": (
-        Dimension.of({"kg": 1, "m": 2, "s": -3}),
-        Dimension.of({"kg": 1, "m": 2, "s": -2}),
-    ),
+    "power": (Dimension.of({"kg": 1, "m": 2, "s": -3}), Dimension.of({"kg": 1, "m": 2, "s": -2})),
 }
 """Dimensions by the word of a grade: head may also be a pressure, power a torque."""
 

@@ -140,10 +140,7 @@ def _mending(data: Mapping[str, Any]) -> Mending:
     if not signals or (len(signals) > 2 and not late):
         raise ValueError(f"{len(signals)} columns to be read otherwise at once")
     return Mending(
-        signals=signals,
-        factor=_number(data["factor"]),
-        offset=_number(data["offset"]),
-        late=late,
+        signals=signals, factor=_number(data["factor"]), offset=_number(data["offset"]), late=late
     )
 
 

@@ -30,12 +30,7 @@ from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
 from rulec.mismatch.evidence.stores.model import StoresModel, model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.record import (
-    lacking,
-    record_of,
-    stored_evidence,
-    without_odd,
-)
+from rulec.mismatch.evidence.stores.record import lacking, record_of, stored_evidence, without_odd
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans

@@ -18,13 +18,7 @@ from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.wording import is_repaired
-from rulec.mismatch.result import (
-    Curves,
-    HiddenDriver,
-    Location,
-    Mismatch,
-    Shape,
-)
+from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
 
 BINS = 24
 """Parts of a driver's range, each with its own median."""
@@ -249,10 +243,7 @@ def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
         columns = columns_of(time)
         time = columns.centre
         flags = [columns.highest(flag.astype(float)) > 0 for flag in flags]
-    return [
-        panel.spans(time, flags[0], "located"),
-        panel.spans(time, flags[1], "heldout", 0.05),
-    ]
+    return [panel.spans(time, flags[0], "located"), panel.spans(time, flags[1], "heldout", 0.05)]
 
 
 def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:

@@ -12,11 +12,7 @@ from rulec_runtime.recordings.stationary import Stretches
 from scipy.linalg import block_diag
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import (
-    ERROR,
-    Configuration,
-    reading_and_recording,
-)
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration, reading_and_recording
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.onset import slope_by_onset
