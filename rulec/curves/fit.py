@@ -114,12 +114,11 @@ def fit_curve(
 
         found = least_squares(errors, at, bounds=(known.lowest, known.highest), x_scale="jac")
         at, covariance = found.x, np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
-    left = known.left(covariance)
     return FittedCurve(
         kind=kind,
         points=points,
         parameters={**given, **dict(zip(free, known.values(at).tolist(), strict=True))},
-        untold=tuple(n for n, u in zip(free, left, strict=True) if u > UNTOLD),
+        untold=tuple(n for n, u in zip(free, known.left(covariance), strict=True) if u > UNTOLD),
         laws=tuple(
             _compared(kind, law, name, part, readings, chosen, grade)
             for (law, name), part, chosen in zip(pairs, off(known.values(at)), rows, strict=True)

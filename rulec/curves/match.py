@@ -101,7 +101,7 @@ def points_of(
                 "with --columns, and leave out what is neither"
             )
     taken = {id(values) for values in readings.values()}
-    return _derived(kind, readings, [c for c in rest if id(c.values) not in taken], wanted)
+    return _derived(readings, [c for c in rest if id(c.values) not in taken], wanted)
 
 
 def explained(
@@ -134,10 +134,7 @@ def wanted_by(kind: ModuleType) -> dict[str, Dimension]:
 
 
 def _derived(
-    kind: ModuleType,
-    readings: dict[str, Array],
-    rest: Sequence[Column],
-    wanted: Mapping[str, Dimension],
+    readings: dict[str, Array], rest: Sequence[Column], wanted: Mapping[str, Dimension]
 ) -> Points:
     """Fill in missing readings: pressure from head, power from efficiency, torque from power."""
     notes: list[str] = []

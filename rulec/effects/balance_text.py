@@ -53,8 +53,7 @@ def _value(state: State, expression: Expression) -> str:
 
 def flow_text(network: Network, module: str, end: str) -> str:
     """The flow at an end as a sum of laws; ``0`` if nothing is connected."""
-    terms = network.ends[module, end]
-    return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in terms)
+    return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in network.ends[module, end])
 
 
 def _needed(kind: ModuleType) -> list[str]:

@@ -123,7 +123,9 @@ class Binder:
         if driver.where == "downstream":
             return self._ids(self._behind(module), driver)
         if driver.where == "beside":
-            return [s for s in own if not self._reads(module, site, driver.quantity)]
+            signals = self._network.plant.modules[module].type.signals
+            read = {signals[s].quantity for s in site.reads if s in signals}
+            return [] if driver.quantity in read else own
         if driver.quantity == join.reads:
             # A threshold of the reading that is corrected.
             return [site.name]
@@ -141,11 +143,6 @@ class Binder:
         for other in others if not found else ():
             found += drivers_at(self._network.plant, driver.quantity, other, like=module)
         return found[:NEAREST_DRIVERS]
-
-    def _reads(self, module: str, site: Site, quantity: str) -> bool:
-        """Does the equation of a place read a signal of this quantity?"""
-        signals = self._network.plant.modules[module].type.signals
-        return any(s in signals and signals[s].quantity == quantity for s in site.reads)
 
     def _own(self, module: str, driver: Driver) -> list[str]:
         """Own states of a quantity, else signals, as a sensor shows what is stored."""

@@ -70,8 +70,7 @@ def drivers_at(plant: Plant, name: str, module: str, like: str = "") -> list[Flu
 def thermometer(knowledge: Knowledge) -> str:
     """The quantity on which properties of a fluid depend."""
     units = knowledge.units
-    kinds = (q for q in sorted(units.interval) if units.quantities[q] == TEMPERATURE)
-    return next(kinds, "")
+    return next((q for q in sorted(units.interval) if units.quantities[q] == TEMPERATURE), "")
 
 
 def _unit_of(plant: Plant, quantity: str) -> Unit:

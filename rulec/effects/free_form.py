@@ -43,7 +43,6 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
 
 
 def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
-    """A curve over one reading, linear between its quantiles."""
     signal = features[0].partition(BAND)[0]
     ends = [feature.partition(BAND)[2].partition("/") for feature in features]
     parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
@@ -54,8 +53,7 @@ def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
     for knot in sorted({k for n in numbers for k in (n - 1, n, n + 1) if 0 <= k <= parts}):
         title = f"quantile {knot}/{parts} of {signal}"
         unknowns.append(_statistic(id_, f"x_{knot}", title, signal, (knot / parts,)))
-    law = parse(f"law + {' + '.join(terms)}")
-    return _matched(spot, id_, law, unknowns, {"x1": signal})
+    return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": signal})
 
 
 def _band(number: int, parts: int) -> str:

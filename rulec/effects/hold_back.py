@@ -85,7 +85,6 @@ def _with_laws(
     module: str,
     ends: Iterable[str],
 ) -> ModuleType:
-    """The type with the law of its flow at some ends."""
     kind, law = settled[module], law_of(network.plant.modules[module].type)
     expression = types[module].observers[law].expression
     laws = {end: Definition(end, expression, f"{law}, held back") for end in ends}

@@ -123,8 +123,6 @@ def _common(alike: Sequence[Matched]) -> Matched:
 
 
 class _Matcher:
-    """Matches knowledge to one module."""
-
     def __init__(
         self,
         models: Compilation,
@@ -307,8 +305,7 @@ class _Matcher:
         places: Places = ((kind.acts_on, fault.target),)
         if kind.acts_on == "flow":
             places = tuple(("observer", name) for name in fault.affects)
-        law = undoing(variant, kind.acts_on)
-        change = fault_change(kind, variant, places, law, f"{id_}.x")
+        change = fault_change(kind, variant, places, undoing(variant, kind.acts_on), f"{id_}.x")
         observers = dict.fromkeys(o for place in places for o in self._sites[place].observers)
         candidate = self._fault_at(
             kind,

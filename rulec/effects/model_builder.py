@@ -39,8 +39,7 @@ def open_builder(path: Path) -> tuple[Ruleset, ModelBuilder]:
     """Compile a plant, and make its builder; raises `Refused` with all mistakes in it."""
     sources = read_plant(path, effects=True)
     models = run_passes(Compilation(sources=sources))
-    readings = reference_readings(models, models.ruleset)
-    return models.ruleset, ModelBuilder(models, readings, sources)
+    return models.ruleset, ModelBuilder(models, reference_readings(models, models.ruleset), sources)
 
 
 def builder_of(plant: OpenedPlant) -> ModelBuilder:

@@ -23,8 +23,6 @@ from rulec.passes.store_faults import StoreFault
 SINCE, CLOCK, HALF = "since", "t", "t_half"
 """Names in laws: time of the onset, time, and half of the recording."""
 
-SECONDS = Unit("s", 1.0, SECOND)
-
 
 @functools.cache
 def beginning(law: Expression) -> Expression:
@@ -62,19 +60,10 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
 
 def beginning_change(stored: StoreFault) -> Change:
     """A fault of balances as a change of its module type, with an onset."""
-    origin = stored.fault.origin
-    parameters = {
-        "x": stored.change.parameters["x"],
-        SINCE: Parameter(name=SINCE, value=0.0, unit=SECONDS, title="onset", origin=origin),
-        HALF: Parameter(
-            name=HALF,
-            value=1.0,
-            unit=SECONDS,
-            fit=False,
-            title="half of the recording",
-            origin=origin,
-        ),
-    }
+    unit, origin = Unit("s", 1.0, SECOND), stored.fault.origin
+    since = Parameter(name=SINCE, value=0.0, unit=unit, title="onset", origin=origin)
+    half = replace(since, name=HALF, value=1.0, fit=False, title="half of the recording")
+    parameters = {"x": stored.change.parameters["x"], SINCE: since, HALF: half}
     return replace(
         stored.change,
         law=beginning(stored.change.law),

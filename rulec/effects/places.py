@@ -125,14 +125,13 @@ class _Surveyor:
         for signal in kind.signals.values():
             readers = [o.name for o in kind.observers.values() if signal.name in self._names(o)]
             elsewhere = self._around.readers.get(f"{self._module.name}.{signal.name}", ())
-            reached = [*self._ids(readers), *elsewhere]
             yield Site(
                 kind="signal",
                 name=signal.name,
                 title=signal.quantity,
                 dimension=signal.unit.dimension,
                 moves={o: self._moved(o, signal.name) for o in readers},
-                observers=tuple(dict.fromkeys(reached)),
+                observers=tuple(dict.fromkeys([*self._ids(readers), *elsewhere])),
                 measured=True,
                 quantity=signal.quantity,
             )
@@ -143,13 +142,12 @@ class _Surveyor:
         kind, module = self._kind, self._module.name
 
         def site(what: str, name: str, title: str, dimension: Dimension, quantity: str) -> Site:
-            reached = (f"{module}.{name}",) if what != "end" else self._stored
             return Site(
                 kind=what,
                 name=name,
                 title=title,
                 dimension=dimension,
-                observers=reached,
+                observers=self._stored if what == "end" else (f"{module}.{name}",),
                 quantity=quantity,
             )
 
@@ -204,8 +202,7 @@ class _Surveyor:
         if law is not None and definition in {OUTFLOW, *self._names(law)}:
             found += self._stored or (f"{self._module.name}.{OUTFLOW}",)
         for path, expression in kind.equations_at():
-            moved = path[0] in ("states", "readings")
-            if moved and definition in kind.names_through(expression):
+            if path[0] in ("states", "readings") and definition in kind.names_through(expression):
                 found.append(f"{self._module.name}.{path[1]}")
         return tuple(dict.fromkeys(found))
 
@@ -234,7 +231,6 @@ def dimensions(network: Network, kind: ModuleType) -> dict[tuple[str, str], Dime
 
 
 def _provided(network: Network, name: str) -> Dimension:
-    """Dimension of what modules provide under a name."""
     plant = network.plant
     for kind in (*(m.type for m in plant.modules.values()), *plant.knowledge.modules.values()):
         if name in kind.provides:

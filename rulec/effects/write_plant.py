@@ -29,9 +29,11 @@ def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterato
     """Files of the new folder, as (relative path, text)."""
     assert sources.plant is not None
     values = calibration(adoption, repair)
-    yield "plant.yaml", _plant(sources.plant, adoption, repair, bool(values["modules"]))
+    head = f"# Written by rulec adopt from {repair.recording or 'a recording'}."
+    yield "plant.yaml", _plant(sources.plant, adoption, repair, head, bool(values["modules"]))
     if values["modules"]:
-        yield CALIBRATION, _calibration(values, repair)
+        note = "# All values of the repaired plant; what was calibrated before is in it."
+        yield CALIBRATION, f"{head}\n{note}\n{yaml.safe_dump(values, sort_keys=False, width=100)}"
     for key in ("columns", "adjacency"):
         if key in sources.plant.data:
             file = Path(sources.plant.path).parent / sources.plant.data[key]
@@ -39,7 +41,7 @@ def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterato
     yield from knowledge_files(sources, adoption)
 
 
-def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool) -> str:
+def _plant(plant: Document, adoption: Adoption, repair: Repair, head: str, calibrated: bool) -> str:
     old = plant.data
     modules = {
         name: _module(part, adoption.instances[name], repair, adoption)
@@ -50,11 +52,8 @@ def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool
     data.pop("calibration", None)
     if calibrated:
         data["calibration"] = [CALIBRATION]
-    head = [
-        "# yaml-language-server: $schema=kb/schema/plant.schema.json",
-        f"# Written by rulec adopt from {repair.recording or 'a recording'}.",
-    ]
-    return "\n".join([*head, *lines(data)]) + "\n"
+    schema = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
+    return "\n".join([schema, head, *lines(data)]) + "\n"
 
 
 def _module(
@@ -84,14 +83,6 @@ def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, floa
             if at_median and unknown.driver and unknown.driver.startswith(f"{name}."):
                 result[unknown.driver.split(".")[1]] = found[unknown.id]
     return {name: value for name, value in result.items() if name in own.module.type.signals}
-
-
-def _calibration(values: Mapping[str, Any], repair: Repair) -> str:
-    head = (
-        f"# Written by rulec adopt from {repair.recording or 'a recording'}.\n"
-        "# All values of the repaired plant; what was calibrated before is in it.\n"
-    )
-    return head + yaml.safe_dump(dict(values), sort_keys=False, width=100)
 
 
 def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:

@@ -161,7 +161,6 @@ def analyse(
 
 
 def _doubt(found: Explained[Any], fits: Sequence[Fit]) -> Doubt:
-    """What speaks against the verdict that nothing is missing."""
     strain = (*_strain(found, found.believed), *_of_sensors(found))
     signals, beyond = found.model.ruleset.signal_by_id, []
     for fit in fits:
@@ -193,7 +192,6 @@ def _of_sensors(found: Explained[Any]) -> Iterator[Strain]:
 def _evidence(
     ruleset: Ruleset, builder: ModelBuilder, heldout: Sequence[tuple[float, float]]
 ) -> StructureEvidence:
-    """How well a recording agrees with the plain model, by the kind of plant."""
     if ruleset.dynamics is None:
         return Settled(ruleset, builder, heldout)
     # Loaded here, as below.
@@ -209,7 +207,6 @@ def _explained(
     heldout: Sequence[tuple[float, float]],
     tell: Progress,
 ) -> Explained[Any] | NotComparable:
-    """The recording explained, by the kind of plant."""
     if ruleset.dynamics is None:
         return steady.explain(recording, ruleset, builder, heldout, tell)
     # Loaded here: a plant that stores nothing needs no integrator.

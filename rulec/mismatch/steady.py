@@ -40,7 +40,6 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
-from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.as_written import as_written, clear_states
@@ -85,11 +84,12 @@ def explain(
 
 
 def _explained(recording: Recording, found: Search, by: ByRecording | None) -> Explanation:
-    """The result of a search, with the verdicts of several recordings."""
     fitted, accepted, posterior = found.fitted, found.accepted, found.posterior
     system = fitted.rows.system
     # Places with an unrecorded driver, in the order in which they were found.
     latent = tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
+    curves = [a.curve for a in accepted if latent and a.candidate.id == latent[0].spot.id]
+    switching = next((curve.says for curve in curves if curve is not None), "")
     model = model_of(fitted)
     return Explanation(
         recording=recording,
@@ -97,7 +97,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         accepted=accepted,
         failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
         places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
-        hidden=_driver(system, latent, _switching(accepted, latent[0])) if latent else None,
+        hidden=_driver(system, latent, switching) if latent else None,
         tried=found.tried,
         noise=_noise_words(fitted),
         untimed="operating points"
@@ -118,12 +118,13 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
 def _place(model: SteadyModel, spot: Spot, share: float) -> Location:
     """A place with an unrecorded driver, whose course shows the times."""
     term = model.term(next(c for c in model.joined if c.id == spot.id))
-    also = _also(model.fitted, spot)
+    found = {s.spot.id: s for s in suspects(model.fitted)}
+    own = found.pop(spot.id, None)
+    also = [s.spot for s in found.values() if own is not None and alike(own, s)]
     return replace(location_of_spot(model, spot, share, term, also), periods=())
 
 
 def _noise_words(fitted: Fitted) -> str:
-    """The origin of the noise, and the size of the residuals relative to it."""
     source = (
         "each row is a settled point; noise from the classes of the sensors"
         if fitted.rows.system.data.of_rows
@@ -310,12 +311,6 @@ class Explanation(Explained[Fitted]):
         return tuple(before), tuple(behind)
 
 
-def _switching(accepted: Sequence[Accepted], first: Reconstruction) -> str:
-    """What switches a place; empty if nothing does."""
-    curves = [own.curve for own in accepted if own.candidate.id == first.spot.id]
-    return next((curve.says for curve in curves if curve is not None), "")
-
-
 def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> HiddenDriver:
     hidden, *others = found
     spot = hidden.spot
@@ -349,13 +344,6 @@ def _what(spot: Spot) -> str:
     # The id of a parameter as a place is like `parameter:A.C2`.
     what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
     return f"{what} {spot.module}.{spot.place}"
-
-
-def _also(fitted: Fitted, spot: Spot) -> list[Spot]:
-    """Places with the same errors in all residuals."""
-    found = {s.spot.id: s for s in suspects(fitted)}
-    own = found.pop(spot.id, None)
-    return [s.spot for s in found.values() if own is not None and alike(own, s)]
 
 
 def models_of(repaired: Fitted) -> Models:
@@ -398,8 +386,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
     noise = predictor.noise(models.repaired) * noise_scale(rows, models.fitted.residual)
     parts = (judged & data.open, judged & (data.part == HELDOUT))
     sizes = (rms(noise[parts[0]]), rms(noise[parts[1]]))
-    errors = [p - measured for p in predicted]
-    found = fit_of(predictor.signal, errors, sizes, parts)
+    found = fit_of(predictor.signal, [p - measured for p in predicted], sizes, parts)
     return Proof(replace(found, relation=predictor.residual.id), predicted, judged)
 
 

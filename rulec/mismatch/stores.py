@@ -242,7 +242,6 @@ class Explanation(Explained[Fitted]):
         return tuple(before), tuple(behind)
 
     def _rejected(self) -> list[str]:
-        """A note on explanations that held-out blocks rejected."""
         if not self.dropped:
             return []
         return [
@@ -251,7 +250,6 @@ class Explanation(Explained[Fitted]):
         ]
 
     def _hiding(self) -> list[str]:
-        """A note on explanations that show only together."""
         alone = self.found.alone
         hidden = [
             a for a in self.accepted if alone.get(a.candidate.id, 0.0) < limits.HIDES * a.gain
@@ -266,7 +264,6 @@ class Explanation(Explained[Fitted]):
         return [f"these show only beside each other (gain in log likelihood): {'; '.join(gains)}"]
 
     def _remaining(self) -> list[str]:
-        """A note on the remaining errors of the repaired model."""
         if not self.nameless or not (self.accepted or self.failing):
             return []
         place = self.nameless[0]
@@ -282,16 +279,13 @@ def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged)
     Slow errors of inputs, within the class of their sensors, are removed from all three models
     alike.
     """
-    errors = [_shipped(bench, judged), plain.errors, best.errors]
-    return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
-
-
-def _shipped(bench: SimulationProblem, judged: Judged) -> Mapping[str, Array]:
     fitter = Fitter(bench, (), {})
     try:
-        return fitter.errors(fitter.vector({}), judged)[0]
+        shipped: Mapping[str, Array] = fitter.errors(fitter.vector({}), judged)[0]
     except RanAway:
-        return {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
+        shipped = {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
+    errors = [shipped, plain.errors, best.errors]
+    return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
 
 
 def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
@@ -427,6 +421,5 @@ def _repair_of(fitted: Fitted) -> Repair:
 
 
 def _thin(bench: SimulationProblem, recording: Recording, course: Array) -> Array:
-    """A course at the samples of the analysis."""
     factor = len(recording.time) // len(bench.record.time)
     return thinned(recording.time, {}, {"": course}, factor)[2][""]

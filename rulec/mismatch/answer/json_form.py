@@ -157,7 +157,6 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
 
 
 def _values(found: Repair) -> dict[str, Any]:
-    """Values of a plant that can be written, SI."""
     return {
         "parameters": [p.id for p in found.parameters],
         "values": [p.value for p in found.parameters],

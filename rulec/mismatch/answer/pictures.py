@@ -220,8 +220,6 @@ def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
 
 
 def _say_time(drawn: ReadingCourses) -> str:
-    """Errors inside the located region and outside it."""
-
     def off(flags: np.ndarray) -> str:
         before, after = (rms(drawn.error(m)[flags]) for m in ("recalibrated", "repaired"))
         words = f"the recalibrated model is off by {_amount(before, drawn.unit)} rms"

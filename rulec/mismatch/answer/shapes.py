@@ -11,7 +11,7 @@ from rulec_runtime.report.text import number
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits
-from rulec.mismatch.answer.wording import quantity
+from rulec.mismatch.answer.wording import quantity, suffix
 from rulec.mismatch.evidence.model import Model, Variable
 from rulec.mismatch.result import Beaten, Region, Shape
 from rulec.mismatch.search.curve_found import Branches, CurveFound, RejectedCandidate
@@ -150,7 +150,7 @@ def shape_words(curve: Curve) -> tuple[str, bool]:
         there, back = (curve.change(*leg)[0] for leg in legs)
         if abs(there + back) <= ENDS_ALIKE * max(abs(there), abs(back)):
             amount = _amount(curve, *max(legs, key=lambda leg: abs(curve.change(*leg)[0])))
-            near = f"{number(float(curve.at[turns[1]]))}{_unit(curve.driver_unit)}"
+            near = f"{number(float(curve.at[turns[1]]))}{suffix(curve.driver_unit)}"
             return f"a {'bump' if there > 0 else 'dip'} of {amount} near {near}", False
     shown = [_leg(curve, a, b, float(curve.at[a]), float(curve.at[b])) for a, b in legs[:LEGS]]
     more = f", and turns {len(legs) - LEGS} more times" if len(legs) > LEGS else ""
@@ -197,14 +197,10 @@ def _one(curve: Curve, first: int, last: int) -> str:
 
 def _leg(curve: Curve, first: int, last: int, low: float, high: float) -> str:
     way = "rises" if curve.value[last] > curve.value[first] else "falls"
-    ends = f"{number(low)} to {number(high)}{_unit(curve.driver_unit)}"
+    ends = f"{number(low)} to {number(high)}{suffix(curve.driver_unit)}"
     return f"{way} by {_amount(curve, first, last)} from {ends}"
 
 
 def _amount(curve: Curve, first: int, last: int) -> str:
     change, u = curve.change(first, last)
     return quantity(abs(change), u, curve.unit)
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"

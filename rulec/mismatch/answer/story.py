@@ -19,6 +19,7 @@ from rulec.mismatch.answer.wording import (
     region_words,
     rounded,
     share,
+    suffix,
     text_plot,
     titled,
 )
@@ -168,7 +169,6 @@ def _place(location: Location, brief: bool) -> Iterator[Fact]:
 
 
 def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
-    """The course of a hidden driver, what it could be, and the sensor to add."""
     known = np.isfinite(hidden.course)
     rows: list[str] = []
     if brief and known.any():
@@ -182,7 +182,6 @@ def _hidden(hidden: HiddenDriver, brief: bool) -> Iterator[Fact]:
 
 
 def _recordings(mismatch: Mismatch) -> Iterator[Fact]:
-    """The verdict of each recording alone, then the change by each further one."""
     for part in mismatch.recordings:
         likely = "; ".join(f"{likely.title} {percent(likely.probability)}" for likely in part.alone)
         used = f"{part.used} of {counted(part.rows, 'row')} used"
@@ -193,7 +192,6 @@ def _recordings(mismatch: Mismatch) -> Iterator[Fact]:
 
 
 def _proof(mismatch: Mismatch, fit: Fit, brief: bool) -> Part:
-    """Errors of the models, what held-out blocks prove, and the rivals that lost."""
     repaired, why = is_repaired(mismatch), mismatch.unproven
     rows = _errors(fit, repaired)
     others = [f for f in mismatch.fits if f != fit]
@@ -222,12 +220,11 @@ def _errors(fit: Fit, repaired: bool) -> list[tuple[str, float, float]]:
 
 def _fit_words(fit: Fit, repaired: bool) -> str:
     """Held-out errors of one predicted signal in one line."""
-    rows, unit = _errors(fit, repaired), "" if fit.unit == "1" else f" {fit.unit}"
-    return f"{fit.signal} " + ", ".join(f"{number(kept)} {name}" for name, _, kept in rows) + unit
+    errors = ", ".join(f"{number(kept)} {name}" for name, _, kept in _errors(fit, repaired))
+    return f"{fit.signal} {errors}{suffix(fit.unit)}"
 
 
 def _heldout_words(fit: Fit, repaired: bool) -> str:
-    """What held-out blocks say of the repair, or of recalibration if there is none."""
     kept = fit.heldout
     if not repaired:
         were = "was" if kept.points == 1 else "were"
@@ -253,15 +250,14 @@ def explained_words(mismatch: Mismatch) -> str:
         return ""
     titles = [titled(f) for f in mismatch.findings if f.id in left]
     what = f" ({listed(titles)})" if titles else ""
-    unit = "" if fit.unit == "1" else f" {fit.unit}"
+    explained = number(fit.heldout.explained) + suffix(fit.unit)
     return (
         "The errors above are those of the plant that `rulec adopt` would write. With what a plant "
-        f"model cannot hold{what}, the error falls to {number(fit.heldout.explained)}{unit}."
+        f"model cannot hold{what}, the error falls to {explained}."
     )
 
 
 def _rivals_words(finding: Finding) -> str:
-    """The gain of a finding, and that of its strongest rival."""
     known = [r for r in finding.rivals if np.isfinite(r.gain)]
     free = finding.sort == "free"
     title = "What has no name" if free else titled(finding)
@@ -276,7 +272,6 @@ def _rivals_words(finding: Finding) -> str:
 
 
 def _numbers(mismatch: Mismatch, brief: bool) -> Part:
-    """Parameters with their uncertainty, remaining doubts, and the origin of the answer."""
     most = MOST if brief else None
     findings = [f for f in mismatch.findings[:most] if f.sort != "free"]
     rows = [
@@ -323,7 +318,6 @@ def _counts(parts: Sequence[Evidence], brief: bool, between: str) -> list[str]:
 
 
 def _origin(mismatch: Mismatch, brief: bool) -> Iterator[Fact]:
-    """How blocks were used, noise, number of explanations tried, sources, notes."""
     if mismatch.split:
         yield "blocks", [mismatch.split] if brief else [mismatch.split, mismatch.digest]
     if not brief:
@@ -357,8 +351,7 @@ def _replayed(effect: Detectability, replays: int) -> str:
         return "no reading of this recording shows it"
 
     def amount(value: float, digits: int = 2) -> str:
-        shown = number(value, digits)
-        return shown if effect.unit == "1" else f"{shown} {effect.unit}"
+        return number(value, digits) + suffix(effect.unit)
 
     usual = f"at its usual size ({amount(effect.usual)})"
     parts = [f"told in {effect.told_usual} of {replays} {usual}"]

@@ -145,7 +145,6 @@ LEADS = {
 
 
 def _unnamed(named: Sequence[Finding], locations: Sequence[Location]) -> str:
-    """The place with the largest mismatch without a name, and its driver."""
     places = {(f.module, f.place) for f in named}
     nameless = [at for at in locations if (at.module, at.place) not in places]
     most = max(nameless or locations, key=lambda place: place.share, default=None)
@@ -192,7 +191,6 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
 
 
 def _unsure(doubt: Doubt, standing: Sequence[CandidateSet]) -> str:
-    """Something is or may be missing, and this recording does not show what."""
     off = "; ".join(f"{fit.signal} is off by {percent(share)}" for fit, share in doubt.beyond)
     strained = "; ".join(map(str, doubt.unbelievable))
     text = f"Perhaps nothing is missing ({percent(doubt.nothing)})."

@@ -58,6 +58,11 @@ def rounded(value: float, u: float, *more: float) -> tuple[str, ...]:
     return tuple(fixed(v, decimals) for v in (value, *more, u))
 
 
+def suffix(unit: str) -> str:
+    """A unit behind a number."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def quantity(value: float, u: float, unit: str) -> str:
     """A value in a sentence.
 
@@ -65,8 +70,7 @@ def quantity(value: float, u: float, unit: str) -> str:
     ('0.00940 ± 0.00022 1/K', '0.2')
     """
     shown, spread = rounded(value, u)
-    text = shown if spread == "–" else f"{shown} ± {spread}"
-    return text if unit == "1" else f"{text} {unit}"
+    return (shown if spread == "–" else f"{shown} ± {spread}") + suffix(unit)
 
 
 def interval(estimate: Estimate) -> str:
@@ -89,7 +93,7 @@ def region_words(region: Region) -> str:
     words = f"at {low}" if region.low == region.high else f"from {low} to {high}"
     if low is None or high is None:
         words = f"below {high}" if low is None else f"above {low}"
-    words += "" if region.unit == "1" else f" {region.unit}"
+    words += suffix(region.unit)
     if low is None and high is None:
         words = "anywhere"
     whole = f" ({share(region.share)} of it)" if np.isfinite(region.share) else ""
@@ -193,13 +197,12 @@ def text_plot(at: Array, value: Array, u: Array, units: tuple[str, str]) -> list
     labels[-1] = number(low)
     if low < 0.0 < high:
         labels[int(row(np.zeros(1))[0])] = "0"
-    labels[0] = f"{number(high)} {units[1]}" if units[1] != "1" else number(high)
+    labels[0] = number(high) + suffix(units[1])
     width = max(map(len, labels))
     rows = [
         f"{label:>{width}} {'┤' if label else '│'}{''.join(line).rstrip()}"
         for label, line in zip(labels, cells, strict=True)
     ]
-    first, last = number(float(at[0])), number(float(at[-1]))
-    last += f" {units[0]}" if units[0] != "1" else ""
+    first, last = number(float(at[0])), number(float(at[-1])) + suffix(units[0])
     rows.append(f"{'':>{width}}  {first}{last:>{ACROSS - len(first)}}")
     return rows

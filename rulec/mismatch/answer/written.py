@@ -26,6 +26,7 @@ from rulec.effects.candidate import Candidate, Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Explained, F, Plants, Refits
+from rulec.mismatch.answer.wording import suffix
 from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof, rms
@@ -108,7 +109,12 @@ def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]
 
 def simulated(ruleset: Ruleset, recording: Recording) -> Mapping[str, Array]:
     """Readings by `rulec simulate`, per signal, shape (rows,), SI; raises `SimulationRefused`."""
-    return predict(ruleset, _files(recording)).values
+    files = []
+    for segment in dict.fromkeys(recording.segment.tolist()):
+        rows = recording.segment == segment
+        values = {name: v[rows] for name, v in recording.values.items()}
+        files.append(file_of(f"file {int(segment) + 1}", recording.time[rows], values))
+    return predict(ruleset, files).values
 
 
 def plants_of(
@@ -174,7 +180,7 @@ def refusal(
 
 
 def _worse(fit: Fit, own: float, plain: float, where: str) -> str:
-    unit = "" if fit.unit == "1" else f" {fit.unit}"
+    unit = suffix(fit.unit)
     return (
         f"simulated with it, {fit.signal} is off by {number(own)}{unit} {where}, and by "
         f"{number(plain)}{unit} with recalibrated values alone"
@@ -212,16 +218,6 @@ def row_errors(
             off = (course - measured)[inside & (measured >= low)] / signal.factor
             off = off[np.isfinite(off)]
             found[name] = (rms(off), len(off))
-    return found
-
-
-def _files(recording: Recording) -> list[RecordingFile]:
-    """The recording split into the files that it was read from."""
-    found = []
-    for segment in dict.fromkeys(recording.segment.tolist()):
-        rows = recording.segment == segment
-        values = {name: v[rows] for name, v in recording.values.items()}
-        found.append(file_of(f"file {int(segment) + 1}", recording.time[rows], values))
     return found
 
 

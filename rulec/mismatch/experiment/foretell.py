@@ -89,8 +89,7 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
     model = models[true]
     for _ in range(limits.FORETELL_STEPS):
         rows = rows_of(system, Configuration())
-        fitted = _evaluated(rows, model)
-        system = replace(system, data=_moved(rows, fitted))
+        system = replace(system, data=_moved(rows, _evaluated(rows, model)))
     rows = rows_of(system, Configuration())
     there = Geometry(rows)
     outputs = {name for cell in rows.cells for name in cell.outputs}
@@ -169,7 +168,6 @@ def _later(setting: Configuration, time: Array) -> Configuration:
 
 
 def _evaluated(rows: Rows, model: Model) -> Fitted:
-    """A model at points of a further recording."""
     data, at = rows.system.data, model.at * _kept(model)[0]
     return evaluated(rows, _later(model.setting, data.time), model.prior, at, data.open)
 
@@ -257,8 +255,7 @@ def _residuals_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Ar
 def _columns(there: Geometry, model: Model, fitted: Fitted, term: Term) -> Array:
     """Residuals by the functions of a term, each of prior unit size, shape (rows, functions)."""
     slopes = spot_column(fitted, term.changed)
-    driver = driver_of(there.rows.system, term.driver)[there.point]
-    basis = term.basis.at(driver)
+    basis = term.basis.at(driver_of(there.rows.system, term.driver)[there.point])
     if slopes is None:
         return np.zeros_like(basis)
     return np.asarray(size_of_term(model, term) * slopes[there.seen, None] * basis)

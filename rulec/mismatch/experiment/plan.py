@@ -62,8 +62,7 @@ def planned(
     if not reach.ranges:
         raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
     places = places_in(system, reach)
-    every = range(len(again.sets))
-    predicted = [foretold(again.geometry, again.models, i, places) for i in every]
+    predicted = [foretold(again.geometry, again.models, i, places) for i in range(len(again.sets))]
     limited = feasible(ruleset, places, reach, predicted)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(

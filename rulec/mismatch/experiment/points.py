@@ -178,8 +178,7 @@ class Feasible:
     @property
     def shortest(self) -> float:
         """The shortest time to hold a place, s."""
-        own = self.reach.allowed.inputs.values()
-        return max([self.reach.step, *(part.hold for part in own)])
+        return max([self.reach.step, *(part.hold for part in self.reach.allowed.inputs.values())])
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
         """For each of some places in sequence, the shortest time of the way there, and the time to

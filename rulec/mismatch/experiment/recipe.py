@@ -144,7 +144,6 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
 
 
 def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
-    """The cheapest sensor that distinguishes two explanations."""
     which = f"{pair[0] + 1} and {pair[1] + 1}"
     advised = next((one for one in found.sensors if one.pair == pair), None)
     if advised is None:
@@ -161,7 +160,6 @@ def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
 
 
 def _limits(found: Experiment) -> Iterator[str]:
-    """The cost of steps, and the limits that forbid better ones."""
     steps: dict[str, list[int]] = {}
     for place, step in enumerate(found.telling if found.limited else (), start=1):
         costs = [f"Product is lost in {{}} (by {' and '.join(step.costs)})."] if step.costs else []
@@ -191,7 +189,6 @@ as near to each other as three."""
 
 
 def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
-    """One picture per signal that is listed in some step."""
     listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
     for index, name in enumerate(listed):
         yield _picture(found, ruleset.signal_by_id[name], index)

@@ -98,7 +98,6 @@ def _judged(
 
 
 def _claims(system: System, model: Model) -> Claims:
-    """All predictions of one explanation at the recorded points."""
     solution, known = solved(model)
     numbers = np.arange(len(model.at))
     numbers = np.concatenate([numbers, *(columns_of(model, term) for term in model.terms)])
@@ -154,7 +153,6 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
 
 
 def _sensors(system: System) -> Iterator[Sensor]:
-    """Second readings of what estimates use, and flow meters."""
     plant = system.builder.network.plant
     for name in system.modules:
         module, classes = plant.modules[name], plant.knowledge.sensors

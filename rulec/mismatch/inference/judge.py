@@ -209,8 +209,7 @@ class Judge:
         for _ in range(limits.SCORED):
             size, gain = self._best_sizes(with_best)
             best = np.argmax(gain, axis=0)
-            shift = self.rows[:, best] * size[best, every]
-            with_best, likely = self._fitted(replays, shift)
+            with_best, likely = self._fitted(replays, self.rows[:, best] * size[best, every])
         size, gain = self._best_sizes(with_best)
         gained = np.maximum(likely - bare, 0.0)
         taken = gained + self.odds[best] > 0.0

@@ -19,7 +19,7 @@ from rulec.mismatch.inference.judge import Judge, replay_verdicts
 from rulec.mismatch.inference.replay import Replayer, without_explanations
 from rulec.mismatch.result import Detectability, SelfProof
 from rulec.mismatch.search import limits as of_search
-from rulec.mismatch.search.evidence import Evidence, Term
+from rulec.mismatch.search.evidence import Evidence
 from rulec.mismatch.search.refit import Model
 from rulec.mismatch.search.settled.best_set import titled_with_module
 from rulec.mismatch.search.settled.geometry import Geometry
@@ -54,8 +54,7 @@ def asked_of(
     own = np.array(concealed)
     share = np.exp(judge.odds[own] - judge.odds[own].max())
     drawn = rng.choice(own, count, p=share / share.sum())
-    shift = judge.rows[:, drawn] * size
-    replays = Replayer(judge.geometry, judge.model).drawn(count, shift)
+    replays = Replayer(judge.geometry, judge.model).drawn(count, judge.rows[:, drawn] * size)
     verdicts = replay_verdicts(judge, judge.judged(replays))
     best, sure = verdicts.best, verdicts.sure
     names = np.append(judge.owner, np.full(len(judge.terms), ""))
@@ -142,22 +141,18 @@ def judge_of(posterior: Posterior) -> Judge:
     geometry = posterior.geometry
     model = without_explanations(geometry, posterior.models[posterior.told])
     found = [column for column, _ in found_columns(posterior).values()]
-    every, terms = _tried(geometry, model)
+    if isinstance(geometry, StoresGeometry):
+        tried, free = of_stores.columns(geometry, model), nameless.terms(geometry, model)
+    else:
+        assert isinstance(geometry, Geometry)
+        tried, free = columns(geometry, model, {}), terms(geometry, model)
     return Judge(
         geometry=geometry,
         model=model,
-        columns=[*found, *every],
-        terms=terms,
+        columns=[*found, *tried],
+        terms=free,
         candidates=len({c.id for c in geometry.candidates}),
     )
-
-
-def _tried(geometry: Evidence, model: Model) -> tuple[list[Column], list[Term]]:
-    """What a search would try in addition to a model."""
-    if isinstance(geometry, StoresGeometry):
-        return of_stores.columns(geometry, model), nameless.terms(geometry, model)
-    assert isinstance(geometry, Geometry)
-    return columns(geometry, model, {}), terms(geometry, model)
 
 
 def self_proof(

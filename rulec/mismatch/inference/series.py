@@ -45,8 +45,7 @@ def series_csv(series: Series | None) -> str:
             head.append(f"{course.signal} {name} [{course.unit}]")
             values = getattr(course, name)
             columns.append([f"{v:.9g}" if math.isfinite(v) else "" for v in values])
-    rows = zip(*columns, strict=True)
-    return "\n".join([row_of(head), *(",".join(row) for row in rows)]) + "\n"
+    return "\n".join([row_of(head), *map(",".join, zip(*columns, strict=True))]) + "\n"
 
 
 def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tuple[float, float]]:

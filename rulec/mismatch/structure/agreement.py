@@ -65,8 +65,7 @@ class Compared:
     @property
     def gain(self) -> float:
         """Gain in log probability of the whole recording if it is read otherwise, nats."""
-        gained = self.otherwise.count * self.each
-        return gained + self.recorded.strain - self.otherwise.strain
+        return self.otherwise.count * self.each + self.recorded.strain - self.otherwise.strain
 
     @property
     def left(self) -> float:

@@ -63,7 +63,6 @@ class Settled:
         return Agreement.none() if found is None else self._agreement(found.data, found.fitted)
 
     def _agreement(self, data: Data, fitted: Fitted) -> Agreement:
-        """How well the points agree with a model that was fitted to them."""
         rows = fitted.rows
         used = data.open[rows.group_point]
         if not used.any():

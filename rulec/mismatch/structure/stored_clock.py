@@ -62,7 +62,6 @@ def shifts_against_cause(
 
 
 def _read(recording: Recording, name: str, by: int) -> Recording:
-    """The recording with a column read `by` samples later."""
     return Mending(signals=(name,), late=by * pace_of(recording)).of(recording)
 
 

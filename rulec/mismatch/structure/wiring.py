@@ -120,7 +120,6 @@ def _gains(
 def _promising(
     recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]]
 ) -> list[tuple[Rewiring, Wired]]:
-    """Other connections that gain most without a refit."""
     found = _judged(recording, stated, tried, 0)
     found = sorted((o for o in found if o.compared.each > 0.0), key=lambda o: -o.compared.each)
     return [(o.rewiring, o.wired) for o in found[: limits.STRUCTURE_REFITTED]]
@@ -192,7 +191,6 @@ def edit_of(rewiring: Rewiring, sources: Sources | None) -> str:
 
 
 def _line(rewiring: Rewiring, sources: Sources | None) -> str:
-    """The place of the connection, or where to add one."""
     document = None if sources is None else sources.plant
     if sources is None or document is None:
         return "plant.yaml"
