@@ -127,11 +127,8 @@ def fit_curve(
 
 
 def _by_points_alone(off: Callable[[Array], list[Array]], stated: Sequence[Parameter]) -> Array:
-    """Values fitted to the points alone, SI.
-
-    A device may be a thousand times as large as another of its type. So each value is first scaled
-    by the power of ten that suits the points best; the fit finds its way from there.
-    """
+    """Values fitted to the points alone, SI. Devices of a type may differ in size a thousandfold,
+    so each value is first scaled by the power of ten that suits the points best."""
     values = np.array([p.value or p.u or p.unit.factor for p in stated])
     low, high = np.array([(p.lowest, p.highest) for p in stated]).T
 

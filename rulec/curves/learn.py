@@ -172,8 +172,7 @@ def _between(driver: Array, knots: Array) -> Array:
 
 
 def _fitted(samples: Samples) -> tuple[Array, Array, np.ndarray]:
-    """Knots, values there, and the rows kept: least absolute errors find the outliers, then least
-    squares fit the rest."""
+    """Knots, values there, and rows kept: by least absolute errors, then by least squares."""
     knots = _knots(samples.driver)
     values = _either_way(samples, knots, 1)
     off = samples.run(_between(samples.driver, knots) @ values)[0]
@@ -229,8 +228,7 @@ def _errors(
     true: TrueFlow,
     rows: np.ndarray,
 ) -> Array:
-    """Standard uncertainties of the values from the scatter of the points and the errors of the
-    sensors and other parameters; `known` are the uncertainties of these."""
+    """Standard uncertainties of the values: scatter of the points, and errors `known` of inputs."""
     weights = _between(samples.driver, knots)
     off, slope, out = samples.run(weights @ values)
     inverse = np.linalg.pinv(slope[:, None] * weights)

@@ -28,8 +28,7 @@ def dropped(kind: ModuleType, definition: str) -> list[str]:
 def table_units(
     learnt: Learnt, dimensions: Mapping[str, Dimension], units: UnitTable
 ) -> tuple[Unit, Unit]:
-    """Units of the driver and of the definition: that of a signal or parameter of the type with the
-    same dimension, if there is one."""
+    """Units of driver and definition: those of signals or parameters of the type if they fit."""
     kind = learnt.module.type
 
     def unit_of(name: str) -> Unit:

@@ -128,10 +128,8 @@ def _proportional(a: Array, b: Array) -> bool:
 
 
 def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str, str], Array]:
-    """Slopes of all own observers by each place, at points around the reference.
-
-    Readings of other modules stay at the reference; those that do not exist have no influence.
-    """
+    """Slopes of all own observers by each place, at points around the reference. Readings of other
+    modules stay at the reference; those that do not exist have no influence."""
     shifts = {(module.name, *s.key): "shift:{}:{}".format(*s.key) for s in sites}
     plan = lower_module(Lowering(around.network, {}, shifts), module.name)
     inputs: dict[str, Array | float] = {n: around.inputs.get(n, 0.0) for n in plan.inputs}

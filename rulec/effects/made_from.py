@@ -34,8 +34,7 @@ def basis_of(
 
 
 def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
-    """The recordings in the order given; raises `AdoptRefused` if anything has changed since the
-    analysis."""
+    """The recordings in the order given; raises `AdoptRefused` if anything has changed."""
     if basis.in_memory:
         raise AdoptRefused(
             "a recording was in memory, and it must be read again; give the result of "

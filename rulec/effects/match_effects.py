@@ -321,8 +321,7 @@ class _Matcher:
         return Matched(candidate, change)
 
     def _fault_at(self, kind: FaultType, variant: Variant, target: str, **where: Any) -> Candidate:
-        """A fault as an explanation; `where` are the fields of `Candidate` that depend on its
-        place."""
+        """A fault as an explanation; `where` are the fields that depend on its place."""
         slots = {"where": target, "variant": variant.title, "degree": "{x}"}
         return Candidate(
             sort="fault",

@@ -49,8 +49,7 @@ def builder_of(plant: OpenedPlant) -> ModelBuilder:
 
 
 def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float]:
-    """Readings of all signals at the reference point, SI; a guess where no estimate reads a
-    signal."""
+    """Readings of all signals at the reference point, SI; guesses for signals without estimate."""
     read = {signal for observer in ruleset.observers for signal in observer.signals}
     solved = {s.id: s.reference for s in ruleset.signals if s.id in read}
     result = {}
@@ -258,8 +257,7 @@ def _kind_of(amended: Amended, place: str) -> str:
 
 
 def _base_parameters(models: Compilation) -> BaseParameters:
-    """Uncertain parameters, which may change, correlated as their calibration says; and
-    constants."""
+    """Uncertain parameters, correlated as their calibration says, and constants."""
     plant = models.plant
     constants: dict[str, float] = {}
     moved: dict[str, Parameter] = {}

@@ -50,10 +50,8 @@ def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
 
 
 def _ids(own: Adopted) -> dict[str, str]:
-    """Parameters of the type by name, with their ids in the analysis.
-
-    Parameters whose error is shared with other modules belong to the fluid; no file has them.
-    """
+    """Ids of the type's parameters in the analysis. Parameters whose error is shared with other
+    modules belong to the fluid; no file has them."""
     plain = (name for name, p in own.module.parameters.items() if not p.shared)
     return {**{name: parameter_id(own.module, name) for name in plain}, **own.inputs}
 

@@ -70,8 +70,7 @@ def _module(
 
 
 def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, float]:
-    """Readings (SI) of the drivers of adopted candidates: the median, or the middle of the
-    range."""
+    """Readings (SI) of the drivers of adopted candidates: the median, or the mid-range."""
     name, result = own.module.name, dict[str, float]()
     found = {k: v for joined in repair.joined for k, v in joined.values.items()}
     for candidate in adoption.taken:

@@ -240,8 +240,7 @@ def _of_recording(recording: Recording) -> list[str]:
 def _curves(
     model: Model, shown: PlantErrors, judged: np.ndarray, findings: Sequence[Finding]
 ) -> Curves:
-    """Courses of the first reading whose errors are reported; `judged`, shape (n,): see
-    `Refits`."""
+    """Courses of the first reading with errors; `judged`, shape (n,): see `Refits`."""
     course = shown.series.courses[0]
     signal = course.signal
     module = findings[0].module if findings else signal.partition(".")[0]

@@ -24,8 +24,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Region:
-    """Readings of `variable` between `low` and `high` (None: open) with a `share` of the mismatch
-    at a place."""
+    """Readings of `variable` from `low` to `high` (None: open); `share` of a place's mismatch."""
 
     variable: str
     low: float | None
@@ -99,8 +98,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another explanation that fits about as well; one with the `same` signature looks like the
-    first."""
+    """Another explanation that fits about as well; the `same`: with the same signature."""
 
     id: str
     name: str
@@ -178,8 +176,7 @@ class Finding:
 
     @property
     def class_probability(self) -> float:
-        """Probability of this explanation or one that no recording of this kind distinguishes from
-        it."""
+        """Probability of this explanation or one that recordings cannot distinguish from it."""
         same = sum(a.probability for a in self.alternatives if a.same)
         return self.probability + self.shapeless + same
 
@@ -264,8 +261,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Update:
-    """The change by a further recording; explanations that are most probable, before or after,
-    first."""
+    """The change by a further recording, the most probable explanations first."""
 
     recording: str
     text: str
@@ -453,7 +449,6 @@ class Mismatch:
 
     @property
     def unproven(self) -> str:
-        """Why the repair counts as not proven, as `rulec adopt` says; empty if it is, or there is
-        none."""
+        """Why the repair is not proven, as `rulec adopt` says; empty if it is or there is none."""
         edits = [one.edit for one in self.rewired]
         return why_refused(edits, self.refused) if self.repair.joined else ""

@@ -361,8 +361,7 @@ def models_of(repaired: Fitted) -> Models:
 
 
 def gain_shown(predictor: Predictor, models: Models) -> float:
-    """The factor by which the repair lowers the error of a reading on points that are not held
-    out."""
+    """Ratio of a reading's errors before and after the repair, on points not held out."""
     data = predictor.system.data
     measured = data.values[predictor.signal.id]
     part = predictor.points & data.open & ~models.faulty
@@ -420,8 +419,7 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
 
 
 def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
-    """Readings whose errors are reported: those asked for, else all measured ones of their
-    modules."""
+    """Readings with reported errors: those asked for, else the measured ones of their modules."""
     values = system.data.values
     there = [n for n in plants.signals if n in values and np.isfinite(values[n]).any()]
     modules = {name.partition(".")[0] for name in asked}
@@ -442,8 +440,7 @@ def _works(system: System, name: str) -> np.ndarray:
 def _at_points(
     recording: Recording, system: System, name: str, table: Mapping[str, Array]
 ) -> Array:
-    """A predicted reading at settled points, shape (n,), SI: the measured mean plus the mean error
-    of its rows."""
+    """A predicted reading at settled points, shape (n,), SI: measured plus the mean error."""
     bad, _ = check_readings(recording, system.ruleset)
     off = np.where(bad[name], np.nan, table[name] - recording.values[name])
     sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(off))])

@@ -186,8 +186,8 @@ class Explanation(Explained[Fitted]):
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
     ) -> list[Reading]:
-        """Errors over all rows of the recording, as a fault may be false; those of the analysis if
-        nothing is simulated."""
+        """Errors over all rows, as a fault may be false; those of the analysis without
+        simulation."""
         bench, record, recording = self._bench, self._bench.record, self.recording
         held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
         found = []
@@ -298,8 +298,7 @@ def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
 
 
 def noise_floor(measured: Array) -> float:
-    """Scatter of a reading, shape (n,), by its third differences, which are zero in plants that
-    store."""
+    """Scatter of a reading, shape (n,), by third differences, to which states contribute none."""
     return white_noise(np.diff(measured, 3), 3)
 
 
@@ -340,8 +339,7 @@ def _floors(bench: SimulationProblem) -> dict[str, float]:
 def nameless_places(
     model: StoresModel, left: Sequence[Suspect], tried: int
 ) -> tuple[Location, ...]:
-    """The place where the final model is clearly still wrong, if any, with all places that cannot
-    be distinguished from it."""
+    """The place where the final model is clearly wrong, if any, with indistinguishable ones."""
     least = of_search.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
     if not left or left[0].gain < least:
         return ()
@@ -372,8 +370,7 @@ def nameless_places(
 
 
 def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:
-    """When the first effect that no model holds begins, s; infinite if too little remains
-    before."""
+    """When the first effect begins that no model holds, s; infinite if too early."""
     record = bench.record
     onsets = [best.values[c.onset.id] for c in left if c.onset is not None]
     until = float(record.time[0]) + min(onsets, default=np.inf)

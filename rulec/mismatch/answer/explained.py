@@ -86,8 +86,7 @@ class Refits(Generic[F]):
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A reading with its errors, its measured values at the samples, shape (n,), SI, and those
-    predicted by the three plants."""
+    """A reading with its errors; measured and predicted at the samples, shape (n,), SI."""
 
     fit: Fit
     measured: Array

@@ -173,8 +173,8 @@ def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location
 def _of_curve(
     model: Model, spot: tuple[str, str, str], curve: CurveFound, share: float, size: Array
 ) -> Location:
-    """A place with the shape of a term without a name; `size`, shape (n,), is the mismatch there at
-    each sample, for a shape over time."""
+    """A place with the shape of its term; `size`, shape (n,), for a term over time: its
+    mismatch."""
     shape, driver = shape_of(model, curve), model.variable(curve.driver)
     if shape is not None and driver is not None:
         # Relative to its own level, as the fit to all points is centred.

@@ -115,8 +115,7 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list[str]]:
-    """Titles of drivers by which the mismatch was located, and of all others, those over which the
-    error varies most first."""
+    """Titles of drivers of the mismatch, and of all others, by the variation of the error."""
     drivers = drawn.curves.drivers
 
     def moved(title: str) -> float:
@@ -245,8 +244,7 @@ def _shades(drawn: ReadingCourses, panel: Panel) -> list[str]:
 
 
 def _over_driver(drawn: ReadingCourses, index: int, title: str) -> Figure:
-    """Errors over a driver, of the recalibrated model above and the repaired one below, on one
-    scale."""
+    """Errors over a driver before and after the repair, on one scale."""
     readings = drawn.curves.drivers[title]
     models = list(MODELS[1:] if np.isfinite(drawn.curves.repaired).any() else MODELS[1:2])
     across = _holding(readings)

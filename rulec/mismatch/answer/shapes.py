@@ -76,10 +76,8 @@ def shape_of(model: Model, found: CurveFound) -> Shape | None:
 
 
 def _from_its_level(curve: Curve) -> tuple[Curve, float]:
-    """A curve relative to the level at which it begins, and that level.
-
-    The level alone is a matter of calibration, and its uncertainty says nothing of the shape.
-    """
+    """A curve relative to the level at which it begins, and that level, which is a matter of
+    calibration: its uncertainty says nothing of the shape."""
     begin = next(iter(turns_of(curve)), None)
     near = np.ones(len(curve.at), dtype=bool)
     if begin is not None:

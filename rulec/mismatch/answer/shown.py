@@ -80,12 +80,12 @@ def report(mismatch: Mismatch, subject: Subject, made: Made | None = None) -> st
     if figures := "".join(numbered(pictures_of(mismatch, subject.calendar))):
         sections.append(section("Pictures", figures))
     sections += [section(safe(part.title), _html(part)) for part in parts if not part.first]
-    said, more = verdict(mismatch)
+    first, more = verdict(mismatch)
     found = [name for f in mismatch.findings for name in (f.module, *f.members)]
     found += [place.module for place in mismatch.locations]
     head = Head(
         kind="Mismatch of simulation and recording",
-        verdict=said,
+        verdict=first,
         meaning=more,
         badge=badge(style),
         facts=tuple(subject.facts()),
@@ -99,8 +99,8 @@ def _html(part: Part) -> str:
     rows = [list(map(safe, row)) for row in part.rows]
     shown = table(part.title, columns(*part.titles), rows) if rows else ""
     texts = "".join(f"<p>{safe(text)}</p>" for text in part.texts)
-    told = facts(part.facts) if part.facts else ""
-    return shown + texts + (told if part.first or not told else f'<div class="facts">{told}</div>')
+    more = facts(part.facts) if part.facts else ""
+    return shown + texts + (more if part.first or not more else f'<div class="facts">{more}</div>')
 
 
 def verdict(mismatch: Mismatch) -> tuple[str, str]:

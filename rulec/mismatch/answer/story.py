@@ -68,8 +68,7 @@ class Part:
 
 
 def story(mismatch: Mismatch, brief: bool) -> list[Part]:
-    """All parts that are not empty; in brief the most important items of each, with curves drawn in
-    characters."""
+    """All parts that are not empty; in brief the main items, with curves drawn in characters."""
     parts = [*_findings(mismatch, brief)]
     if mismatch.hidden is not None:
         facts = list(_hidden(mismatch.hidden, brief))
@@ -137,8 +136,7 @@ def finding_facts(finding: Finding, brief: bool = False) -> Iterator[Fact]:
 
 
 def _place(location: Location, brief: bool) -> Iterator[Fact]:
-    """A place with its share of the mismatch, its region and periods, and the shape of a term
-    without a name."""
+    """A place with its share of the mismatch, its region and periods, and its shape."""
     name = f"{location.module}.{location.place}"
     place = name if location.title in ("", name) else f"{location.title} ({name})"
     if np.isfinite(location.share):

@@ -34,8 +34,7 @@ class Answer:
 
 
 def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Answer:
-    """An answer that first states columns that differ from their header, and connections that
-    differ from the plant file."""
+    """An answer that first states columns and connections that are not as stated."""
     if not misread:
         return Answer(verdict, headline, then)
     found, todo = (

@@ -1,1 +1,1 @@
-"""The next experiment: which set points tell the explanations apart that still stand."""
+"""The next experiment: set points that discriminate between the possible explanations."""

@@ -95,8 +95,7 @@ def planned(
 def _refitted(
     recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[CandidateSet]
 ) -> tuple[Again, tuple[CandidateSet, ...]]:
-    """The possible explanations refitted to the recording, and those that cannot be predicted
-    because they switched."""
+    """The possible explanations refitted, and those that switched and cannot be predicted."""
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())

@@ -181,8 +181,7 @@ class Feasible:
         return max([self.reach.step, *(part.hold for part in self.reach.allowed.inputs.values())])
 
     def times(self, places: Sequence[int]) -> list[tuple[float, float]]:
-        """For each of some places in sequence, the shortest time of the way there, and the time to
-        hold it, s."""
+        """The shortest time of the way to each place in sequence, and that of holding it, s."""
         ways = zip([self.begun, *places], places, strict=False)
         hold = self.held * self.shortest
         return [(self._ramp(before, place), hold) for before, place in ways]
@@ -249,8 +248,7 @@ def _leaves(predicted: Sequence[Foretold], name: str, low: float, high: float) -
 def _costs(
     places: Places, reach: Reach, predicted: Sequence[Foretold]
 ) -> tuple[tuple[str, ...], ...]:
-    """For each place, the inputs and modules whose change from the present point costs product; an
-    unknown flow counts as changed."""
+    """Inputs and modules per place whose change costs product; unknown flows count as changed."""
     costly: dict[str, NDArray[np.bool_]] = {}
     for name, own in reach.allowed.inputs.items():
         if own.costs and name in reach.ranges:

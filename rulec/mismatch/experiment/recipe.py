@@ -75,8 +75,8 @@ def _standing(found: Experiment) -> Iterator[str]:
 
 
 def _steps(found: Experiment, ruleset: Ruleset) -> tuple[list[str], list[list[list[str]]]]:
-    """Titles of columns, with a point before those of numbers, and per step the lines of each cell:
-    its duration, the set points, and the most significant readings by each explanation."""
+    """Titles of columns, with a point before those of numbers, and per step the lines of each
+    cell."""
     signals, every = ruleset.signal_by_id, range(len(found.standing))
     slowly = any(step.ramp for step in found.steps)
     titles = ["step", "time" if slowly else "hold", "set", "read"]
@@ -195,8 +195,7 @@ def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
 
 
 def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
-    """The prediction of a signal by each explanation minus that of the most probable one, in each
-    step with a prediction."""
+    """Predictions of a signal relative to the most probable explanation, per step."""
     predicted = {
         float(place): reading
         for place, step in enumerate(found.steps, start=1)

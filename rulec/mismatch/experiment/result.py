@@ -253,8 +253,7 @@ def _shown(signal: SignalSpec, value: float) -> float:
 
 
 def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
-    """A recording of the inputs for `rulec simulate`, sampled like the last one; other readings
-    have their expected values."""
+    """A recording of the inputs for `rulec simulate`, sampled like the last; others as expected."""
     signals = ruleset.signal_by_id
     names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
     lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]

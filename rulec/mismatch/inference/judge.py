@@ -99,7 +99,7 @@ class Judge:
 
     @cached_property
     def alike(self) -> NDArray[np.bool_]:
-        """Columns with the same signature, apart from all else, shape (columns, columns).
+        """Columns with the same signature once all values are fitted, shape (columns, columns).
 
         Columns with opposite signatures are alike only if their amplitudes may have either sign.
         """
@@ -195,11 +195,9 @@ class Judge:
         return np.array([least_beyond(self.geometry, c.rows, off_by[own]) for c, own in every])
 
     def _scored(self, replays: Array) -> tuple[Array, Array]:
-        """Replays in which residuals are replaced by their score, with nothing or, if that is more
-        probable, with the best column fitted; and by how much nothing is more probable than it
-        appears there, nats, shape (replays,).
-
-        So each replay has the Student likelihood, with the same weights for all.
+        """Replays with residuals replaced by their score, with nothing or, if more probable, the
+        best column fitted; and by how much nothing is more probable than it appears there, nats,
+        shape (replays,). So each replay has the Student likelihood, with the same weights for all.
         """
         clean, bare = self._fitted(replays, np.zeros_like(replays))
         more = np.zeros(replays.shape[1])
@@ -218,8 +216,7 @@ class Judge:
         return np.where(taken, with_best, clean), more
 
     def _best_sizes(self, replays: Array) -> tuple[Array, Array]:
-        """The most probable size of each column within its range, SI, and its gain of log odds;
-        both of shape (columns, replays)."""
+        """The best size of each column, SI, and its log odds, both shape (columns, replays)."""
         low, high = self.ends
         moment, gram = self._shown.T @ replays, self._gram[:, None]
         size = np.clip(-moment / gram, low[:, None], high[:, None])

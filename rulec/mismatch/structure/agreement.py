@@ -75,8 +75,7 @@ class Compared:
 
     @property
     def left_strained(self) -> float:
-        """The same including the strain of parameters, as wrong values partly compensate a wrong
-        network."""
+        """The same with the strain, as wrong values partly compensate a wrong network."""
         count = self.otherwise.count
         before, after = (count * a.excess + a.strain for a in (self.recorded, self.otherwise))
         return after / before if before > 0.0 else 1.0

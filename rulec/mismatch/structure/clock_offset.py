@@ -41,8 +41,7 @@ class Shift:
     left: float = 1.0
 
     def odds(self, tried: int) -> float:
-        """Log odds against the recording as it is, and against a lag, given the number of shifts
-        tried."""
+        """Log odds against the recording as it is and against a lag, of so many shifts tried."""
         price = limits.STRUCTURE_ODDS - float(np.log(tried))
         return self.gain + price - float(np.logaddexp(0.0, self.lag + price))
 
@@ -121,8 +120,7 @@ def _refined(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
 
 
 def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
-    """The shift near `by` with the largest gain, at most `most` samples either way, by ever smaller
-    steps."""
+    """The shift near `by` with the largest gain, by ever smaller steps; at most `most` samples."""
     known = {0: 0.0}
     step = max(abs(by) // 4, 1)
     while step:
@@ -135,10 +133,8 @@ def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
 
 
 def _judged(moving: Moving, shift: Shift) -> Shift:
-    """The gain of a shift, and of a lag instead, where reading otherwise makes a difference.
-
-    Samples of one change count as one comparison.
-    """
+    """The gain of a shift, and of a lag instead, where reading otherwise makes a difference;
+    samples of one change count as one comparison."""
     if not shift.by:
         return shift
     plain, there = moving.excess(moving.recorded), _read(moving, shift.signals, shift.by)
@@ -167,10 +163,8 @@ def _changes(moved: np.ndarray) -> int:
 
 
 def _lagging(moving: Moving, shift: Shift) -> Iterator[Mapping[str, Array]]:
-    """Columns as they are if a lag causes what looks like a shift.
-
-    If a column is late, all others are slowed down alike; if it is early, the column itself is.
-    """
+    """Columns as they are if a lag causes what looks like a shift. If a column is late, all others
+    are slowed down alike; if it is early, the column itself is."""
     slow = set(shift.signals)
     if shift.by > 0:
         slow = set(moving.slopes) - slow
@@ -196,8 +190,7 @@ def taken_of(
     ruleset: Ruleset,
     leaves: float = limits.CLOCK_LEAVES,
 ) -> AcceptedHypothesis | None:
-    """The best shift, if it is certain and leaves little disagreement; with others that explain as
-    much."""
+    """The best shift, if it is certain and leaves little; with others that explain as much."""
     sound = [s for s in shifts if s.by and s.left < leaves]
     best = max(sound, key=lambda s: s.odds(tried), default=None)
     if best is None or float(expit(best.odds(tried))) <= common.CERTAIN:

@@ -26,8 +26,7 @@ CONNECTION = "wrong-connection"
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One way to read a recording otherwise, or to connect its plant; `text` and `action` are for
-    people."""
+    """One way to read a recording, or to connect its plant; `text` and `action` for people."""
 
     kind: str
     text: str

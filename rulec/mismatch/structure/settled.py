@@ -155,8 +155,7 @@ class Settled:
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
-        """How well the recording agrees with each of the best explanations at some modules, and
-        their number of unknowns."""
+        """Agreement with each of the best explanations at some modules, and its unknowns."""
         found = self._fitted(recording, limits.STRUCTURE_STEPS)
         if found is None:
             return []

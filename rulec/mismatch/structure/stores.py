@@ -88,8 +88,7 @@ class Stores:
 
 
 def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array], float]:
-    """Errors, shape (n,), SI, minus those that sensors within their class explain, and how far
-    parameters and sensors had to move."""
+    """Errors beyond those of sensors within their class, shape (n,), SI, and the strain."""
     fitter = Fitter(problem, (), {})
     at = fitter.vector({})
     drift = drift_of(problem, (), fitter.values(at))

@@ -122,10 +122,8 @@ def _read_so(hypothesis: Hypothesis, recording: Recording) -> Recording:
 def _promising(
     recording: Recording, evidence: Evidence, every: list[Hypothesis]
 ) -> list[tuple[Hypothesis, int]]:
-    """Hypotheses that gain most without a refit, and the number of comparisons.
-
-    Those that leave readings unused that others can use are excluded.
-    """
+    """Hypotheses that gain most without a refit, and the number of comparisons. Those that leave
+    readings unused that others can use are excluded."""
     plain = evidence.agreement(recording, 0)
     found = [evidence.agreement(_read_so(h, recording), 0) for h in every]
     rows = max([plain.rows, *(one.rows for one in found)])

@@ -27,8 +27,7 @@ from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis, 
 
 @dataclass(frozen=True)
 class Comparable:
-    """The number of comparisons that a settled point allows, and `rows`, that of all points
-    together."""
+    """The possible comparisons of a settled point, `each`, and of all points, `rows`."""
 
     each: int
     rows: int
@@ -56,8 +55,7 @@ class Wired(Protocol):
     def explained(
         self, recording: Recording, modules: Sequence[str]
     ) -> list[tuple[Agreement, int]]:
-        """How well the recording agrees with each of the best explanations at some modules, and
-        their number of unknowns."""
+        """Agreement with each of the best explanations at some modules, and its unknowns."""
 
 
 @dataclass(frozen=True)
@@ -98,10 +96,8 @@ def _sure(odds: float) -> bool:
 
 
 def _beyond_physics(recording: Recording, stated: Wired, judged: _Judged) -> float:
-    """Gain of other connections over the best explanation with the stated ones, nats.
-
-    A fault may be present as well, so each network may have one explanation at the same modules.
-    """
+    """Gain of other connections over the best explanation with the stated ones, nats. A fault may
+    be present as well, so each network may have one explanation at the same modules."""
     plain, modules = judged.compared.recorded, judged.rewiring.modules
     own = max((0.0, *_gains(plain, stated.explained(recording, modules), plain.rows)))
     there = judged.wired.explained(recording, modules)
@@ -128,11 +124,8 @@ def _promising(
 def _judged(
     recording: Recording, stated: Wired, tried: Sequence[tuple[Rewiring, Wired]], steps: int
 ) -> list[_Judged]:
-    """Other connections compared with those stated.
-
-    Settled readings that cannot be used, and comparisons that are lost, count as far off. New
-    comparisons do not count against the stated connections.
-    """
+    """Other connections compared with those stated. Settled readings that cannot be used and lost
+    comparisons count as far off; new ones do not count against the stated connections."""
     own, plain = stated.comparable(recording), stated.agreement(recording, steps)
     every = [(r, w, w.comparable(recording), w.agreement(recording, steps)) for r, w in tried]
     read = [a.rows / c.rows for c, a in ((own, plain), *((c, a) for _, _, c, a in every)) if c.rows]
