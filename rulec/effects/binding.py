@@ -27,8 +27,12 @@ FLOW = "volume flow"
 
 def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
     """Places that a join fits; of those that depend on one another only the innermost."""
-    if join.stores or join.shows or join.flows:
-        return [s for s in sites if _fits_store(join, s)]
+    if join.flows:
+        return [s for s in sites if s.name == f"{join.flows}flow" and s.observers]
+    if join.stores:
+        return [s for s in sites if s.kind == "balance" and s.quantity == join.stores]
+    if join.shows:
+        return [s for s in sites if s.kind == "reading" and join.shows in ("any", s.quantity)]
     if join.reads:
         kind = module.type.signals
         signals = (s for s in sites if s.kind == "signal" and s.observers)
@@ -50,14 +54,6 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
     return [
         s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
     ]
-
-
-def _fits_store(join: Join, site: Site) -> bool:
-    if join.flows:
-        return site.name == f"{join.flows}flow" and bool(site.observers)
-    if join.stores:
-        return site.kind == "balance" and site.quantity == join.stores
-    return site.kind == "reading" and join.shows in ("any", site.quantity)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import Spot
 from rulec.effects.places import Site, Survey
-from rulec.knowledge.module_type import OUTFLOW, ModuleType
+from rulec.knowledge.module_type import OUTFLOW
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
 from rulec.limits import ASSUMED_ACCURACY, COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
@@ -89,23 +89,19 @@ def _eligible(module: Module, sites: tuple[Site, ...]) -> list[Site]:
         and s.dimension not in _GIVEN
     ]
     alone = {s.observers for s in definitions}
+    # A definition represents an observer whose equation is just its name.
+    names, own = {*module.type.definitions, *module.type.signals}, module.type.observers
     observers = [
         s
         for s in sites
         if s.kind == "observer"
-        and not module.type.observers[s.name].is_reference
+        and not own[s.name].is_reference
         and s.observers not in alone
-        and not _is_name(module.type, s)
+        and own[s.name].expression.text.strip() not in names
     ]
     signals = [s for s in sites if s.kind == "signal" and s.observers]
     # Of equivalent places the first is kept: an outer definition before those that it uses.
     return [*reversed(definitions), *observers, *signals]
-
-
-def _is_name(kind: ModuleType, site: Site) -> bool:
-    """Is the equation of an observer just a name? Then that definition represents it."""
-    text = kind.observers[site.name].expression.text.strip()
-    return text in kind.definitions or text in kind.signals
 
 
 def _distinct(around: Survey, module: Module, sites: list[Site]) -> list[Site]:

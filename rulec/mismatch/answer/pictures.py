@@ -18,6 +18,7 @@ from rulec_runtime.report.time_axis import over, time_plot
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.wording import is_repaired
+from rulec.mismatch.inference.prove import rms
 from rulec.mismatch.result import Curves, HiddenDriver, Location, Mismatch, Shape
 
 BINS = 24
@@ -130,14 +131,8 @@ def _drivers(mismatch: Mismatch, drawn: ReadingCourses) -> tuple[list[str], list
 
 def span(values: Array) -> float:
     """Distance from the smallest to the largest known value, shape (n,); 0 if none is known."""
-    sound = values[np.isfinite(values)]
-    return float(np.ptp(sound)) if len(sound) else 0.0
-
-
-def rms(values: Array) -> float:
-    """Root mean square of known values, shape (n,); NaN if none is known."""
-    sound = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(sound**2))) if len(sound) else np.nan
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) else 0.0
 
 
 def pictures_of(mismatch: Mismatch, calendar: Calendar | None = None) -> list[Figure]:
@@ -220,7 +215,8 @@ def over_time(drawn: ReadingCourses, calendar: Calendar | None) -> Figure:
 
 def _say_time(drawn: ReadingCourses) -> str:
     def off(flags: np.ndarray) -> str:
-        before, after = (rms(drawn.error(m)[flags]) for m in ("recalibrated", "repaired"))
+        errors = (drawn.error(model)[flags] for model in ("recalibrated", "repaired"))
+        before, after = (rms(e[np.isfinite(e)]) for e in errors)
         words = f"the recalibrated model is off by {_amount(before, drawn.unit)} rms"
         if np.isfinite(after):
             words += f", the repaired one by {_amount(after, drawn.unit)}"

@@ -175,7 +175,7 @@ def _evaluated(rows: Rows, model: Model) -> Fitted:
 def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     """The part of each value that holds for a further recording, shape (values,), 1 except for
     errors of sensors; which values are persistent errors, and the variance that a further recording
-    adds to them. Further recordings also have errors of their own, as the last one has."""
+    adds to them. It is judged with the last one, and each has errors of its own besides."""
     names = model.prior.names
     own = [name.startswith(ERROR) and reading_and_recording(name)[1] is not None for name in names]
     stay = [name.startswith(ERROR) for name in names] & ~np.array(own, dtype=bool)

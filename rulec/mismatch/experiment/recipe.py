@@ -52,7 +52,10 @@ def experiment_page(found: Experiment, ruleset: Ruleset, made: Made | None = Non
         titles, rows = _steps(found, ruleset)
         cells = (["<br/>".join(map(safe, lines)) for lines in row] for row in rows)
         sections.append(section("Steps", table("steps", columns(*titles), cells)))
-        sections.append(section("Pictures", "".join(numbered(_pictures(found, ruleset)))))
+        listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
+        signals = (ruleset.signal_by_id[name] for name in listed)
+        figures = [_picture(found, signal, i) for i, signal in enumerate(signals)]
+        sections.append(section("Pictures", "".join(numbered(figures))))
     sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
     named = [name.partition(".")[0] for one in found.standing for name in one.names]
     head = Head(
@@ -186,12 +189,6 @@ def _steps_of(places: Sequence[int]) -> str:
 SPREAD = 0.7
 """Width in a picture over which three or more explanations of a step are spread, in steps; two are
 as near to each other as three."""
-
-
-def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
-    listed = dict.fromkeys(r.signal for s in found.steps for r in s.readings[:READINGS])
-    for index, name in enumerate(listed):
-        yield _picture(found, ruleset.signal_by_id[name], index)
 
 
 def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:

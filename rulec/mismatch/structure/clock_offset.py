@@ -145,7 +145,10 @@ def _judged(moving: Moving, shift: Shift) -> Shift:
         return Shift(signals=shift.signals, by=shift.by)
     lags = [moving.excess(moving.errors(c)) for c in _lagging(moving, shift)]
     slow = min(float(np.mean(np.where(np.isfinite(v), v, plain)[moved])) for v in lags)
-    count = _changes(moved)
+    # Changes are runs of samples, cut at the ends of blocks.
+    block = np.arange(len(moved)) * common.BLOCKS // len(moved)
+    first = moved & ~(np.concatenate([[False], moved[:-1]]) & (np.diff(block, prepend=-1) == 0))
+    count = int(first.sum())
     return Shift(
         signals=shift.signals,
         by=shift.by,
@@ -153,13 +156,6 @@ def _judged(moving: Moving, shift: Shift) -> Shift:
         lag=count * float(plain[moved].mean() - slow),
         left=float(there[moved].mean() / plain[moved].mean()),
     )
-
-
-def _changes(moved: np.ndarray) -> int:
-    """Number of changes among samples, shape (n,): runs, cut at the ends of blocks."""
-    block = np.arange(len(moved)) * common.BLOCKS // len(moved)
-    first = moved & ~(np.concatenate([[False], moved[:-1]]) & (np.diff(block, prepend=-1) == 0))
-    return int(first.sum())
 
 
 def _lagging(moving: Moving, shift: Shift) -> Iterator[Mapping[str, Array]]:

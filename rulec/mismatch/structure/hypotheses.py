@@ -77,21 +77,16 @@ def _units(recording: Recording, ruleset: Ruleset, signal: SignalSpec) -> Iterat
     for mixup in mixups(signal, scale, ruleset.units):
         there = values * mixup.factor + mixup.offset
         if like_a_reading(signal, there, noise * mixup.factor):
+            times = max(mixup.factor, 1.0 / mixup.factor)
+            off = f"{times:.4g} times too {'large' if mixup.factor < 1.0 else 'small'}"
+            off = "counted from another zero" if mixup.offset else off
             yield Hypothesis(
                 kind=UNIT,
                 mending=Mending(signals=(signal.id,), factor=mixup.factor, offset=mixup.offset),
-                text=f"{signal.id} is in {mixup.true}, not {mixup.written}: its values are "
-                f"{_too(mixup.factor, mixup.offset)}",
+                text=f"{signal.id} is in {mixup.true}, not {mixup.written}: its values are {off}",
                 action=f"write {mixup.true} as the unit of {signal.id} in the columns map or in "
                 "the header",
             )
-
-
-def _too(factor: float, offset: float) -> str:
-    if offset:
-        return "counted from another zero"
-    times = max(factor, 1.0 / factor)
-    return f"{times:.4g} times too {'large' if factor < 1.0 else 'small'}"
 
 
 def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
