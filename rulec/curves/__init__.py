@@ -1,1 +1,1 @@
-"""Points of a maker's sheet to a module type: the law of a type, fitted to them."""
+"""From the points of a maker's sheet to a module type: the laws of a type, fitted to them."""

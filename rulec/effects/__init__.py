@@ -1,1 +1,1 @@
-"""What a plant may leave out and where; laws joined to it, and plants written with them."""
+"""Effects that a plant may leave out, and where; laws added to it, and plants written with them."""

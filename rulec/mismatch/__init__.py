@@ -1,1 +1,1 @@
-"""Where simulation and recording differ: is there a mismatch, where, what physics, the proof."""
+"""Where simulation and recording differ: whether, where, by which physics, and the proof."""

@@ -34,7 +34,7 @@ THOROUGH = 60
 ROUNDS = 2
 """Times that a complete fit estimates its noise anew. Origin: numerical."""
 
-# Where something is wrong.
+# Places of the mismatch.
 
 SAME_PATTERN = 0.99
 """Cosine of the errors of two places above which no residual distinguishes them. Origin:
@@ -54,7 +54,7 @@ PLACE_SHARE = 0.3
 """Share of the squared errors that an arbitrary error at a place must explain for the place to be
 reported. Origin: assumed."""
 
-# What has no name.
+# Terms without a name.
 
 FEATURE_VARIES = 5.0
 """Multiple of its noise by which a reading must vary to be used in a term without physics. Origin:

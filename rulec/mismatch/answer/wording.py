@@ -119,7 +119,7 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
 
 
 def growth_words(period: Period) -> str:
-    """Since when, from nothing to what, and how fast.
+    """The onset, the degree reached and the rate.
 
     >>> from rulec.mismatch.result import Growth
     >>> growth = Growth(rate=0.03, u=0.001, lower=0.028, upper=0.032, u_since=60.0)

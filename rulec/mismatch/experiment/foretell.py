@@ -182,7 +182,7 @@ def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
     kept = np.where(own, 0.0, 1.0)
     if any(own):
         return kept, np.flatnonzero(stay), limits.OWN_ERROR
-    # One recording does not show which part of an error persists: this is the correlation of two.
+    # One recording does not show which part of an error persists; `alike` is their correlation.
     alike = 1.0 - limits.OWN_ERROR
     return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
 

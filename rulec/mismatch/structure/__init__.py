@@ -1,1 +1,1 @@
-"""Columns that are not what their header says, looked for before any physics."""
+"""Columns that differ from their header, sought before any physics."""

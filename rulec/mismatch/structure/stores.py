@@ -102,7 +102,7 @@ def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array]
     fitted = fitter.finish(at, judged, steps, limits.STRUCTURE_ROUNDS)
     far = (fitter.vector(fitted.values) - at) / fitter.scale
     if 0.5 * float(far @ far) > limits.STRAINED:
-        # Incredible parameters may compensate a wrong column: that is no agreement.
+        # Implausible parameters may compensate a wrong column: that is no agreement.
         return fitter.errors(at, judged)[0], 0.0
     return fitted.errors, fitted.negative_log_prior
 
