@@ -121,7 +121,7 @@ class Experiment:
 
 
 def alike(factors: Array) -> tuple[tuple[int, int], ...]:
-    """Pairs of explanations that are not told apart, by their numbers."""
+    """Pairs of explanations that are not distinguished, by their numbers."""
     apart = np.minimum(factors, factors.T)
     every = zip(*np.triu_indices(len(apart), 1), strict=True)
     return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
