@@ -1,1 +1,1 @@
-"""What leaves the process: text for a terminal, files, cells of a table."""
+"""Everything that enters or leaves the process: text for a terminal, files, cells of a table."""

@@ -1,4 +1,4 @@
-"""A file that lines are added to: each is there as a whole, and on the disk, or not at all."""
+"""An append-only file of lines: each line is on the disk as a whole, or not at all."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from rulec_runtime.output.open_file import opened
 class Appended:
     """A file of lines, open for one process at a time.
 
-    At its end may stand half a line, left by a process that was killed: `half`, to be `cut` before
-    lines are added. Raises OSError where it cannot be opened, BlockingIOError where another process
-    has it.
+    A process that was killed may leave half a line at the end (`half`, `cut`). Raises OSError if
+    the file cannot be opened, BlockingIOError if another process holds it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -30,13 +29,13 @@ class Appended:
                 raise OSError(errno.EINVAL, "this is no file", str(path))
             _lock(self._file)
             self._size = self._whole()
-            _keep_name(path)
+            _sync_folder(path)
         except BaseException:
             os.close(self._file)
             raise
 
     def lines(self, longest: int) -> Iterator[bytes]:
-        """All whole lines, without their ends; of a longer one the begin in its place."""
+        """All whole lines, without their ends; a line that is too long is truncated and the last."""
         with opened(self.path) as file:
             while line := file.readline(longest + 2):
                 if len(line) > longest + 1:
@@ -46,22 +45,22 @@ class Appended:
                     yield line[:-1]
 
     def half(self, most: int) -> bytes:
-        """What stands behind the last whole line, so many bytes of it at most."""
+        """At most so many bytes of what follows the last whole line."""
         with opened(self.path) as file:
             file.seek(self._size)
             return file.read(most)
 
     def cut(self) -> None:
-        """Take off what stands behind the last whole line."""
+        """Remove what follows the last whole line."""
         if os.fstat(self._file).st_size > self._size:
             os.ftruncate(self._file, self._size)
 
     def add(self, text: str) -> None:
-        """Add whole lines; on the disk when this returns. Raises OSError, and nothing is added."""
+        """Add whole lines and sync them to the disk. Adds nothing if it raises OSError."""
         data = text.encode("utf-8", "backslashreplace")
-        self.cut()  # where that failed last time
+        self.cut()  # the previous attempt may have failed
+        left = memoryview(data)
         try:
-            left = memoryview(data)
             while left:
                 left = left[os.write(self._file, left) :]
             os.fsync(self._file)
@@ -71,7 +70,7 @@ class Appended:
         self._size += len(data)
 
     def still_there(self) -> bool:
-        """Is it the file of that name? It may have been moved away, as logs are."""
+        """Whether its path still leads to this file: logs are moved away."""
         try:
             found, mine = os.stat(self.path), os.fstat(self._file)
         except OSError:
@@ -79,7 +78,7 @@ class Appended:
         return (found.st_dev, found.st_ino) == (mine.st_dev, mine.st_ino)
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the file for other processes."""
         os.close(self._file)
 
     def _whole(self) -> int:
@@ -97,16 +96,16 @@ class Appended:
 
 
 def _lock(file: int) -> None:
-    """One process at a time; the lock ends with it, however it ends."""
+    """Lock a file until this process ends, however it ends."""
     try:
         import fcntl
-    except ImportError:  # no such locks on this system
+    except ImportError:  # this system has no such locks
         return
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def _keep_name(path: Path) -> None:
-    """A new file is found again after a power failure: its folder is written as well."""
+def _sync_folder(path: Path) -> None:
+    """Write the folder as well, so that a new file survives a power failure."""
     try:
         folder = os.open(path.parent, os.O_RDONLY)
     except OSError:  # folders cannot be opened on this system

@@ -1,7 +1,7 @@
-"""Cells of written CSV files: a spreadsheet must not run what somebody put into a name.
+"""Cells of written CSV files: a spreadsheet must not run a formula that somebody put into a name.
 
-A cell that begins like a formula gets an apostrophe before it, as spreadsheets do themselves.
-Numbers stay numbers. Source: OWASP, CSV Injection.
+A cell that begins like a formula gets a leading apostrophe, as in spreadsheets. Numbers stay
+numbers. Source: OWASP, CSV Injection.
 """
 
 from __future__ import annotations
@@ -9,31 +9,34 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-_MARK = "'"
 
 
 def defused(cell: str) -> str:
-    """A cell as it is written.
+    """The text that is written for a cell.
 
     >>> [defused(cell) for cell in ("=1+1", "-1.5", "-1,5", "-", "@x", "A.dp")]
     ["'=1+1", '-1.5', '-1,5', '-', "'@x", 'A.dp']
     """
-    if not cell.startswith(_FORMULA) or cell == "-" or _is_number(cell):
+    if not cell.startswith(_FORMULA) or cell == "-":
         return cell
-    return _MARK + cell
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return "'" + cell
+    return cell
 
 
 def as_meant(cell: str) -> str:
-    """A cell as it was before it was written; so what this tool wrote, it reads.
+    """The inverse of `defused`, so that this tool reads what it wrote.
 
     >>> as_meant("'=x"), as_meant("'x"), as_meant(defused("@speed"))
     ('=x', "'x", '@speed')
     """
-    return cell[1:] if cell.startswith(_MARK) and cell[1:].startswith(_FORMULA) else cell
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA) else cell
 
 
 def row_of(cells: Iterable[str]) -> str:
-    """Names as one row of a file with commas; quoted where they hold one.
+    """Names as one comma-separated row, quoted where necessary.
 
     >>> print(row_of(["time [s]", "=x", "a,b"]))
     time [s],'=x,"a,b"
@@ -45,11 +48,3 @@ def _quoted(cell: str) -> str:
     if any(sign in cell for sign in ',"\r\n'):
         return '"' + cell.replace('"', '""') + '"'
     return cell
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""Processes that are started while somebody may press Ctrl-C."""
+"""Start processes while the user may press Ctrl-C."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Processes started in here inherit that an interrupt is the parent's business.
+    """Processes started within this block ignore interrupts; the parent raises one afterwards.
 
-    The parent sees one that comes meanwhile behind this: a process that is interrupted, or whose
-    parent is, while it starts would print a traceback.
+    A process that is interrupted while it starts, or whose parent is, would print a traceback.
     """
     if threading.current_thread() is not threading.main_thread() or os.name != "posix":
         yield
         return
-    from multiprocessing import resource_tracker  # other systems have none
+    from multiprocessing import resource_tracker  # only on POSIX systems
 
-    # Started with the first process, it would lift the mask.
+    # If it started with the first process, it would lift the mask.
     resource_tracker.ensure_running()
     held: list[int] = []
     handler = signal.signal(signal.SIGINT, lambda number, _: held.append(number))

@@ -1,4 +1,4 @@
-"""JSON that somebody may have changed by hand or sent: read without surprises."""
+"""Read JSON that somebody may have edited or sent."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rulec_runtime import limits
 from rulec_runtime.output.open_file import bytes_of
 
 DIGEST = "digest"
-"""Key that holds the digest of all else in a file."""
+"""Key of the digest of everything else in a file."""
 
 
 class Damaged(ValueError):
-    """The file is no JSON that this tool writes; the message says what is wrong."""
+    """The file is not JSON as this tool writes it; the message says what is wrong."""
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file; raises `Damaged`, or OSError where it cannot be opened."""
+    """Content of a JSON file; raises `Damaged`, or OSError if it cannot be opened."""
     try:
         return parse_json(bytes_of(path, limits.LARGEST_JSON).decode("utf-8"))
     except UnicodeDecodeError:
@@ -29,7 +29,7 @@ def read_json(path: Path) -> Any:
 
 
 def parse_json(text: str) -> Any:
-    """Content of a JSON text; numbers are finite, and nesting has an end."""
+    """Content of a JSON text; raises `Damaged` for numbers that are not finite, or deep nesting."""
     try:
         return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
     except RecursionError:
@@ -53,9 +53,9 @@ def _finite(text: str) -> float:
 
 
 def digest_of(data: Any, default: Callable[[Any], Any] | None = None) -> str:
-    """SHA-256 over JSON data in one canonical form: keys in order, no blanks, ASCII.
+    """SHA-256 of JSON data in canonical form: sorted keys, no blanks, ASCII.
 
-    The entry `DIGEST` of the data is left out, so a file can hold its own.
+    The entry `DIGEST` is omitted, so that a file can hold its own digest.
 
     >>> digest_of({"a": 1, "b": [2.0]}) == digest_of({"b": [2.0], "digest": "x", "a": 1})
     True

@@ -1,7 +1,7 @@
-"""Files that somebody gave: this alone opens them, and says what may be opened at all.
+"""The only place that opens files of the user, and decides what may be opened.
 
-Regular files, since a pipe may never end and a device may do anything; none larger than its kind
-can be; of what a file names only what lies near it; of addresses only those of few schemes.
+Only regular files: a pipe may never end, and a device may do anything. No file larger than its kind
+can be. A file may only name files near it, and addresses of a few schemes.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from rulec_runtime import limits
 from rulec_runtime.output.refusal import Refusal
 
 FOLDERS = "RULEC_FILES"
-"""Environment variable: further folders that files may lead to, separated as in PATH."""
+"""Environment variable: further folders that files may refer to, separated as in PATH."""
 
 SCHEMES = ("s3", "gs", "abfs", "abfss", "https", "http", "file")
-"""Of addresses that are read. Others of fsspec run code, nest, or reach into archives."""
+"""Schemes of addresses that are read. Others of fsspec run code, nest, or reach into archives."""
 
 
 def opened(path: str | Path, most: int | None = None, buffering: int = -1) -> BinaryIO:
-    """A regular file of `most` bytes; links to one are followed. Raises OSError, ValueError."""
-    _refuse(os.stat(path), path, most)  # before it is opened: a device would feel that
+    """Open a regular file of at most `most` bytes, or a link to one. Raises OSError, ValueError."""
+    _refuse(os.stat(path), path, most)  # before it is opened: opening may affect a device
     file = open(path, "rb", buffering, opener=_without_waiting)  # noqa: SIM115
     try:
-        _refuse(os.fstat(file.fileno()), path, most)  # it may be another one by now
+        _refuse(os.fstat(file.fileno()), path, most)  # it may have been replaced meanwhile
     except OSError:
         file.close()
         raise
@@ -38,48 +38,48 @@ def opened(path: str | Path, most: int | None = None, buffering: int = -1) -> Bi
 
 
 def begin_of(path: str | Path, most: int) -> bytes:
-    """As many bytes of a file as are there, `most` at most. Raises OSError, ValueError."""
+    """The first bytes of a file, at most `most`. Raises OSError, ValueError."""
     with opened(path) as file:
         return file.read(most)
 
 
 def bytes_of(path: str | Path, most: int) -> bytes:
-    """All bytes of a file, which has not more than so many. Raises OSError, ValueError."""
+    """All bytes of a file of at most `most` bytes. Raises OSError, ValueError."""
     with opened(path, most) as file:
-        data = file.read(most + 1)  # it may grow, and some of /proc say that they are empty
+        data = file.read(most + 1)  # it may grow, and some files of /proc report no size
     _refuse_size(len(data), path, most)
     return data
 
 
 def text_of(path: str | Path, most: int) -> str:
-    """The same as text in UTF-8, with or without mark, whatever ends its lines."""
+    """The same as text in UTF-8, with or without byte order mark, with any line ends."""
     return io.TextIOWrapper(io.BytesIO(bytes_of(path, most)), "utf-8-sig").read()
 
 
 def is_near(target: Path, folder: Path) -> bool:
-    """Whether what a file of a folder names lies below that folder or below the one around it, as
-    plants share files, or below one of `RULEC_FILES`. Links count by where they lead."""
+    """Whether a file that a file in `folder` names lies below that folder, below its parent (plants
+    share files), or below a folder of `RULEC_FILES`; links are followed."""
     return _is_in(target, _near(os.path.abspath(folder), os.environ.get(FOLDERS, "")))
 
 
 def is_named(target: Path) -> bool:
-    """Whether something lies below one of the folders of `RULEC_FILES`, links followed."""
+    """Whether a path lies below a folder of `RULEC_FILES`; links are followed."""
     named = os.environ.get(FOLDERS, "").split(os.pathsep)
     return _is_in(target, (os.path.realpath(one) for one in named if one))
 
 
 def is_below(target: Path, folder: Path) -> bool:
-    """Whether something lies in a folder, links followed."""
+    """Whether a path lies in a folder; links are followed."""
     return _is_in(target, (os.path.realpath(folder),))
 
 
 @functools.lru_cache(maxsize=16)
 def _near(folder: str, named: str) -> tuple[str, ...]:
-    """Kept, as a file may name thousands of others."""
+    """Cached, as a file may name thousands of others."""
     home = os.path.realpath(folder)
-    around = os.path.dirname(home)
-    # All lies below the root, so what lies there has nothing around it.
-    first = home if os.path.dirname(around) == around else around
+    parent = os.path.dirname(home)
+    # Everything lies below the root, so the root does not count as a parent.
+    first = home if os.path.dirname(parent) == parent else parent
     return (first, *(os.path.realpath(one) for one in named.split(os.pathsep) if one))
 
 
@@ -92,7 +92,7 @@ def _is_in(target: Path, folders: Iterable[str]) -> bool:
 
 
 def check_address(address: str) -> str:
-    """An address whose scheme is meant, and that holds no other; else raises `Refusal`."""
+    """An address of one of `SCHEMES` that nests no other; raises `Refusal` for any other."""
     if address.partition("://")[0] in SCHEMES and "::" not in address:
         return address
     raise Refusal(
@@ -102,7 +102,7 @@ def check_address(address: str) -> str:
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """A pipe in place of the file that was looked at must not hold us up."""
+    """A pipe that has replaced the checked file must not block us."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0))
 
 

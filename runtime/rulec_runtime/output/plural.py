@@ -1,10 +1,10 @@
-"""Numbers with what they count."""
+"""Counts in English."""
 
 from __future__ import annotations
 
 
 def plural(count: int, one: str, many: str) -> str:
-    """A count with what it counts, and perhaps its verb.
+    """A count with its noun, and perhaps its verb.
 
     >>> plural(1, "row has", "rows have"), plural(3, "row has", "rows have")
     ('1 row has', '3 rows have')

@@ -1,9 +1,9 @@
-"""Work that is kept for the next start, in a folder that is the user's alone.
+"""A cache for the next start, in a folder that only the user can access.
 
-What is read back are bytes with their checksum: JSON, or machine code that LLVM made here, whose
-name is the hash of all that it was made from. Nothing is unpickled. A file counts only if this user
-wrote it here under this name; whatever else lies there is ignored, and written anew. Several
-processes may read and write at once: a file appears as a whole.
+Entries are bytes with their checksum: JSON, or machine code that LLVM made here, named by the hash
+of its inputs. Nothing is unpickled. An entry is valid only if this user wrote it here under this
+name; anything else is ignored and overwritten. Several processes may read and write at once, as
+files appear as a whole.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.output.write_file import write_private
 
 CHOSEN, OFF = "RULEC_CACHE", "off"
-"""Environment variable that names the folder, and its value where nothing is to be kept."""
+"""Environment variable that names the folder, and its value that turns the cache off."""
 
 _MARK = b"rulec kept 1"
 HAS_OWNERS = hasattr(os, "geteuid")
-"""Whether files tell whose they are: where they do not, no machine code is kept."""
+"""Whether files have owners; without owners no machine code is cached."""
 
 
 def kept(name: str) -> bytes | None:
-    """What was kept under a name; None where there is nothing, or nothing that can be trusted."""
+    """What was cached under a name; None if there is nothing, or nothing that can be trusted."""
     folder = _folder()
     if folder is None:
         return None
@@ -37,21 +37,20 @@ def kept(name: str) -> bytes | None:
     try:
         if _why_not(folder.lstat()):
             return None
-        data = _read(file)
+        head, _, body = _read(file).partition(b"\n")
     except (OSError, ValueError):
         return None
-    head, _, body = data.partition(b"\n")
     if head != _head(name, body):
         return None
     with suppress(OSError):
-        os.utime(file)  # what is used stays longest
+        os.utime(file)  # the least recently used entries are removed first
     return body
 
 
 def keep(name: str, body: bytes) -> None:
-    """Keep bytes under a name, and remove the oldest where there are too many.
+    """Cache bytes under a name, and remove the oldest entries if there are too many.
 
-    Where that cannot be done, it is said once, and the next start does the work again.
+    A failure is reported once; the next start then does the work again.
     """
     folder = _folder()
     if folder is None or len(body) > limits.MOST_KEPT_BYTES // 2:
@@ -69,7 +68,7 @@ def keep(name: str, body: bytes) -> None:
 
 
 def _folder() -> Path | None:
-    """Where things are kept, whether it is there or not; None where nothing is to be kept."""
+    """The folder of the cache, which need not exist; None if there is no cache."""
     chosen = os.environ.get(CHOSEN, "")
     if chosen == OFF:
         return None
@@ -80,7 +79,7 @@ def _folder() -> Path | None:
     else:
         base = os.environ.get("XDG_CACHE_HOME", "")
     try:
-        # By the convention of XDG a relative path does not count.
+        # XDG ignores relative paths.
         usual = Path(base) if os.path.isabs(base) else Path.home() / ".cache"
     except RuntimeError:  # a user without a home
         return None
@@ -88,7 +87,7 @@ def _folder() -> Path | None:
 
 
 def _why_not(found: os.stat_result) -> str:
-    """Why a folder is not to be trusted; empty where it is."""
+    """Why a folder cannot be trusted; empty if it can."""
     if not stat.S_ISDIR(found.st_mode):
         return "it is a link or no folder"
     if not HAS_OWNERS:
@@ -99,7 +98,7 @@ def _why_not(found: os.stat_result) -> str:
 
 
 def _read(file: Path) -> bytes:
-    """Content of a file of this user; raises OSError or ValueError for a link, or another's."""
+    """Content of a file of this user; raises OSError or ValueError for a link or a foreign file."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with os.fdopen(os.open(file, flags | getattr(os, "O_BINARY", 0)), "rb") as stream:
         found = os.fstat(stream.fileno())
@@ -110,12 +109,12 @@ def _read(file: Path) -> bytes:
 
 
 def _head(name: str, body: bytes) -> bytes:
-    """First line of a file: whose it is, and the checksum of the rest."""
+    """First line of a file: its format, its name, and the checksum of the rest."""
     return b" ".join((_MARK, name.encode(), hashlib.sha256(body).hexdigest().encode()))
 
 
 def _remove_oldest(folder: Path) -> None:
-    """Also parts of files that a killed process left; others may remove at the same time."""
+    """Also removes partial files of killed processes; others may remove files at the same time."""
     files = []
     with os.scandir(folder) as entries:
         for entry in entries:

@@ -1,5 +1,5 @@
-"""What a long command is doing, on standard error: a bar on a terminal, now and then a line in a
-pipe, nothing for what is done soon."""
+"""Progress of a long command on standard error: a bar on a terminal, a line now and then in a pipe,
+nothing if the command ends soon."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rulec_runtime.output.terminal import one_line, terminal
 
 
 class Progress:
-    """To be called with what is being done, and how much of it; used as a context manager.
+    """A context manager that is called with the current activity and how much of it is done.
 
     Parameters
     ----------
-    command : whose progress it is; lines in a pipe begin with it.
-    doing : what is done first.
-    console : where to show it, in place of standard error.
+    command : the command; lines in a pipe begin with it.
+    doing : the first activity.
+    console : where to show progress, instead of standard error.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Progress:
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def __call__(self, doing: str, done: float = 0.0, of: float = 0.0) -> None:
-        """Say what is being done, and `done` of how much; `of` 0 where nobody knows."""
+        """Set the activity, and how much of how much is done; `of` is 0 if unknown."""
         if doing != self._doing:
             self._since = time.monotonic()
         self._doing, self._done, self._of = doing, done, of
@@ -54,13 +54,13 @@ class Progress:
         self.end()
 
     def end(self) -> None:
-        """The work is done: nothing is shown any more."""
+        """Show nothing any more: the work is done."""
         self._over.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def line(self) -> str:
-        """What is being done, since when, and how long it will take.
+        """The activity, the time so far, and the time left.
 
         >>> Progress("rulec study", "judging").line()
         'rulec study: judging, 0 s so far'
@@ -72,24 +72,21 @@ class Progress:
         return one_line(f"{self._command}: {self._doing}{share}, {so_far}{ahead}")
 
     def left(self) -> float | None:
-        """Seconds that what is being done still takes at the speed so far; None if unknown."""
+        """Seconds that the activity still takes at the speed so far; None if unknown."""
         if not 0.0 < self._done < self._of:
             return None
         return (time.monotonic() - self._since) * (self._of - self._done) / self._done
 
     def _show(self) -> None:
-        """Runs beside the work until that is over."""
+        """Runs in its own thread until the work is done."""
         if not self._console.is_terminal:
             while not self._over.wait(limits.LINE_EVERY):
                 self._console.print(self.line(), soft_wrap=True)
-            return
-        if self._over.wait(limits.SHOWN_AFTER):
-            return
-        self._draw()
+        elif not self._over.wait(limits.SHOWN_AFTER):
+            self._draw_bar()
 
-    def _draw(self) -> None:
-        """A bar until the work is over."""
-        # Loaded where something takes its time: commands start without it.
+    def _draw_bar(self) -> None:
+        # Imported only for slow commands, so that the others start faster.
         from rich.progress import BarColumn, SpinnerColumn, TextColumn
         from rich.progress import Progress as Bars
 
@@ -104,7 +101,7 @@ class Progress:
 
 
 def _duration(seconds: float) -> str:
-    """A length of time for people.
+    """A duration for people.
 
     >>> _duration(8.4), _duration(100), _duration(4020)
     ('8 s', '1:40 min', '1:07 h')

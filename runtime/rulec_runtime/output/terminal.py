@@ -1,9 +1,9 @@
-"""All text for a terminal: what data says is shown as written, and steers nothing.
+"""All text for a terminal: data is shown as written and cannot control the terminal.
 
 Titles, file names, headers and cells come from files that anybody may have written. A console of
-this module takes no markup from them, and no character reaches the terminal that moves its cursor,
-changes its colours or turns the direction of reading. Styles stand in templates of our own
-(`styled`), into which data is put as plain text.
+this module interprets no markup in them, and passes no character that moves the cursor, changes
+colours or reverses the reading direction. Only our own templates hold styles (`styled`); data is
+inserted as plain text.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from rich.text import Text
 from rulec_runtime import limits
 
 SHOWN_INSTEAD = "\N{REPLACEMENT CHARACTER}"
-"""Stands where a character was that is not shown."""
+"""Replaces a character that is not shown."""
 
 LONGEST = 2000
-"""Characters of one piece of data at most: a name of a megabyte would push the finding off the
-screen. Assumed: a screen of 80 by 25."""
+"""Most characters of one piece of data: a name of a megabyte would push the finding off the screen.
+Assumed: a screen of 80 by 25."""
 
 _OTHER = re.compile(r"[^ -~\n]")
 
@@ -41,38 +41,35 @@ class Terminal(Console):
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """Segments of what is shown; only rich's own control segments steer the terminal."""
+        """Segments to show; only rich's own control segments control the terminal."""
         for segment in super().render(renderable, options):
-            # Parts of a table come by here once for each table around them: most stay as they are.
+            # A nested table passes here once per table around it: most segments stay unchanged.
             is_plain = segment.control or _OTHER.search(segment.text) is None
             yield segment if is_plain else segment._replace(text=shown(segment.text))
 
 
 def terminal(aside: bool = False, quiet: bool = False) -> Terminal:
-    """The console of standard output; `aside`, of standard error; `quiet`, of nobody."""
+    """A console for standard output, or for standard error (`aside`); `quiet` prints nothing."""
     return Terminal(stderr=aside, quiet=quiet)
 
 
 def say_aside(message: str) -> None:
-    """Lines for standard error: mistakes and notes. They are not wrapped: scripts read them."""
+    """Print mistakes and notes on standard error, without wrapping, as scripts read them."""
     terminal(aside=True).print(message, soft_wrap=True)
 
 
 def styled(template: str, *data: object) -> Text:
-    """A template with rich markup, its ``{}`` filled with data, which is shown as written.
+    """A template with rich markup whose ``{}`` are filled with data, shown as written.
 
     >>> styled("[bold]{}[/]: found", "[/x]").plain
     '[/x]: found'
     """
-    return Text.from_markup(template.format(*(_field(part) for part in data)), emoji=False)
-
-
-def _field(part: object) -> str:
-    return escape(one_line(str(part)))
+    fields = (escape(one_line(str(part))) for part in data)
+    return Text.from_markup(template.format(*fields), emoji=False)
 
 
 def one_line(text: str) -> str:
-    r"""Text on one line, without characters that a terminal would obey.
+    r"""Text on one line, without characters that control a terminal.
 
     >>> one_line("a\nb\x1b[31m")
     'a b\ufffd[31m'
@@ -82,20 +79,20 @@ def one_line(text: str) -> str:
 
 
 def shown(text: str) -> str:
-    """Text whose every character is shown; lines stay lines."""
+    """Text without characters that control a terminal; line breaks are kept."""
     return _OTHER.sub(lambda found: found[0] if is_shown(found[0]) else SHOWN_INSTEAD, text)
 
 
 def is_shown(character: str) -> bool:
-    """Whether a terminal prints a character: no control, no turn of direction, no half of a pair.
+    """Whether a terminal prints a character: no control, change of direction or lone surrogate.
 
-    Source: Unicode categories Cc, Cf, Cs, Co, Cn, Zl, Zp are not; blanks of any width are.
+    Source: Unicode categories Cc, Cf, Cs, Co, Cn, Zl, Zp are not printed; blanks of any width are.
     """
     return character.isprintable() or unicodedata.category(character) == "Zs"
 
 
 def machine_text(text: str) -> str:
-    """JSON with every character escaped that a terminal would obey; it says the same."""
+    """Equivalent JSON that escapes every character that controls a terminal."""
     return _OTHER.sub(lambda found: found[0] if is_shown(found[0]) else _escaped(found[0]), text)
 
 
@@ -105,13 +102,13 @@ def _escaped(character: str) -> str:
 
 
 def write_machine_text(text: str) -> None:
-    """Put a machine form on standard output."""
+    """Write JSON to standard output."""
     sys.stdout.write(machine_text(text))
 
 
 def write_document(text: str) -> None:
-    """Put what would be a file on standard output: the same bytes, but on a terminal, which obeys
-    nothing that stands in it."""
+    """Write the content of a file to standard output: the same bytes, but without control
+    characters on a terminal."""
     if sys.stdout.isatty():
         sys.stdout.write(shown(text))
         return
@@ -125,7 +122,7 @@ def write_document(text: str) -> None:
 
 
 Story = Callable[[Console], object]
-"""Prints itself on a console."""
+"""Prints a text on a console."""
 
 _FRAME = (
     '<pre style="white-space:pre;overflow-x:auto;line-height:normal;'
@@ -134,21 +131,21 @@ _FRAME = (
 
 
 def plain(tell: Story, width: int = limits.STORY_WIDTH) -> str:
-    """The story as text without styles."""
+    """The story as unstyled text."""
     file = io.StringIO()
     tell(Terminal(file=file, width=width, force_terminal=False))
     return file.getvalue().strip("\n")
 
 
 def with_styles(tell: Story, width: int = limits.STORY_WIDTH) -> Text:
-    """The story as one text, for the console of somebody else."""
+    """The story as one styled text, for another console."""
     file = io.StringIO()
     tell(Terminal(file=file, width=width, force_terminal=True, color_system="standard"))
     return Text.from_ansi(file.getvalue().strip("\n"), no_wrap=True)
 
 
 def as_html(tell: Story, width: int = limits.STORY_WIDTH) -> str:
-    """The story for a notebook; whatever data says is shown as text."""
+    """The story for a notebook; data is shown as text."""
     console = Terminal(file=io.StringIO(), width=width, record=True, force_terminal=True)
     tell(console)
     return console.export_html(inline_styles=True, code_format=_FRAME)

@@ -1,9 +1,8 @@
-"""All files are written here: as a whole or not at all, and never anywhere else.
+"""The only place that writes files: as a whole or not at all.
 
-A file grows under a name of its own in the same folder, made anew (an existing file or link of that
-name is never opened), and takes its place at once. Who reads sees the old or the new content; of
-two who write at once, the last one's stands, whole. Whatever goes wrong, the old file stays and
-nothing is left behind.
+A new temporary file in the same folder (an existing file or link of its name is never opened)
+replaces the target at once. Readers see the old or the new content; if two processes write, the
+last one wins as a whole. After an error the old file stays and no temporary file is left.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 _NEW |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 _DEVICES = ("/dev", "/proc")
-"""Folders whose entries stand for what is open already, as /dev/stdout does."""
+"""Folders whose entries stand for open files, as /dev/stdout does."""
 
 
 def write_text(path: Path, text: str) -> None:
@@ -33,7 +32,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_data(path: Path, data: bytes) -> None:
-    """Write a file as a whole or not at all, and onto the disk: the machine may fail next."""
+    """Write a file as a whole or not at all, synced to the disk in case the machine fails next."""
     with _replacing(path) as part, _opened(part, _NEW) as file:
         file.write(data)
         file.flush()
@@ -41,17 +40,17 @@ def write_data(path: Path, data: bytes) -> None:
 
 
 def write_private(path: Path, data: bytes) -> None:
-    """Write a file that nobody else can read, as a whole or not at all."""
+    """Write a file that only its owner can read, as a whole or not at all."""
     with _replacing(path) as part, _opened(part, _NEW, 0o600) as file:
         file.write(data)
 
 
 @contextmanager
 def written(path: Path) -> Iterator[TextIO]:
-    """A file to write to, packed if its name ends with .gz; it is there when all is written.
+    """A file to write to, compressed if its name ends with .gz; it appears once it is complete.
 
-    A link is replaced, not followed: nothing is written where the link points. What is no file
-    (a pipe, a terminal, /dev/null, /dev/stdout) is written through.
+    A link is replaced, not followed. What is not a file (a pipe, a terminal, /dev/null,
+    /dev/stdout) is written directly.
     """
     through = _is_through(path)
     if not through and path.is_dir() and not path.is_symlink():
@@ -61,7 +60,7 @@ def written(path: Path) -> Iterator[TextIO]:
         part = stack.enter_context(_replacing(path, through))
         file: Any = stack.enter_context(_opened(part, os.O_WRONLY if through else _NEW))
         if path.name.lower().endswith(".gz"):
-            # No date and no name in it: the same content gives the same bytes.
+            # Without date and name, so that the same content gives the same bytes.
             file = stack.enter_context(gzip.GzipFile("", "wb", fileobj=file, mtime=0))
         yield stack.enter_context(
             io.TextIOWrapper(file, encoding="utf-8", errors="backslashreplace", newline="\n")
@@ -70,8 +69,8 @@ def written(path: Path) -> Iterator[TextIO]:
 
 @contextmanager
 def _replacing(path: Path, through: bool = False) -> Iterator[Path]:
-    """A new name beside a file, whose place it takes in the end; of what failed nothing is left.
-    What is written `through` keeps its own."""
+    """A temporary path that replaces the file in the end and is removed after an error; the path
+    itself if it is written `through`."""
     part = path if through else path.with_name(f".rulec-{secrets.token_hex(8)}.part")
     try:
         yield part
@@ -82,12 +81,12 @@ def _replacing(path: Path, through: bool = False) -> Iterator[Path]:
             with suppress(OSError):
                 part.unlink()
         if isinstance(error, OSError) and error.filename in (None, str(part)):
-            error.filename, error.filename2 = str(path), None  # the user asked for this one
+            error.filename, error.filename2 = str(path), None  # the name that the user gave
         raise
 
 
 def _is_through(path: Path) -> bool:
-    """Whether what is there is no file of its own, but leads to somebody who takes the bytes."""
+    """Whether the path is a pipe, a device, or a link to an open file."""
     try:
         kind = os.stat(path).st_mode
     except OSError:
@@ -101,5 +100,5 @@ def _is_through(path: Path) -> bool:
 
 
 def _opened(path: Path, flags: int, rights: int = 0o666) -> io.BufferedWriter:
-    """A file to write to; a new one has these rights, as far as the user's umask gives them."""
+    """A file to write to; a new one gets these permissions, limited by the umask."""
     return os.fdopen(os.open(path, flags, rights), "wb")
