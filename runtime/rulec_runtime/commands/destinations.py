@@ -1,6 +1,6 @@
-"""Where results go: stories to the terminal, files and machine forms to a file or standard output.
+"""Destinations of results: stories on the terminal, files and JSON in a file or standard output.
 
-`-` in the place of a file is standard output; stories then go to standard error.
+`-` instead of a file is standard output; stories then go to standard error.
 """
 
 from __future__ import annotations
@@ -26,33 +26,33 @@ from rulec_runtime.output.write_file import write_text
 STANDARD_OUTPUT = "-"
 
 FILES = ("output", "json", "report", "trace", "series", "csv")
-"""Options that name a file which a command writes."""
+"""Options that name an output file."""
 
 
 def console(options: argparse.Namespace) -> Console:
-    """Console of a command: standard output, or standard error where something else goes to the
-    former; nothing with `--quiet`."""
+    """Console of a command: standard output, or standard error if a file goes to standard output;
+    prints nothing with `--quiet`."""
     return terminal(aside=bool(_to_standard_output(options)), quiet=is_quiet(options))
 
 
 def is_quiet(options: argparse.Namespace) -> bool:
-    """Whether nothing but results and mistakes is to be said."""
+    """Whether to print only results and mistakes."""
     return bool(getattr(options, "quiet", False))
 
 
 def note_aside(options: argparse.Namespace, text: str) -> None:
-    """Say something beside the story, unless it is to be quiet."""
+    """Print a note on standard error, unless `--quiet`."""
     if not is_quiet(options):
         say_aside(text)
 
 
 def progress_of(options: argparse.Namespace, doing: str) -> Progress:
-    """Shows what a command is doing while it takes its time."""
+    """Progress of a command."""
     return Progress(f"rulec {options.command}", doing, quiet=is_quiet(options))
 
 
 def check_outputs(options: argparse.Namespace) -> None:
-    """Raises `Misused`, before long work is done, for an output that cannot be written."""
+    """Raises `Misused` before a long calculation if an output cannot be written."""
     several = _to_standard_output(options)
     if len(several) > 1:
         raise Misused(f"only one of {' and '.join(several)} can go to standard output")
@@ -62,7 +62,7 @@ def check_outputs(options: argparse.Namespace) -> None:
 
 
 def without_folder(options: argparse.Namespace, *names: str) -> str | None:
-    """What to say of an output file that cannot be written, before long work is done for it."""
+    """The message for an output file whose folder does not exist; None if all exist."""
     for name in names:
         target = getattr(options, name, None)
         if target not in (None, STANDARD_OUTPUT) and not Path(target).parent.is_dir():
@@ -71,12 +71,11 @@ def without_folder(options: argparse.Namespace, *names: str) -> str | None:
 
 
 def _to_standard_output(options: argparse.Namespace) -> list[str]:
-    """Options that send something to standard output."""
     return [f"--{n}" for n in FILES if getattr(options, n, None) == STANDARD_OUTPUT]
 
 
 def write_to(target: str, text: str) -> None:
-    """Write a text to a file, or to standard output."""
+    """Write a text to a file or to standard output."""
     if target == STANDARD_OUTPUT:
         write_document(text)
     else:
@@ -84,7 +83,7 @@ def write_to(target: str, text: str) -> None:
 
 
 def write_json(options: argparse.Namespace, data: Any) -> None:
-    """Write the machine form where `--json` says; nothing if it was not asked for."""
+    """Write JSON to the destination of `--json`, if that is given."""
     target = getattr(options, "json", None)
     if target is None:
         return

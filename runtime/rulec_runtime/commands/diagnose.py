@@ -24,8 +24,8 @@ from rulec_runtime.report.truth import read_truth
 
 
 def run(options: argparse.Namespace) -> int:
-    """Diagnose a recording; findings are a result, so the exit code is 0 with them as without. That
-    something could not be seen is none: `limits.NOT_ALL_SEEN`."""
+    """Diagnose a recording. The exit code is 0 with or without findings, `limits.NOT_ALL_SEEN` if
+    something could not be judged."""
     check_outputs(options)
     ruleset = read_ruleset(Path(options.plant))
     with progress_of(options, "reading and judging the recording") as progress:
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def told(options: argparse.Namespace, found: Judged, progress: Progress) -> int:
-    """Tell what was found, and write what was asked for; gives the exit code."""
+    """Print the diagnosis and write the requested files; returns the exit code."""
     trace = page = ""
     if options.trace or options.report:
         progress("judging every sample")
@@ -58,7 +58,8 @@ def told(options: argparse.Namespace, found: Judged, progress: Progress) -> int:
         write_to(options.report, page)
         out.print(styled("[dim]report: {}[/]", options.report))
     elif found.truth is not None:
-        note = "[dim]note: only a report (--report FILE.html) compares with the truth[/]"
-        out.print(styled(note))
+        out.print(
+            styled("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
+        )
     write_json(options, found.form())
     return 0 if found.diagnosis.is_whole else limits.NOT_ALL_SEEN

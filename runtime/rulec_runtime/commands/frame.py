@@ -1,4 +1,4 @@
-"""How every command begins and ends: streams, threads, mistakes of the user as messages.
+"""The start and end of every command: options, streams, threads, messages about mistakes.
 
 Only the standard library at the top: `--help` answers without numpy.
 """
@@ -19,14 +19,14 @@ RECORDING = (
     "file (CSV, Parquet, Excel, MAT, MDF, TDMS, HDF5), FILE#TABLE for one table of it, a folder of "
     "files, or - for standard input"
 )
-"""What a recording is, in the help of a command."""
+"""A recording, in the help of a command."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Quotes wrong arguments as text: a script may have handed over anything."""
+    """A parser that shows wrong arguments as plain text: a script may pass anything."""
 
     def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
-        """As any parser; without any argument it shows its help, as wrong usage."""
+        """Parse arguments; without any, print the help and exit as for wrong usage."""
         given = sys.argv[1:] if arguments is None else arguments
         if not given:
             self.print_help(sys.stderr)
@@ -40,7 +40,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _with_the_nearest(message: str) -> str:
-    """A word that is none of those allowed, with the one that was meant in place of all."""
+    """The message, with the most similar allowed word instead of all of them."""
     found = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
     if found is None:
         return message
@@ -51,10 +51,10 @@ def _with_the_nearest(message: str) -> str:
 
 
 def prepare_process() -> None:
-    """A terminal that lacks a symbol shows a replacement; matrices are small, one thread is best.
+    """Replace symbols that a terminal lacks, and use one thread for linear algebra.
 
-    Threads of the linear algebra wait for each other, and on a machine that has other work to do
-    they cost several times what they save.
+    Matrices are small: on a busy machine, threads that wait for each other cost several times what
+    they save.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -63,7 +63,7 @@ def prepare_process() -> None:
 
 
 def carried_out(run: Callable[[], int], name: str) -> int:
-    """Exit code of a command of this name; a user's mistake becomes a message, our own bug none."""
+    """Run a command and return its exit code; mistakes of the user become messages, bugs do not."""
     try:
         code = run()
         sys.stdout.flush()
@@ -76,7 +76,7 @@ def carried_out(run: Callable[[], int], name: str) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        code, text = _told(error, name)
+        code, text = _mistake(error, name)
         if not code:
             raise
         _say(text)
@@ -84,14 +84,13 @@ def carried_out(run: Callable[[], int], name: str) -> int:
 
 
 def _say(message: str) -> None:
-    """A message for standard error; it may quote whatever stands in a file."""
     from rulec_runtime.output.terminal import say_aside
 
     say_aside(message)
 
 
-def _told(error: Exception, name: str) -> tuple[int, str]:
-    """Exit code and text for a user's mistake; the code is 0 for anything else."""
+def _mistake(error: Exception, name: str) -> tuple[int, str]:
+    """Exit code and message for a mistake of the user; the code is 0 for any other error."""
     from rulec_runtime.output.refusal import Misused, Refusal
     from rulec_runtime.output.terminal import one_line
 
@@ -105,7 +104,7 @@ def _told(error: Exception, name: str) -> tuple[int, str]:
 
 
 class Version(argparse.Action):
-    """Says the version of a distribution and ends; that is looked up only then."""
+    """Prints the version of a distribution and exits; looks it up only then."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, **rest: Any) -> None:
         self._distribution = str(rest.pop("distribution"))
@@ -121,19 +120,19 @@ class Version(argparse.Action):
 
 
 def version_option(parser: argparse.ArgumentParser, distribution: str) -> None:
-    """The option of the whole command that says its version."""
+    """Add the option `--version`."""
     parser.add_argument("--version", action=Version, distribution=distribution)
 
 
 def quiet_option(parser: argparse.ArgumentParser) -> None:
-    """The option that every command has."""
+    """Add the option `--quiet` of every command."""
     parser.add_argument(
         "-q", "--quiet", action="store_true", help="say nothing but results asked for and mistakes"
     )
 
 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
-    """Options of `diagnose`; `plant` names what it takes."""
+    """Add the options of `diagnose`; `plant` is the name of its first argument."""
     diagnose.add_argument("plant", metavar=plant)
     diagnose.add_argument(
         "recording",
@@ -159,7 +158,7 @@ def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
 
 
 def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
-    """Options of `watch`; `plant` names what it takes."""
+    """Add the options of `watch`; `plant` is the name of its first argument."""
     watch.add_argument("plant", metavar=plant)
     watch.add_argument(
         "--source",
@@ -222,12 +221,12 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
 
 
 def json_option(parser: argparse.ArgumentParser) -> None:
-    """The option that every command with a machine form has."""
+    """Add the option `--json`."""
     parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
 
 
 def journal_options(journal: argparse.ArgumentParser) -> None:
-    """Options of `journal`."""
+    """Add the options of `journal`."""
     journal.add_argument(
         "journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE"
     )
@@ -269,7 +268,7 @@ def _choice(*known: str) -> Callable[[str], tuple[str, ...]]:
 
 
 def _time(text: str) -> float:
-    """Seconds of a number, or since 1970 of a date."""
+    """Seconds: a number, or a date as s since 1970."""
     from datetime import UTC, datetime
     from math import isfinite
 

@@ -1,4 +1,4 @@
-"""`journal`: list, filter and export what a watched plant told; take note of an episode."""
+"""`journal`: list, filter and export the events of a watched plant; acknowledge an episode."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rulec_runtime.live.journal.refused import JournalRefused, needs
 from rulec_runtime.output.terminal import styled
 
 FAILED = 3
-"""Exit code where an active episode has a status that the user asked to fail on."""
+"""Exit code if an active episode has a status of `--fail-on`."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """List a journal; `FAILED` if `--fail-on` says so."""
+    """List a journal; returns `FAILED` if `--fail-on` applies."""
     needs("sqlalchemy", "journal")
     from rulec_runtime.live.journal.store import open_journal
 
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 def _acknowledge(
     journal: Any, options: argparse.Namespace, plants: tuple[str, ...], out: Console
 ) -> None:
-    """Take note of an episode, of the only plant that has it."""
+    """Acknowledge an episode of the only plant that has it."""
     having = [
         plant
         for plant in plants

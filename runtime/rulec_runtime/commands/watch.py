@@ -1,4 +1,4 @@
-"""`watch`: judge a plant while it runs; events come out as they happen."""
+"""`watch`: judge a plant while it runs and report events as they happen."""
 
 from __future__ import annotations
 
@@ -17,48 +17,49 @@ from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, concluded, nothing_yet, warm_up
+from rulec_runtime.live.follower import concluded, warm_up
+from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.update_process import UpdateProcess
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
-    """Watch until the source ends, or somebody interrupts.
+    """Watch until the source ends or the user interrupts.
 
-    The exit code is `limits.FAILED` where something is active that was asked for with `--fail-on`,
-    and 1 where something could not be written in the end.
+    The exit code is `limits.FAILED` if a status of `--fail-on` is active, and 1 if something could
+    not be written in the end.
     """
     ruleset = load(Path(options.plant))
     unwritten: list[str] = []
     with _ends_when_asked(), ExitStack() as stack:
-        # What is told of a file that is read to its end depends on nothing but its rows.
+        # The events of a file that is read to its end depend on its rows alone.
         alone = options.until_end or ruleset.dynamics is not None
-        looks = None if alone else stack.enter_context(closing(UpdateProcess(ruleset)))
-        if looks is not None and len(ruleset.observed) > limits.SMALL_PLANT:
+        background = None if alone else stack.enter_context(closing(UpdateProcess(ruleset)))
+        if background is not None and len(ruleset.observed) > limits.SMALL_PLANT:
             warm_up(ruleset)
         what = opened(options, ruleset, stack, unwritten)
-        memory = _watch(what, ruleset, options.until_end, looks)
+        memory = _watch(what, ruleset, options.until_end, background)
     active = {one.status for one in memory.episodes if one.active}
     failed = active & set(options.fail_on.split(","))
     return limits.FAILED if failed else int(bool(unwritten))
 
 
 def _watch(
-    what: Opened, ruleset: Ruleset, until_end: bool, looks: BackgroundUpdates | None
+    what: Opened, ruleset: Ruleset, until_end: bool, background: BackgroundUpdates | None
 ) -> Memory:
-    """Rows in, events out; what is remembered in the end."""
+    """Judge rows as they come; returns the memory at the end."""
     memory, source, present = what.memory, what.source, what.present
     with suppress(KeyboardInterrupt):
         while not source.ended and not what.screen.quit:
             came = source.take(limits.WAIT)
             if not memory.count:
-                # Whether its times are dates a source knows from its first rows on.
+                # A source knows only from its first rows on whether its times are dates.
                 recent = nothing_yet(ruleset, source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            for remembered, told, diagnosis in judged(ruleset, memory, came, looks):
-                memory = remembered
-                news += told
-                present.update(memory, told, diagnosis)
+            for updated, events, diagnosis in judged(ruleset, memory, came, background):
+                memory = updated
+                news += events
+                present.update(memory, events, diagnosis)
                 what.screen.show(present.now())
             if came or news:
                 _keep(what, ruleset, memory, news)
@@ -67,7 +68,7 @@ def _watch(
             what.screen.show(present.now())
             for sink in what.sinks:
                 sink.show(present.now())
-        # Nothing more will come: what was seen by partial updates is judged with everything else.
+        # Nothing more will come: a full update replaces the last partial ones.
         if not what.screen.quit and (last := concluded(ruleset, memory)) is not None:
             memory = last.memory
             present.update(memory, last.events, last.diagnosis)
@@ -77,7 +78,7 @@ def _watch(
 
 
 def _keep(what: Opened, ruleset: Ruleset, memory: Memory, news: Sequence[Event]) -> None:
-    """Hand events on, and what is remembered with them."""
+    """Pass events and memory to the sinks."""
     if what.sinks:
         data = state.to_bytes(ruleset, memory, getattr(what.source, "position", {}))
         for sink in what.sinks:
@@ -86,7 +87,7 @@ def _keep(what: Opened, ruleset: Ruleset, memory: Memory, news: Sequence[Event])
 
 @contextmanager
 def _ends_when_asked() -> Iterator[None]:
-    """A service is ended with SIGTERM: what waits is written then as after Ctrl-C."""
+    """SIGTERM, which stops a service, writes what waits just as Ctrl-C does."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

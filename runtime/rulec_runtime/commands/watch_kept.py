@@ -1,4 +1,4 @@
-"""What a watch keeps, in a journal or in files: patient while a database is gone or a disk full."""
+"""Events and state that a watch saves, in a journal or in files; waits for a database or disk."""
 
 from __future__ import annotations
 
@@ -26,24 +26,20 @@ if TYPE_CHECKING:
 
 
 class KeptJournal:
-    """A journal with what waits for it; `folder` is where that is kept, None for memory alone."""
+    """A journal with its outbox; `folder` holds what waits, None for memory alone."""
 
     def __init__(self, journal: Journal, outbox: Outbox, plant: str, folder: Path | None) -> None:
         self._journal, self._outbox, self._plant = journal, outbox, plant
         self.folder = folder
-
-    @property
-    def sink(self) -> WatchSink:
-        """Where events and states go."""
-        return KeptSink(self._outbox)
+        self.sink: WatchSink = KeptSink(outbox)
 
     def saved(self) -> tuple[bytes, str] | None:
-        """The latest state, in the journal or what waits for it, and where that is.
+        """The latest state, from the journal or its outbox, and its place.
 
-        Raises `JournalTrouble` if the database does not answer and nothing waits: nobody knows
-        then which events were told. One that can be read alone is told of when it is written.
+        Raises `JournalTrouble` if the database does not answer and nothing waits: it is unknown
+        then which events were reported. A read-only database causes an error at the first write.
         """
-        left = self._outbox.left  # before the database: what is written meanwhile stands there
+        left = self._outbox.left  # read first: what is written meanwhile is in the database
         with suppress(JournalTrouble):  # each commit holds the plant as well
             self._journal.hold(self._plant)
         try:
@@ -57,12 +53,12 @@ class KeptJournal:
         return None if kept is None else (kept.state, self._journal.place)
 
     def joined_to(self, present: Present, stack: ExitStack) -> Callable[[str, str], None]:
-        """Show what the journal knows of earlier events and acknowledgements; gives what takes
-        further ones, for the journal and whoever looks."""
+        """Show earlier events and acknowledgements of the journal; returns a function that
+        acknowledges, both in the journal and in `present`."""
         try:
             before = list(self._journal.events(self._plant, limit=PAST))
         except JournalTrouble:
-            before = []  # its events are listed by `rulec journal` when it is back
+            before = []  # `rulec journal` lists its events when it is back
         present.recall([entry.event for entry in before])
         notes = Notes(self._journal, self._outbox, self._plant, say_aside, present.acknowledged)
 
@@ -86,9 +82,9 @@ class KeptJournal:
 def kept_journal(
     where: str, plant: str, folder: Path | None, stack: ExitStack, unwritten: list[str]
 ) -> KeptJournal:
-    """Open a journal; at the end of `stack` what waits is written, or put into `unwritten`.
+    """Open a journal; the end of `stack` writes what waits, or adds a message to `unwritten`.
 
-    Raises `JournalRefused` where it is none, or where another process watches the plant.
+    Raises `JournalRefused` if it is not a journal, or another process watches the plant.
     """
     needs("sqlalchemy", "journal")
     from rulec_runtime.live.journal.store import open_journal
@@ -106,24 +102,22 @@ def kept_journal(
 
 
 def _released(journal: Journal, plant: str) -> None:
-    with suppress(JournalTrouble):  # its place is free when the lease is over
+    with suppress(JournalTrouble):  # the lease expires anyway
         journal.release(plant)
 
 
 class KeptFiles:
-    """Files with what waits for them; `folder` is where that is kept."""
+    """Files with their outbox; `folder` holds what waits."""
 
     def __init__(self, files: Files, outbox: Outbox, plant: str, folder: Path) -> None:
         self._files, self._outbox, self._plant = files, outbox, plant
         self.folder = folder
-        self._left = outbox.left  # before the file is read: what is written meanwhile stands there
+        self._left = outbox.left  # read first: what is written meanwhile is in the file
         last = 0 if files.lines is None else files.lines.last(plant)
         self.sink: WatchSink = KeptSink(outbox, max(last, outbox.newest), waits=True)
-        """Where events and states go."""
 
     def saved(self) -> list[tuple[bytes, str]]:
-        """States that were kept, each with where that is; the one that has told most is the
-        latest."""
+        """Saved states, each with its place; the one with the most events is the latest."""
         state = self._files.state
         found = []
         if state is not None and state.exists():
@@ -133,7 +127,7 @@ class KeptFiles:
         return found
 
     def ahead(self, number: int) -> list[Event]:
-        """Events beyond a state that ends with this number: it was killed between the two."""
+        """Events after a state that ends with this number: a process was killed in between."""
         files = self._files
         if files.lines is None or files.state is None:
             return []
@@ -148,10 +142,10 @@ def kept_files(
     stack: ExitStack,
     unwritten: list[str],
 ) -> KeptFiles | None:
-    """Open the files that are named, if any; at the end of `stack` what waits is written, or put
-    into `unwritten`.
+    """Open the named files, if any; the end of `stack` writes what waits, or adds a message to
+    `unwritten`.
 
-    Raises `JournalRefused` for a file of something else, or in a folder that is not there.
+    Raises `JournalRefused` for a foreign file, or one in a folder that does not exist.
     """
     names = [Path(name) for name in (events, state) if name]
     if not names:

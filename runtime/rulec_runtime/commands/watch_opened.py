@@ -1,4 +1,4 @@
-"""What a watch opens: the source, where events go, and what shows them."""
+"""Open the source, sinks and displays of a watch."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from rulec_runtime.commands.watch_kept import KeptFiles, KeptJournal, kept_files
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
-from rulec_runtime.live.follower import Memory, nothing_yet
 from rulec_runtime.live.journal.sinks import WatchSink
 from rulec_runtime.live.journal_replay import ReplayedSource, replayed
+from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra
@@ -31,7 +31,7 @@ Acknowledge = Callable[[str, str], None]
 
 @dataclass(frozen=True)
 class Opened:
-    """All that a watch uses, and what it remembers at the start."""
+    """Everything that a watch uses, and its memory at the start."""
 
     memory: Memory
     source: Source
@@ -43,8 +43,8 @@ class Opened:
 def opened(
     options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack, unwritten: list[str]
 ) -> Opened:
-    """Open what the options name; `stack` closes it, and `unwritten` gets then what the journal
-    lacks in the end. What a user can mend is raised as a message."""
+    """Open what the options name. `stack` closes it; `unwritten` then gets a message for what could
+    not be written. Raises `Refusal` for mistakes of the user."""
     if options.state and options.journal:
         raise RecordingRefused("--journal keeps the state as well; leave out --state")
     folder = _waiting(options)
@@ -52,8 +52,7 @@ def opened(
     if options.journal:
         journal = kept_journal(options.journal, ruleset.plant, folder, stack, unwritten)
     waiting = folder or (None if journal is None else journal.folder)
-    named = (options.events, options.state, ruleset.plant, waiting)
-    files = kept_files(*named, stack, unwritten)
+    files = kept_files(options.events, options.state, ruleset.plant, waiting, stack, unwritten)
     memory, position = _restored(ruleset, files, journal)
     beside = None if files is None else files.folder
     sinks = sinks_of(options, ruleset, waiting or beside, stack)
@@ -80,7 +79,7 @@ def opened(
 
 
 def _waiting(options: argparse.Namespace) -> Path | None:
-    """The folder for events that wait until they can be written, if one is named."""
+    """The folder for events that wait to be written, if one is named."""
     if options.waiting is not None and not Path(options.waiting).is_dir():
         raise RecordingRefused(f"--waiting {options.waiting}: there is no such folder")
     return Path(options.waiting) if options.waiting else None
@@ -89,7 +88,7 @@ def _waiting(options: argparse.Namespace) -> Path | None:
 def _restored(
     ruleset: Ruleset, files: KeptFiles | None, journal: KeptJournal | None
 ) -> tuple[Memory, Mapping[str, Any]]:
-    """What was remembered when the process ended, and how far the source was read."""
+    """The latest saved memory, and the position of the source."""
     saved = [] if files is None else files.saved()
     if journal is not None and (kept := journal.saved()) is not None:
         saved.append(kept)
@@ -99,13 +98,12 @@ def _restored(
 
 
 def _page(where: str, present: Present, acknowledge: Acknowledge, stack: ExitStack) -> str:
-    """Serve the page at ``PORT`` of loopback or at ``HOST:PORT``; its address."""
+    """Serve the page at ``PORT`` of loopback or at ``HOST:PORT``; returns its address."""
     extra("starlette", "page")
     extra("uvicorn", "page")
     from rulec_runtime.live.view.page import serve
 
     host, port = host_and_port("--page", where)
-    token = os.environ.get("RULEC_TOKEN")
-    page = serve(present.now, host, port, token, acknowledge)
+    page = serve(present.now, host, port, os.environ.get("RULEC_TOKEN"), acknowledge)
     stack.callback(page.close)
     return page.url

@@ -1,4 +1,4 @@
-"""Where a watch tells what it finds, beside what it keeps: a broker, an OPC UA server."""
+"""Sinks of a watch that save nothing: an MQTT broker, an OPC UA server."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rulec_runtime.output.terminal import say_aside
 from rulec_runtime.report.text import counted
 
 CERTIFICATES = ("own.der", "own.pem", "trusted")
-"""Of the server of device health: its certificate, its key, and a folder of those it trusts."""
+"""Of the device health server: its certificate, its key, and a folder of trusted certificates."""
 
 
 def sinks_of(
     options: argparse.Namespace, ruleset: Ruleset, folder: Path | None, stack: ExitStack
 ) -> list[WatchSink]:
-    """All that the options name and that keeps no state; `folder` is where events may wait."""
+    """The sinks that the options name; `folder` is where events may wait."""
     sinks: list[WatchSink] = []
     if options.mqtt:
         sinks.append(_mqtt(options, ruleset.plant, folder, stack))
@@ -39,7 +39,6 @@ def sinks_of(
 def _mqtt(
     options: argparse.Namespace, plant: str, folder: Path | None, stack: ExitStack
 ) -> WatchSink:
-    """Events and status at a broker; user and password come from the environment."""
     needs("paho", "mqtt")
     from rulec_runtime.live.journal.mqtt_out import MqttOut
 
@@ -62,8 +61,7 @@ def _device_health(options: argparse.Namespace, ruleset: Ruleset, stack: ExitSta
     needs("asyncua", "opcua")
     from rulec_runtime.live.journal.device_health import DeviceHealth, Security
 
-    text = options.device_health.removeprefix("opc.tcp://")
-    host, port = host_and_port("--device-health", text)
+    host, port = host_and_port("--device-health", options.device_health.removeprefix("opc.tcp://"))
     security = None
     if options.device_health_certificates:
         folder = Path(options.device_health_certificates)
@@ -81,7 +79,7 @@ def _device_health(options: argparse.Namespace, ruleset: Ruleset, stack: ExitSta
 
 
 def host_and_port(option: str, text: str) -> tuple[str, int]:
-    """Of ``PORT``, at loopback, or ``HOST:PORT``. Raises `JournalRefused`."""
+    """Host and port of ``PORT``, at loopback, or ``HOST:PORT``. Raises `JournalRefused`."""
     host, _, port = text.rstrip("/").rpartition(":")
     if not port.isdecimal() or int(port) > limits.LAST_PORT:
         raise JournalRefused(f"{option} {text[:60]}: write PORT or HOST:PORT, such as 8080")
@@ -89,8 +87,8 @@ def host_and_port(option: str, text: str) -> tuple[str, int]:
 
 
 def waiting_in(folder: Path | None, name: str, sink: Sink, plant: str) -> Outbox:
-    """The outbox of a sink, which writes at once what an earlier process has left in the folder;
-    without a folder events wait in memory alone."""
+    """The started outbox of a sink, which first writes what an earlier process has left in the
+    folder; without a folder events wait in memory alone."""
     file = None if folder is None else spill_beside(folder / name, plant)
     outbox = Outbox(sink, plant, say_aside, file=file)
     outbox.start()
@@ -98,7 +96,7 @@ def waiting_in(folder: Path | None, name: str, sink: Sink, plant: str) -> Outbox
 
 
 def close(outbox: Outbox, unwritten: list[str]) -> None:
-    """Write what waits as far as that works; what is left is said, and put into `unwritten`."""
+    """Write what waits as far as possible; report what is left, also in `unwritten`."""
     left = outbox.close()
     if not left:
         return

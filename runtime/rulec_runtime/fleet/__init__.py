@@ -1,1 +1,1 @@
-"""One plant on one day: read, judged, told as a row; what a worker of a fleet does."""
+"""Work of a fleet worker: read one plant on one day, judge it, return a row."""

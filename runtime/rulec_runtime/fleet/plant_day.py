@@ -1,4 +1,4 @@
-"""Judge one plant on one day. Whatever is wrong with it becomes the reason in its row."""
+"""Judge one plant on one day. Any error becomes the reason in its row."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from rulec_runtime.report.blindness import blindness
 from rulec_runtime.report.json_form import diagnosis_form
 
 FORM = 3
-"""Version of what is told of a plant-day; another one makes all of them be judged again."""
+"""Version of the rows; after a change all plant-days are judged again."""
 
 UNREAD = "unread"
-"""Status of a plant-day of which nothing could be read."""
+"""Status of a plant-day without readable data."""
 
 FINDING = ("kind", "fault", "module", "status", "degree", "lower", "upper", "probability",
            "since", "until", "active", "text", "action")  # fmt: skip
-"""What is kept of a finding, as `rulec diagnose --json` has it."""
+"""Keys kept of a finding of `rulec diagnose --json`."""
 
 POINTS = "points"
-"""Of a row, operating points that were kept: a row for each and each signal, with times in s since
-1970, readings in SI."""
+"""Key of the operating points of a row: one entry per point and signal, with times in s since 1970,
+readings in SI."""
 
 Row = dict[str, Any]
 
@@ -53,9 +53,9 @@ class Task:
     Attributes
     ----------
     files : addresses of its recordings, in order of their names.
-    marks : of each file size and time of change, by which it is known whether it is the same.
-    ruleset : hash of the ruleset's text.
-    trace : whether every sample is judged as well.
+    marks : size and modification time of each file, which show whether it has changed.
+    ruleset : hash of the text of the ruleset.
+    trace : whether to judge every sample as well.
     """
 
     plant: str
@@ -67,38 +67,38 @@ class Task:
 
     @property
     def key(self) -> str:
-        """The same where the same work gives the same result."""
+        """Equal for tasks with equal results."""
         text = json.dumps([FORM, asdict(self)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def hash_of(ruleset: str) -> str:
-    """By which the text of a ruleset is known."""
+    """Hash of the text of a ruleset."""
     return hashlib.sha256(ruleset.encode()).hexdigest()[:16]
 
 
 def judge_day(task: Task, ruleset: str) -> Row:
-    """What there is to tell of a plant-day; `ruleset` is the text of its ruleset.
+    """The row of a plant-day; `ruleset` is the text of its ruleset.
 
-    Never raises for what stands in the files: such a row has status ``unread`` and a reason.
+    Never raises for errors in the files: the row then has status ``unread`` and a reason.
     """
     row = blank(task)
     try:
         rules = _ruleset(ruleset)
         with ExitStack() as stack:
             recording = _recording(task, rules, stack)
-            return row | _told(diagnose(recording, rules), recording, task)
+            return row | _results(diagnose(recording, rules), recording, task)
     except (Refusal, OSError) as error:
         return row | {"reason": one_line(str(error))}
     except MemoryError:
         return row | {"reason": "it needs more memory than its worker has"}
-    except Exception as error:  # our own bug: the other plants are to be judged all the same
+    except Exception as error:  # a bug of ours must not stop the other plants
         text = f"cannot be judged ({type(error).__name__}: {error})"
         return row | {"reason": one_line(text)[:300]}
 
 
 def blank(task: Task) -> Row:
-    """A row of which only the plant-day is known."""
+    """The row of a plant-day without results."""
     return {
         "plant": task.plant,
         "day": task.day,
@@ -132,7 +132,7 @@ def _recording(task: Task, ruleset: Ruleset, stack: ExitStack) -> Recording:
 
 
 def fetched(address: str, stack: ExitStack) -> Path:
-    """A file of this machine; one of another place is fetched, and kept as long as the stack."""
+    """A local path; a remote file is downloaded and exists as long as the stack."""
     if "://" not in address:
         return Path(address)
     import fsspec
@@ -144,13 +144,23 @@ def fetched(address: str, stack: ExitStack) -> Path:
     return file
 
 
-def _told(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
+def _results(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
     form = diagnosis_form(diagnosis)
     findings = [{name: found.get(name) for name in FINDING} for found in form["findings"]]
-    findings += [_unknown(period) for period in form["unknown"]]
+    unknown = {
+        "kind": "unknown",
+        "fault": "unknown",
+        "module": "",
+        "status": "S",
+        "active": False,
+        "action": "",
+    }
+    for period in form["unknown"]:
+        own = {name: period[name] for name in ("since", "until", "text")}
+        findings.append(dict.fromkeys(FINDING) | unknown | own)
     times = float(recording.time[0]), float(recording.time[-1])
     coverage = coverage_of(diagnosis.ruleset, diagnosis.blind, *times)
-    health = round(_sound(*times, findings) * coverage, 6)
+    health = round(_healthy_share(*times, findings) * coverage, 6)
     return {
         "status": diagnosis.status,
         "health": health if diagnosis.judged else None,
@@ -166,13 +176,12 @@ def _told(diagnosis: Diagnosis, recording: Recording, task: Task) -> Row:
 
 
 def _points(diagnosis: Diagnosis) -> Iterator[Row]:
-    """What is kept of the readings, where it is known on which day they were."""
+    """Entries of `POINTS`, if the recording has dates."""
     visited, calendar = diagnosis.visited, diagnosis.calendar
     if visited is None or calendar is None:
         return
     for i, samples in enumerate(visited.samples.tolist()):
-        times = (float(t[i]) + calendar.start for t in (visited.since, visited.until))
-        since, until = times
+        since, until = (float(t[i]) + calendar.start for t in (visited.since, visited.until))
         for name, values in visited.values.items():
             if np.isfinite(values[i]):
                 yield {
@@ -185,31 +194,16 @@ def _points(diagnosis: Diagnosis) -> Iterator[Row]:
                 }
 
 
-def _unknown(period: dict[str, Any]) -> Row:
-    """A period that nothing known explains, as a finding."""
-    return dict.fromkeys(FINDING) | {
-        "kind": "unknown",
-        "fault": "unknown",
-        "module": "",
-        "status": "S",
-        "since": period["since"],
-        "until": period["until"],
-        "active": False,
-        "text": period["text"],
-        "action": "",
-    }
-
-
 def _reason(diagnosis: Diagnosis) -> str:
-    """Why nothing was judged, or what could not be seen; empty if everything could."""
+    """Why nothing was judged, or what could not be; empty if everything was."""
     if not diagnosis.judged:
         return diagnosis.not_judged[0].text if diagnosis.not_judged else ""
     calendar = diagnosis.calendar
     return ". ".join(blindness(diagnosis.ruleset, one, calendar) for one in diagnosis.blind)
 
 
-def _sound(begin: float, end: float, findings: Iterable[Row]) -> float:
-    """Share of the time of a recording that no finding covers."""
+def _healthy_share(begin: float, end: float, findings: Iterable[Row]) -> float:
+    """Share of the time of a recording without findings."""
     covered, until = 0.0, begin
     for found in sorted(findings, key=lambda f: float(f["since"])):
         covered += max(float(found["until"]) - max(until, float(found["since"])), 0.0)
@@ -218,7 +212,7 @@ def _sound(begin: float, end: float, findings: Iterable[Row]) -> float:
 
 
 def _runs(recording: Recording, diagnosis: Diagnosis) -> list[Row]:
-    """Verdicts of all samples, neighbours with the same one together."""
+    """Verdicts of all samples, merged where successive ones are equal."""
     found = trace(recording, diagnosis.ruleset, diagnosis.mode)
     time, first = np.asarray(found.time), 0
     rows: list[Row] = []

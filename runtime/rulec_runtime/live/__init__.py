@@ -1,4 +1,4 @@
-"""Beside the plant: rows come in, events go out.
+"""Online monitoring: rows come in, events go out.
 
-sources -> follower (what all rows say so far) -> events (what has changed) -> journal, view, page.
+sources -> follower (diagnosis of all rows so far) -> events (changes) -> journal, view, page.
 """

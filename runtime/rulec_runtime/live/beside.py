@@ -1,11 +1,11 @@
-"""Looks at everything beside the rows: while one goes on, rows are judged by a partial update.
+"""Full updates in the background: meanwhile, partial updates judge the rows.
 
-A look judges the rows that had come when it began. When it has ended, what it found is what
-partial updates go on from: parts that moved since get one, and so do those that got one meanwhile.
-Only that is told, so a look never takes back what later rows showed.
+A full update judges the rows that had come when it began, and later partial updates start from its
+result. Before it is reported, all parts that have moved since or had a partial update get one
+again, so a full update never withdraws what later rows showed.
 
-A partial update at a large part takes about as long as a look, so such a part gets another look
-instead.
+A partial update of a large part takes about as long as a full one, so such a part gets another full
+update instead.
 """
 
 from __future__ import annotations
@@ -21,36 +21,32 @@ from rulec_runtime.live.memory import Memory
 
 
 class BackgroundUpdates(Protocol):
-    """Where looks at everything go on beside the rows."""
+    """Runs full updates in the background."""
 
     def begin(self, ruleset: Ruleset, memory: Memory, headers: bool) -> PendingUpdate:
-        """Begin to look at all that is remembered; `headers` as in `looked`."""
+        """Start a full update of the memory; `headers` as in `evaluated`."""
 
 
 @dataclass(frozen=True)
 class Due:
-    """What rows ask for: places of the parts that get a partial update, whether a look is due for
-    the others, and whether that is one at the sensors."""
+    """Updates that new rows require: indices of the parts that get a partial update, whether the
+    others need a full update, and whether a sensor is in doubt."""
 
     places: list[int]
-    look: bool
+    full: bool
     doubt: bool
 
 
 def parts_due(known: LastEvaluation, memory: Memory, new: int) -> tuple[LastEvaluation, Due]:
-    """What is known, with readings as of the last row, and what the last rows ask for."""
+    """The evaluation with the levels after the `new` last rows, and the updates they require."""
     levels, flags, odd = known.levels.after_rows(memory.recent, new, far_after(known.count))
     moved, due, large = known.moved(flags), known.due(memory.count), known.large
-    way, spare = memory.under_way, list[int]()
+    running, spare = memory.under_way, list[int]()
     partly = moved - large
-    if way is not None and memory.count - way.count >= limits.PATIENCE:
+    if running is not None and memory.count - running.count >= limits.PATIENCE:
         partly = moved
-    elif way is None:
-        # What is due though nothing of it moved, a look under way sees as well.
+    elif running is None:
+        # A running full update covers the parts that are due without having moved.
         spare = sorted(due - moved - large, key=lambda i: known.parts[i].due)[: limits.DUE_AT_ONCE]
-    asked = Due(
-        places=sorted(partly.union(spare)),
-        look=bool((moved - partly) | (due & large)),
-        doubt=odd,
-    )
-    return replace(known, levels=levels), asked
+    full = bool((moved - partly) | (due & large))
+    return replace(known, levels=levels), Due(sorted(partly.union(spare)), full, doubt=odd)

@@ -1,7 +1,7 @@
-"""What has changed from one diagnosis to the next: episodes that began, grew, ended.
+"""Changes from one diagnosis to the next: episodes that began, grew or ended.
 
-A diagnosis tells of a fault anew every time, perhaps in parts, or by another name now that more is
-known. An episode is what an operator would call one and the same thing.
+Each diagnosis reports a fault anew, perhaps in parts or under another name now that more is known.
+An episode is what an operator would call one and the same event.
 """
 
 from __future__ import annotations
@@ -24,72 +24,75 @@ def changes(
     ruleset: Ruleset,
     known: Sequence[Episode],
     diagnosis: Diagnosis,
-    sight: Horizon,
+    horizon: Horizon,
     number: int,
 ) -> tuple[tuple[Episode, ...], tuple[Event, ...]]:
-    """Episodes as they are now, and what is new of them.
+    """The current episodes, and events for what is new.
 
-    `known` are those told before that are active, or may still be seen; `number` is that of the
-    last event.
+    `known` are the episodes reported before that are active or within the horizon; `number` is that
+    of the last event.
     """
-    seen = every = _merged(episodes_of(diagnosis, sight), sight)
-    # Windows are cut anew with every row, so what a few rows say of a plant that stores may waver.
-    wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(sight.time))
-    told: list[tuple[What, str, Episode]] = []
+    found = every = _merged(episodes_of(diagnosis, horizon), horizon)
+    # Windows move with every row, so what a few rows of a plant that stores show may fluctuate.
+    wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(horizon.time))
+    reported: list[tuple[What, str, Episode]] = []
     kept: list[Episode] = []
     for old in known:
         if old.kind == "source":
             kept.append(old)
             continue
-        mine = [one for one in seen if _same(old, one, sight)]
-        if not mine and _may_return(old, known, seen, sight, wait):
+        mine = [one for one in found if _same(old, one, horizon)]
+        if not mine and _may_return(old, known, found, horizon, wait):
             kept.append(old)
             continue
-        if not wait and _was_none(old, every, sight):
-            told.append(("withdrawn", _words(ruleset, "withdrawn", old, old), old))
+        if not wait and _was_false(old, every, horizon):
+            reported.append(("withdrawn", _words(ruleset, "withdrawn", old, old), old))
             continue
-        seen = [one for one in seen if one not in mine]
+        found = [one for one in found if one not in mine]
         now = replace(
             mine[-1] if mine else old, id=old.id, since=min([old.since, *(e.since for e in mine)])
         )
         if not mine:
             now = replace(now, active=False)
-        elif now.active and not old.active and sight.rows_between(old.until, now.until) < wait:
+        elif now.active and not old.active and horizon.rows_between(old.until, now.until) < wait:
             now = old
         now = replace(now, told=old.told)
-        what = _what(old, now, bool(mine), sight)
-        if not wait and _was_earlier(old, now, sight):
+        what = _what(old, now, bool(mine), horizon)
+        if not wait and _was_earlier(old, now, horizon):
             what = "changed"
         if what is not None:
             now = replace(now, told=(now.until, now.degree))
-            told.append((what, _words(ruleset, what, old, now), now))
+            reported.append((what, _words(ruleset, what, old, now), now))
         kept.append(now)
-    for new in (replace(one, told=(one.until, one.degree)) for one in seen):
+    for new in (replace(one, told=(one.until, one.degree)) for one in found):
         kept.append(new)
-        told.append(("began", _words(ruleset, "began", new, new), new))
+        reported.append(("began", _words(ruleset, "began", new, new), new))
         if not new.active:
-            told.append(("ended", _words(ruleset, "ended", new, new), new))
-    kept = [one for one in kept if one.active or one.until >= sight.since]
+            reported.append(("ended", _words(ruleset, "ended", new, new), new))
+    kept = [one for one in kept if one.active or one.until >= horizon.since]
     events = (
-        Event(number=number + 1 + i, time=sight.until, what=what, text=text, episode=episode)
-        for i, (what, text, episode) in enumerate(told)
+        Event(number=number + 1 + i, time=horizon.until, what=what, text=text, episode=episode)
+        for i, (what, text, episode) in enumerate(reported)
     )
     return tuple(kept), tuple(events)
 
 
-def _merged(episodes: Iterable[Episode], sight: Horizon) -> list[Episode]:
-    """Of one subject at one time, or before and behind a gap, a single episode: the latest word on
-    it."""
+def _merged(episodes: Iterable[Episode], horizon: Horizon) -> list[Episode]:
+    """One episode for all of the same subject that overlap or follow each other, with the content
+    of the latest."""
     found: list[Episode] = []
     for one in episodes:
-        mine = [i for i, e in enumerate(found) if _of_one_subject(e, one)]
-        same = [i for i in mine if _at_one_time(found[i], one) or _goes_on(found[i], one, sight)]
-        if same:
-            first = found[same[0]]
-            until, active = max(first.until, one.until), first.active or one.active
-            latest = one if one.until >= first.until else first
-            since = min(first.since, one.since)
-            found[same[0]] = replace(latest, since=since, until=until, active=active)
+        for i, first in enumerate(found):
+            if _of_one_subject(first, one) and (
+                _at_one_time(first, one) or _goes_on(first, one, horizon)
+            ):
+                found[i] = replace(
+                    one if one.until >= first.until else first,
+                    since=min(first.since, one.since),
+                    until=max(first.until, one.until),
+                    active=first.active or one.active,
+                )
+                break
         else:
             found.append(one)
     return found
@@ -103,56 +106,56 @@ def _at_one_time(one: Episode, other: Episode) -> bool:
     return one.since <= other.until and other.since <= one.until
 
 
-def _same(old: Episode, new: Episode, sight: Horizon) -> bool:
-    """Is it what was told before? A fault may have another name by now: one of those that fitted
-    about as well."""
+def _same(old: Episode, new: Episode, horizon: Horizon) -> bool:
+    """Whether both are the same episode. A fault may since have got the name of an alternative that
+    fitted about as well."""
     if old.kind != new.kind:
         return False
     if _at_one_time(old, new):
         names = {old.subject, *(name for name, _ in old.alternatives)}
         others = {new.subject, *(name for name, _ in new.alternatives)}
         return bool(names & others)
-    return _of_one_subject(old, new) and old.active and _goes_on(old, new, sight)
+    return _of_one_subject(old, new) and old.active and _goes_on(old, new, horizon)
 
 
-def _goes_on(first: Episode, second: Episode, sight: Horizon) -> bool:
-    """Does one follow the other with next to no rows between them?"""
-    between = sight.rows_between(first.until, second.since)
-    return first.until < second.since and between <= sight.pause
+def _goes_on(first: Episode, second: Episode, horizon: Horizon) -> bool:
+    """Whether the second follows the first with hardly any rows between them."""
+    between = horizon.rows_between(first.until, second.since)
+    return first.until < second.since and between <= horizon.pause
 
 
 def _may_return(
-    old: Episode, known: Sequence[Episode], seen: Sequence[Episode], sight: Horizon, wait: int
+    old: Episode, known: Sequence[Episode], found: Sequence[Episode], horizon: Horizon, wait: int
 ) -> bool:
-    """Is it too early to say that something is there no more? That takes as many rows as it takes
-    to say that it is there, unless a fault begins that explains the same rows."""
+    """Whether it is too early to end an episode. That takes as many rows as beginning one, unless a
+    new fault explains the same rows."""
     if not old.active or old.kind not in ("fault", "unknown"):
         return False
-    for one in seen:
-        new = not any(_same(other, one, sight) for other in known)
+    for one in found:
+        new = not any(_same(other, one, horizon) for other in known)
         if new and one.kind == "fault" and _at_one_time(old, one):
             return False
-    return sight.rows_between(old.until, sight.until) < wait
+    return horizon.rows_between(old.until, horizon.until) < wait
 
 
-def _was_none(old: Episode, seen: Sequence[Episode], sight: Horizon) -> bool:
-    """Is it a fault that has ended, of which nothing is seen any more, though its rows still are?
-    More is known now, by the readings behind it."""
-    ended = old.kind == "fault" and not old.active and old.since >= sight.since
-    return ended and not any(_same(old, one, sight) for one in seen)
+def _was_false(old: Episode, found: Sequence[Episode], horizon: Horizon) -> bool:
+    """Whether later readings refute a fault that has ended: it is not found any more, although the
+    horizon still covers its rows."""
+    ended = old.kind == "fault" and not old.active and old.since >= horizon.since
+    return ended and not any(_same(old, one, horizon) for one in found)
 
 
-def _was_earlier(old: Episode, now: Episode, sight: Horizon) -> bool:
-    """Has a fault that has ended been there long before it was told to be?"""
+def _was_earlier(old: Episode, now: Episode, horizon: Horizon) -> bool:
+    """Whether a fault that has ended began long before the reported time."""
     ended = old.kind == "fault" and not old.active and not now.active
-    return ended and sight.rows_between(now.since, old.since) > sight.pause
+    return ended and horizon.rows_between(now.since, old.since) > horizon.pause
 
 
-def _what(old: Episode, now: Episode, found: bool, sight: Horizon) -> What | None:
-    """What is new of an episode; None if nothing is that an operator needs to know."""
+def _what(old: Episode, now: Episode, found: bool, horizon: Horizon) -> What | None:
+    """What is new about an episode; None if an operator need not know."""
     if old.active and not now.active:
-        # What can be seen no more has ended; what could be and is not was none.
-        return "ended" if found or old.until < sight.since or old.kind != "fault" else "withdrawn"
+        # A fault beyond the horizon has ended; one within it that is not found was false.
+        return "ended" if found or old.until < horizon.since or old.kind != "fault" else "withdrawn"
     if not old.active:
         return "began" if found and now.active else None
     renamed = now.subject != old.subject
@@ -160,8 +163,8 @@ def _what(old: Episode, now: Episode, found: bool, sight: Horizon) -> What | Non
 
 
 def _has_grown(episode: Episode) -> bool:
-    """Is its degree another than when it was told last, and than was to be expected, or at the next
-    round number?"""
+    """Whether the degree differs from the last report, and also from its expected growth or has
+    passed a round number."""
     if episode.told is None or episode.kind != "fault":
         return False
     time, degree = episode.told
@@ -174,12 +177,11 @@ def _has_grown(episode: Episode) -> bool:
 
 
 def _rivals(episode: Episode) -> set[str]:
-    """What else an operator should think of at once."""
+    """Alternatives that an operator should consider at once."""
     return {name for name, p in episode.alternatives if p >= HEADLINE_RIVAL}
 
 
 def _words(ruleset: Ruleset, what: What, old: Episode, now: Episode) -> str:
-    """What is new, for people."""
     if now.kind != "fault":
         name = now.subject if now.kind in ("sensor", "regime") else ""
         if what in ("ended", "withdrawn"):

@@ -1,4 +1,4 @@
-"""What a source says of its connection, as events: a plant that is not read is an alarm."""
+"""Notices of a source as events: a plant that is not read is an alarm."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from rulec_runtime.live.episode import Episode, Event, What
-from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.live.rows import Notice, Rows
 
 AWAY = ("lost", "stale")
-ACTION = "check the logger, the network and the server; nothing is judged meanwhile"
 
 
 def is_away(episode: Episode) -> bool:
-    """Does it say that the plant is not read at all?"""
+    """Whether the episode means that the plant is not read at all."""
     return episode.kind == "source" and episode.active and episode.subject in AWAY
 
 
 def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
-    """What a notice changes: readings that stay away begin an episode, coming back ends it."""
+    """Memory and events after a notice: lost readings begin an episode, their return ends it."""
     if notice.signal:
         return _unread(memory, notice)
     away = [one for one in memory.episodes if is_away(one)]
@@ -36,7 +35,11 @@ def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
         until=notice.time,
         active=False,
         text=notice.text,
-        action=ACTION if notice.kind in AWAY else "",
+        action=(
+            "check the logger, the network and the server; nothing is judged meanwhile"
+            if notice.kind in AWAY
+            else ""
+        ),
     )
     if notice.kind in AWAY:
         if away:
@@ -52,8 +55,10 @@ def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
 
 
 def _unread(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
-    """A signal has no reading while others do: an episode of its own, until one comes."""
-    before = [e for e in memory.episodes if _is_of(e, notice.signal)]
+    """A signal without readings, while others have some, is an episode of its own."""
+    before = [
+        e for e in memory.episodes if e.kind == "source" and e.active and e.subject == notice.signal
+    ]
     if before and before[0].text == notice.text:
         return memory, ()
     one = Episode(
@@ -75,9 +80,9 @@ def _unread(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
 
 
 def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
-    """Signals without readings that have one in the last of these rows, or are not asked for any
-    more."""
-    told: list[Event] = []
+    """Memory and events after rows: a signal without readings has one in the last row again, or is
+    no longer requested."""
+    ended: list[Event] = []
     time = float(rows.time[-1])
     for old in [e for e in memory.episodes if e.kind == "source" and e.active and not is_away(e)]:
         column = rows.values.get(old.subject)
@@ -87,18 +92,14 @@ def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
         one = replace(old, until=time, active=False, text=text)
         others = tuple(e for e in memory.episodes if e is not old)
         memory, events = _with(memory, others, "ended", one, time)
-        told += events
-    return memory, tuple(told)
-
-
-def _is_of(episode: Episode, signal: str) -> bool:
-    return episode.kind == "source" and episode.active and episode.subject == signal
+        ended += events
+    return memory, tuple(ended)
 
 
 def _with(
     memory: Memory, episodes: tuple[Episode, ...], what: What, one: Episode, time: float
 ) -> tuple[Memory, tuple[Event, ...]]:
-    """These episodes are remembered, and one event is told."""
+    """Memory with these episodes, and one event."""
     number = memory.number + 1
     event = Event(number=number, time=time, what=what, text=one.text, episode=one)
     return replace(memory, episodes=episodes, number=number), (event,)

@@ -1,4 +1,4 @@
-"""What began, what is active, what ended: the parts of a diagnosis that last, each with a name."""
+"""Episodes, the lasting parts of a diagnosis, and events, their changes."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Kind = Literal["fault", "sensor", "regime", "unknown", "blind", "source"]
-"""A known fault; a reading that is none; a way of running such as dry; what no known fault
-explains; what cannot be judged; the connection to the plant."""
+"""A known fault; a faulty sensor; an operating regime such as dry running; a deviation without a
+known fault; what cannot be judged; the connection to the plant."""
 
 What = Literal["began", "changed", "ended", "withdrawn", "noted"]
-"""`withdrawn`: later readings explain it otherwise; `noted`: told once, nothing that lasts."""
+"""`withdrawn`: later readings explain it otherwise; `noted`: reported once, does not last."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """Something that was told and lasts; times in s, as of rows.
+    """A reported condition that lasts; times in s, as of rows.
 
-    `id` stays the same from its beginning to its end. `subject` is the fault, the reading with its
-    condition, the regime, or empty. Degrees are those of
-    `rulec_runtime.diagnosis.steady.findings.Finding`, 1 where there is none. `status` is the
-    letter of NE 107. `grows` says where it is going, for people, `growth` the same as JSON data,
-    `rate` is per second. `told` are time and degree of when an event told of it last.
+    `id` does not change. `subject` is the fault, the sensor with its condition, the regime, or
+    empty. Degrees are those of `rulec_runtime.diagnosis.steady.findings.Finding`, 1 without one.
+    `status` is the letter of NE 107. `grows` describes the growth for people, `growth` is the same
+    as JSON data, `rate` is per second. `told` are time and degree of the last event about it.
     """
 
     id: str
@@ -49,8 +48,8 @@ class Episode:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """A change of an episode; `number` counts them from 1 on, `time` is that of the last row that
-    had come, s; `text` says what is new, for people."""
+    """A change of an episode; `number` counts from 1, `time` is that of the last row received, s;
+    `text` says what is new, for people."""
 
     number: int
     time: float

@@ -1,4 +1,4 @@
-"""An event as it is told: one line for people, one object for machines."""
+"""Forms of an event: a line for people, an object for machines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ QUIET = ("ended", "withdrawn")
 
 
 def line_of(event: Event, calendar: Calendar | None) -> Text:
-    """Time, symbol and letter of NE 107, what is new; what to do, where something begins."""
+    """Time, symbol and letter of NE 107, what is new; what to do, if an episode begins."""
     one = event.episode
     status = "ok" if event.what in QUIET else one.status
     letter = "" if status == "ok" else f" {status}"
@@ -31,7 +31,7 @@ def line_of(event: Event, calendar: Calendar | None) -> Text:
 
 
 def form_of(event: Event, plant: str, calendar: Calendar | None) -> dict[str, Any]:
-    """The event as JSON data; times in s, with dates where the source has them."""
+    """The event as JSON data; times in s, with dates if the source has them."""
     dated = {} if calendar is None else {"date": calendar.iso(event.time)}
     episode = dataclasses.asdict(event.episode)
     growth = episode.pop("growth")

@@ -1,4 +1,4 @@
-"""A look at all that is remembered: the passes of a recording, over what came before as well."""
+"""A full update: the passes of a recording, over all rows and operating points in memory."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from rulec_runtime.recordings.stationary import Stretches
 
 @dataclass(frozen=True, kw_only=True)
 class FullUpdate:
-    """What a look at everything found.
+    """The result of a full update.
 
     Attributes
     ----------
-    whole : operating points of all that is remembered.
-    stretches : the stretches of the latest rows; `noise` of readings within them, SI.
-    health : the sensors.
-    seen, found : what each part of the plant says of the points, and what of the plant.
+    whole : all operating points in memory.
+    stretches : settled stretches of the latest rows; `noise` of readings within them, SI.
+    health : of the sensors.
+    seen, found : per part of the plant, the evaluated points and the findings.
     """
 
     whole: History
@@ -49,9 +49,9 @@ class FullUpdate:
 def full_update(
     ruleset: Ruleset, recent: Recording, before: History | None, *, headers: bool
 ) -> tuple[Diagnosis, FullUpdate | None]:
-    """Judge a plant that settles by all that is remembered; None where nothing settled.
+    """Judge a plant that settles by the whole memory; no `FullUpdate` if nothing settled.
 
-    `headers`: whether columns may be others than their headers say.
+    `headers`: whether to check for columns that do not match their headers.
     """
     health = examine(recent, ruleset, headers=headers)
     recording = health.recording
@@ -78,7 +78,7 @@ def full_update(
 
 
 def unsettled(recording: Recording, whole: History) -> Iterator[Period]:
-    """Rows behind the last stretch, if they are too many for the way to an operating point."""
+    """Rows after the last stretch, if there are too many for a move to an operating point."""
     rows = int(whole.timeline.later[-1])
     if rows >= limits.BLIND_ROWS:
         text = "the plant does not settle: readings jump or move too fast"
@@ -87,8 +87,8 @@ def unsettled(recording: Recording, whole: History) -> Iterator[Period]:
 
 
 def horizon_of(time: Array, settled: float | None) -> Horizon:
-    """How far a diagnosis looks that judged rows of these times, s, shape (n,); `settled` is the
-    time of the last settled row, if there is any."""
+    """The horizon of a diagnosis of rows at these times, s, shape (n,); `settled` is the time of
+    the last settled row, if there is any."""
     interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     return Horizon(
         since=float(time[0]),

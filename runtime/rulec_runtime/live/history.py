@@ -1,7 +1,8 @@
-"""What is remembered of rows that are gone: operating points, when they were, and what they showed.
+"""Operating points that replace dropped rows.
 
-A fault may last for days; what tells it is how the readings were before. Of each settled stretch
-remains what a diagnosis takes from it, so the same passes judge it as if its rows were there.
+A fault may last for days, and is recognized by comparison with the readings before it. For each
+settled stretch the history keeps all that a diagnosis uses, so the passes judge it as if its rows
+were there.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause,
 
 @dataclass(frozen=True)
 class History:
-    """Settled stretches, n of them in order of time, without their samples."""
+    """Settled stretches in order of time, shape (n,), without their samples."""
 
     points: Points
     halves: Halves
@@ -37,7 +38,7 @@ class History:
 def history_of(
     recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: dict[str, float]
 ) -> History:
-    """What a diagnosis takes from settled stretches."""
+    """The history of the settled stretches of a recording."""
     return History(
         points_of_stretches(recording, ruleset, stretches, noise),
         halves_of(recording, ruleset, stretches),
@@ -46,7 +47,7 @@ def history_of(
 
 
 def joined(before: History, recording: Recording, behind: History) -> History:
-    """Stretches that are gone with those of the recording that goes on.
+    """Stretches of dropped rows, then those of the recording that continues them.
 
     A signal that one of them lacks has no reading there.
     """
@@ -74,8 +75,8 @@ def joined(before: History, recording: Recording, behind: History) -> History:
 
 
 def some(history: History, chosen: np.ndarray) -> History:
-    """Some of the stretches, by flags, shape (n,); a pause before one that goes is one before the
-    next."""
+    """Some of the stretches, by flags, shape (n,); a pause before a removed stretch moves to the
+    next one."""
     if not len(history):
         return history
     before = history.timeline
@@ -93,8 +94,7 @@ def _columns(timeline: Timeline) -> list[np.ndarray]:
 
 
 def only(history: History, part: Part, chosen: np.ndarray, behind: int) -> History:
-    """Some of the stretches, by flags, as far as they concern a part of the plant; `behind` are
-    the rows at the end that count no more."""
+    """Some of the stretches, by flags, for a part of the plant, without the last `behind` rows."""
     kept = some(history, chosen)
     return History(
         kept.points.of(part.ruleset.observed),

@@ -1,4 +1,4 @@
-"""What a diagnosis sees: episodes that it tells of, and how far it looks."""
+"""The episodes of a diagnosis, and the time that it covers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import Blind
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.live.episode import Episode, Kind
@@ -21,9 +20,11 @@ from rulec_runtime.report.wording import actions
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
-    """How far a diagnosis looks, s: since when, until which row, and until which settled one;
-    `usual` is how long something that is no fault lasts before it is told. `time` are those of the
-    rows, shape (n,); `pause` is in how many rows nothing may be seen of an episode that goes on."""
+    """The time that a diagnosis covers, s: from `since` to the last row, and the last settled row.
+
+    `usual` is how long a condition other than a fault must last to be reported, s. `time` are the
+    times of the rows, shape (n,); `pause` is the most rows that may interrupt an episode.
+    """
 
     since: float
     until: float
@@ -33,13 +34,13 @@ class Horizon:
     pause: int
 
     def rows_between(self, first: float, last: float) -> int:
-        """Rows later than one time and before another. While there are none, nothing ends."""
+        """The number of rows after one time and before another."""
         after = np.searchsorted(self.time, first, "right")
         return int(np.searchsorted(self.time, last, "left") - after)
 
 
-def episodes_of(diagnosis: Diagnosis, sight: Horizon) -> Iterator[Episode]:
-    """All that a diagnosis tells and that lasts."""
+def episodes_of(diagnosis: Diagnosis, horizon: Horizon) -> Iterator[Episode]:
+    """All episodes that a diagnosis reports."""
     for finding in diagnosis.findings:
         yield _of_fault(diagnosis.ruleset, finding)
     for sensor in diagnosis.sensors:
@@ -70,17 +71,29 @@ def episodes_of(diagnosis: Diagnosis, sight: Horizon) -> Iterator[Episode]:
             action=one.regime.action,
         )
     for blind in diagnosis.blind:
-        if blind.until - blind.since >= sight.usual:
-            yield _of_blind(diagnosis.ruleset, blind)
+        if blind.until - blind.since >= horizon.usual:
+            # The readings identify it, whichever faults currently need them.
+            yield Episode(
+                id=_id("blind", blind.since),
+                kind="blind",
+                subject=" ".join(blind.readings),
+                module="",
+                status="C",
+                since=blind.since,
+                until=blind.until,
+                active=blind.active,
+                text=f"{unseen(diagnosis.ruleset, blind)}: {blind.because}",
+                action=brought_back(blind),
+            )
     others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
         ("unknown", "S", diagnosis.unknown),
         ("blind", "C", tuple(p for p in told_else(diagnosis) if not p.partly)),
     )
     for kind, status, periods in others:
         for period in periods:
-            active = period.until >= sight.settled
-            until = sight.until if active else period.until
-            if until - period.since >= sight.usual:
+            active = period.until >= horizon.settled
+            until = horizon.until if active else period.until
+            if until - period.since >= horizon.usual:
                 yield Episode(
                     id=_id(kind, period.since),
                     kind=kind,
@@ -92,22 +105,6 @@ def episodes_of(diagnosis: Diagnosis, sight: Horizon) -> Iterator[Episode]:
                     active=active,
                     text=period.text,
                 )
-
-
-def _of_blind(ruleset: Ruleset, blind: Blind) -> Episode:
-    """Of the same readings it is one and the same, whichever faults they are needed for by now."""
-    return Episode(
-        id=_id("blind", blind.since),
-        kind="blind",
-        subject=" ".join(blind.readings),
-        module="",
-        status="C",
-        since=blind.since,
-        until=blind.until,
-        active=blind.active,
-        text=f"{unseen(ruleset, blind)}: {blind.because}",
-        action=brought_back(blind),
-    )
 
 
 def _of_fault(ruleset: Ruleset, finding: Finding) -> Episode:

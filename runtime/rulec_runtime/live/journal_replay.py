@@ -1,7 +1,7 @@
-"""Events that were told after the state was kept: the process was killed in between.
+"""Events that were reported after the last saved state, as the process was killed in between.
 
-The rows behind the state come again, perhaps in other blocks, so they might be told differently,
-under the same numbers. Instead the watch remembers what it has told, and judges those rows at once.
+The rows after the state come again, perhaps in other blocks, and might give different events under
+the same numbers. Instead the watch restores the reported events, and judges those rows at once.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from dataclasses import replace
 from typing import Any
 
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.live.rows import Notice, Rows, Source
 
 
-def replayed(memory: Memory, told: Sequence[Event]) -> Memory:
-    """What is remembered, as it was after the last of these events; rows aside."""
+def replayed(memory: Memory, events: Sequence[Event]) -> Memory:
+    """Memory as it was after these events, except for the rows."""
     episodes = {one.id: one for one in memory.episodes}
     number = memory.number
-    for event in told:
+    for event in events:
         if event.number > number:
             one = event.episode
             episodes[one.id] = replace(one, told=(one.until, one.degree))
@@ -29,11 +29,11 @@ def replayed(memory: Memory, told: Sequence[Event]) -> Memory:
 
 
 class ReplayedSource:
-    """A source whose first rows are handed out together, as far as those go that were judged."""
+    """A source that hands out at once all rows that were already judged."""
 
-    def __init__(self, source: Source, told: Sequence[Event]) -> None:
+    def __init__(self, source: Source, events: Sequence[Event]) -> None:
         self._source = source
-        times = [event.time for event in told if event.episode.kind != "source"]
+        times = [event.time for event in events if event.episode.kind != "source"]
         self._until = max(times, default=-float("inf"))
 
     @property
@@ -46,7 +46,7 @@ class ReplayedSource:
 
     @property
     def position(self) -> Mapping[str, Any]:
-        """Where reading goes on; empty for a source that has none."""
+        """The position at which reading continues; empty for a source without one."""
         position: Mapping[str, Any] = getattr(self._source, "position", {})
         return position
 

@@ -1,4 +1,4 @@
-"""What a look at everything found, what partial updates have seen since, and a look under way."""
+"""The result of the last full update and of partial updates since, and a running update."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from rulec_runtime.live.levels import Levels, levels_of
 
 @dataclass(frozen=True, kw_only=True)
 class PartEvaluation:
-    """What is known of a part of a plant.
+    """The evaluation of a part of a plant.
 
     Attributes
     ----------
     part : the part.
-    closed : its operating points of rows before those that a partial update judges anew.
-    found : what it says.
+    closed : its operating points before the rows that a partial update judges again.
+    found : its findings.
     settled : time of its last settled row, s.
-    due : number of the row with which it is looked at again, whatever its readings do.
-    followed : operating points there were when courses of degrees were worked out.
+    due : number of the row with which it is updated again even if its readings do not move.
+    followed : number of operating points when courses of degrees were last computed.
     """
 
     part: Part
@@ -42,8 +42,8 @@ class PartEvaluation:
     followed: int
 
     def seen_again(self, whole: History, found: Found, count: int) -> PartEvaluation:
-        """After a partial update, with so many rows: the next one is due when what was judged has
-        twice as many rows, or with the next row while the part does not stand still."""
+        """The evaluation after a partial update with row number `count`. The next one is due when
+        the last stretch is twice as long, or with the next row if the part is not settled."""
         timeline = whole.timeline
         return replace(
             self,
@@ -55,15 +55,15 @@ class PartEvaluation:
 
 @dataclass(frozen=True, kw_only=True)
 class LastEvaluation:
-    """What is known of a plant.
+    """The evaluation of a plant.
 
     Attributes
     ----------
-    diagnosis : as it was told last.
-    health, noise : of the sensors and of readings, SI, by the last look at everything.
-    count : rows that had come then; those from number `cut` on are judged anew by a partial update.
-    parts : of each part.
-    levels : the readings.
+    diagnosis : as it was last reported.
+    health, noise : of the sensors and of the readings, SI, from the last full update.
+    count : rows received by then; a partial update judges those from number `cut` on again.
+    parts : per part of the plant.
+    levels : of the readings.
     """
 
     diagnosis: Diagnosis
@@ -75,32 +75,35 @@ class LastEvaluation:
     levels: Levels
 
     def moved(self, flags: np.ndarray) -> set[int]:
-        """Places of the parts of which readings have moved, by flags of signals."""
+        """Indices of the parts with readings that have moved, by flags of signals."""
         names = {name for name, flag in zip(self.levels.names, flags, strict=True) if flag}
         return {i for i, one in enumerate(self.parts) if names & one.part.ruleset.observed}
 
     def due(self, count: int) -> set[int]:
-        """Places of the parts that are to be looked at, whatever their readings do."""
+        """Indices of the parts to update even if their readings do not move."""
         return {i for i, one in enumerate(self.parts) if count >= one.due}
 
     @property
     def large(self) -> set[int]:
-        """Places of the parts of which a partial update takes longer than until the next row."""
-        sizes = ((i, len(one.part.ruleset.observed)) for i, one in enumerate(self.parts))
-        return {i for i, size in sizes if size > limits.SMALL_PLANT}
+        """Indices of the parts whose partial update takes longer than until the next row."""
+        return {
+            i
+            for i, one in enumerate(self.parts)
+            if len(one.part.ruleset.observed) > limits.SMALL_PLANT
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """What a look at everything found.
+    """The result of a full update.
 
     Attributes
     ----------
-    diagnosis : what is to be told.
-    settled : time of the last settled row, s; None where nothing settled.
-    known : what partial updates go on from; None where rows get looks alone.
-    cut : rows there is no room for: so many at the beginning become operating points.
-    before : operating points of the rows before all others then.
+    diagnosis : to be reported.
+    settled : time of the last settled row, s; None if nothing settled.
+    known : basis of partial updates; None for a plant that gets full updates only.
+    cut : number of first rows that exceed memory and become operating points.
+    before : operating points of the rows before the remaining ones.
     """
 
     diagnosis: Diagnosis
@@ -111,26 +114,25 @@ class Evaluation:
 
 
 class PendingUpdate(Protocol):
-    """A look at everything that goes on elsewhere."""
+    """A full update that runs elsewhere."""
 
     def found(self, wait: bool) -> Evaluation | None:
-        """What it found; None while it goes on, unless it is to be waited for. What the look
-        raised is raised here."""
+        """Its result; None while it runs, unless the caller waits. Raises what it raised."""
 
     def drop(self) -> None:
-        """Nobody needs it any more."""
+        """Cancel it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UpdateUnderWay:
-    """A look at the rows that had come when it began, while others come.
+    """A running full update of the rows that had come when it began.
 
     Attributes
     ----------
-    asked : the look.
-    count : rows that had come; `kept` is how many of them were remembered.
-    seen : places of the parts that got a partial update since.
-    doubt : whether a sensor came into doubt since, so that another look is due.
+    asked : the update.
+    count : rows that had come; `kept` is how many of them were in memory.
+    seen : indices of the parts that have had a partial update since.
+    doubt : whether a sensor has come into doubt since, so that another update is due.
     """
 
     asked: PendingUpdate
@@ -139,15 +141,11 @@ class UpdateUnderWay:
     seen: frozenset[int] = frozenset()
     doubt: bool = False
 
-    def doubted(self, doubt: bool) -> UpdateUnderWay:
-        """The same after rows that may have put a sensor in doubt."""
-        return replace(self, doubt=self.doubt or doubt)
-
 
 def evaluation_after(
     ruleset: Ruleset, diagnosis: Diagnosis, judged: FullUpdate, count: int
 ) -> LastEvaluation:
-    """What is known after a look at everything that had come, so many rows."""
+    """The evaluation after a full update with row number `count`."""
     recording, whole = judged.health.recording, judged.whole
     firsts, rows = judged.stretches.first, len(recording)
     open_points = min(1, len(firsts))
@@ -169,7 +167,7 @@ def evaluation_after(
     values = whole.points.values
     level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
     rested = np.full(len(level), float(whole.timeline.samples[-1]))
-    # A recording keeps what was worked out of it once, which nobody asks for again.
+    # A copy drops the cached properties of the recording, which nobody needs again.
     health = replace(judged.health, recording=replace(recording))
     return LastEvaluation(
         diagnosis=diagnosis,
@@ -183,7 +181,7 @@ def evaluation_after(
 
 
 def due_after(whole: History, count: int) -> float:
-    """Number of the row with which to look again, whatever readings do."""
+    """Number of the row with which an update is due even if readings do not move."""
     timeline = whole.timeline
     if not len(timeline) or timeline.later[-1] > 0:
         return count + 1.0

@@ -1,4 +1,4 @@
-"""What readings are known to be: a row that says nothing new needs no look."""
+"""Levels of the readings: a row without a change needs no update."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 @dataclass(frozen=True, kw_only=True)
 class Levels:
-    """Readings as they were judged last, per signal, all of shape (signals,), SI.
+    """Readings as last judged, per signal, all of shape (signals,), SI.
 
     Attributes
     ----------
     names : the signals.
-    low, high : the ends of what their sensors can show.
-    noise, least : noise of a reading, and a change that is none, however small the noise.
-    level, rested : mean of a reading when it was judged last, and of how many rows.
+    low, high : ends of the sensor ranges.
+    noise, least : noise of a reading, and the smallest change that counts.
+    level, rested : mean of a reading when it was last judged, and over how many rows.
     total, rows : sum and number of the rows since.
     before : the last two rows, shape (2, signals).
-    same, lost : for how many rows it has shown the very same, and nothing of use.
+    same, lost : number of last rows with an identical reading, and without a usable one.
     """
 
     names: tuple[str, ...]
@@ -44,9 +44,9 @@ class Levels:
     lost: Array
 
     def after(self, row: Array, far: float = limits.MOVED) -> tuple[Levels, np.ndarray, bool]:
-        """Readings after one more row, shape (signals,): which have moved, and whether a sensor is
-        to be looked at, as its reading stands still, is gone, or is back. `far`: standard
-        deviations by which a reading is off where it has moved."""
+        """Levels after one more row, shape (signals,), which readings have moved, and whether a
+        sensor is odd: its reading is stuck, lost, or back. A reading has moved if it is off by
+        `far` standard deviations."""
         with np.errstate(invalid="ignore"):
             sound = (row >= self.low) & (row <= self.high)
             total, rows = np.where(sound, self.total + row, self.total), self.rows + sound
@@ -73,10 +73,9 @@ class Levels:
     def after_rows(
         self, recent: Recording, new: int, far: float = limits.MOVED
     ) -> tuple[Levels, np.ndarray, bool]:
-        """The same after the last rows of a recording."""
-        levels, moved = self, np.zeros(len(self.names), dtype=bool)
+        """The same after the `new` last rows of a recording."""
+        levels, moved, odd = self, np.zeros(len(self.names), dtype=bool), False
         table = np.array([recent.values[name][len(recent) - new :] for name in self.names])
-        odd = False
         for row in table.T:
             levels, some, odd_now = levels.after(row, far)
             moved |= some
@@ -84,7 +83,7 @@ class Levels:
         return levels, moved, odd
 
     def judged(self, chosen: np.ndarray, level: Array, rested: Array) -> Levels:
-        """Some of the signals, by flags, as they have been judged now."""
+        """Levels after some of the signals, by flags, have been judged."""
         known = chosen & np.isfinite(level)
         return replace(
             self,
@@ -95,21 +94,21 @@ class Levels:
         )
 
     def _off(self, mean: Array, rows: Array | float, far: float) -> np.ndarray:
-        """Is the mean of some rows another than that which was judged?"""
+        """Whether the mean of some rows differs from the judged level."""
         spread = far * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
         off: np.ndarray = np.abs(mean - self.level) > np.maximum(spread, self.least)
         return off
 
 
 def _turns(before: Array, now: Array, enough: float) -> np.ndarray:
-    """Has something lasted long enough with this row, or ended that had?"""
+    """Whether a count reaches `enough` with this row, or falls back to zero from there."""
     turns: np.ndarray = (now == enough) | ((before >= enough) & (now == 0.0))
     return turns
 
 
 def far_after(rows: int) -> float:
-    """Standard deviations by which a reading is off where it has moved, if so many rows told its
-    noise: as unlikely as `MOVED` of a normal distribution.
+    """Standard deviations by which a moved reading is off, if its noise was estimated from so many
+    rows: as unlikely as `MOVED` of a normal distribution.
 
     The quantile of Student's distribution by Wallace, "Bounds on normal approximations to Student's
     and the chi-square distributions", Ann. Math. Stat. 30 (1959).
@@ -120,7 +119,7 @@ def far_after(rows: int) -> float:
 
 
 def levels_of(ruleset: Ruleset, recording: Recording, noise: Mapping[str, float]) -> Levels:
-    """Readings as the last rows of a recording have them."""
+    """The levels in the last rows of a recording."""
     signals = [s for s in ruleset.signals if s.id in recording.values]
     recent = np.array([recording.values[s.id][-common.SHORTEST_STRETCH :] for s in signals])
     with np.errstate(invalid="ignore"):

@@ -1,92 +1,83 @@
-"""Numbers that decide when a plant is watched.
-
-Each states what it means and where it comes from.
-"""
+"""Limits of online monitoring, each with its meaning and its origin."""
 
 KEPT_ROWS = 1024
-"""Rows kept at least, readings and all: sensors, noise and settled stretches are judged by them;
-twice as many are there before the older half becomes operating points. Origin: assumed; seventeen
-stretches of full length, more than a fault takes to be told."""
+"""Least number of rows kept with their readings, to judge sensors, noise and settled stretches; at
+twice as many the older half becomes operating points. Origin: assumed; seventeen stretches of full
+length, more than it takes to report a fault."""
 
 MOST_ROWS = 3 * KEPT_ROWS
-"""Rows in memory with which a look that goes on beside them is waited for. Origin: assumed; at ten
-rows a second that is 100 s after memory was full, so that rows hardly ever wait."""
+"""Rows in memory at which rows wait for a running background update. Origin: assumed; at ten rows a
+second that is 100 s after memory was full, so rows hardly ever wait."""
 
 SMALL_PLANT = 60
-"""Signals of a plant up to which all that is remembered is judged with each row, as long as it is
-little: see `SEEN_AT_ONCE`. Origin: assumed; that takes less than the
-tenth of a second until the next row."""
+"""Most signals of a plant that gets a full update with each row, while memory is small: see
+`SEEN_AT_ONCE`. Origin: assumed; that takes less than the tenth of a second until the next row."""
 
 SEEN_AT_ONCE = 16_384
-"""Numbers in memory up to which all of it is judged with each row. Origin: assumed; that takes less
-than the tenth of a second until the next row."""
+"""Most numbers in memory for a full update with each row. Origin: assumed; that takes less than the
+tenth of a second until the next row."""
 
 LOOKED_AGAIN = 3
-"""Times as many rows with which everything is judged again at first: noise is known better then.
-Origin: assumed."""
+"""Factor by which rows must increase for another full update: noise is known better then. Origin:
+assumed."""
 
 FOLLOWED_AGAIN = 1.02
-"""Times as many operating points with which courses of degrees are worked out again. Origin:
-assumed; a course that has lasted for a day is followed every half an hour.
-"""
+"""Factor by which operating points must increase before courses of degrees are recomputed. Origin:
+assumed; a course that has lasted for a day is updated every half hour."""
 
 DUE_AT_ONCE = 3
-"""Parts that get a partial update with one row while nothing of them has moved, where looks go on
-beside the rows. Origin: assumed; that takes less than half of a tenth of a second.
-"""
+"""Most unmoved parts that get a partial update with one row, with background updates. Origin:
+assumed; that takes less than half of a tenth of a second."""
 
 PATIENCE = 30
-"""Rows that a look beside them may take before a large part that moves gets a partial update, for
-which rows wait. Origin: assumed; several times what a look takes that doubts no header.
-"""
+"""Rows that a background update may take before a large part that moves gets a partial update, for
+which rows wait. Origin: assumed; several times what an update takes that checks no headers."""
 
 ROWS_AT_A_GLANCE = 60
-"""Rows that come together from which on everything is judged. Origin: assumed; a stretch of full
-length."""
+"""Most rows of a block that gets a partial update. Origin: assumed; a stretch of full length."""
 
 MOVED = 5.0
-"""Standard deviations of its noise by which a reading, or its mean, is off where it has moved.
-Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged.
-Where looks go on beside the rows, it is the same chance of Student's distribution, as a few rows
-hardly tell the noise."""
+"""Standard deviations of its noise by which a moved reading, or its mean, is off. Origin:
+distribution; with 200 signals one row in 3000 seems to move by chance, and is only judged. With
+background updates it is the same chance of Student's distribution, as a few rows give a poor
+estimate of the noise."""
 
 STANDS_STILL = 50.0
-"""Equal readings in a row with which a sensor is looked at. Origin: assumed; `STILL_RUN` times
-`STILL_TIMES` of the runtime, from which on it may be stuck."""
+"""Number of successive equal readings after which a sensor is checked. Origin: assumed; `STILL_RUN`
+times `STILL_TIMES` of the runtime, after which it may be stuck."""
 
 MOST_POINTS = 256
-"""Operating points remembered of what came before. Origin: assumed; more than four hours at a row
-a second, beside `LASTING` of the runtime, over which errors of sensors stay what they were."""
+"""Most operating points kept of dropped rows. Origin: assumed; more than four hours at a row a
+second, beside `LASTING` of the runtime, over which sensor errors stay constant."""
 
 BLIND_ROWS = 60
-"""Rows in which nothing can be judged before that is told. Origin: assumed; a stretch of full
-length, so that a plant that moves from one operating point to the next is no event."""
+"""Number of rows without a judgement after which that is reported. Origin: assumed; a stretch of
+full length, so that a move between two operating points is no event."""
 
 GROWN = 1.0
-"""By how many half widths of its bounds a degree moves before that is told again. Origin:
-distribution; within its bounds it has not changed."""
+"""Half widths of its bounds by which a degree must move to be reported again. Origin: distribution;
+within its bounds it has not changed."""
 
 WAIT = 0.2
-"""Seconds to wait for rows before looking whether anything else is to be done. Origin: assumed;
-shorter than a person notices."""
+"""Seconds to wait for rows before other work is checked. Origin: assumed; shorter than a person
+notices."""
 
 SET_BACK = 60.0
-"""Seconds from which on a date that goes back is that of a clock which was set. Origin: assumed; as
-`CLOCK_APART` of the sources, and less is caught up soon."""
+"""Least step back of a date, s, that means that the clock was set. Origin: assumed; as `CLOCK_APART`
+of the sources, and less is caught up soon."""
 
 STOOD_STILL = 5.0
-"""Seconds without a move from which on a process was frozen, suspended, or had its clock set.
-Origin: assumed; what moves does so at least once a second."""
+"""Seconds without a sign of life after which a process was frozen, suspended, or had its clock set.
+Origin: assumed; signs of life come at least once a second."""
 
 FAILED = 3
-"""Exit code where something is active that was asked for with `--fail-on`. Origin: assumed; 1 and 2
-are mistakes."""
+"""Exit code if a status of `--fail-on` is active. Origin: assumed; 1 and 2 are mistakes."""
 
 LARGEST_STATE = 2**28
-"""Bytes of a state at most. Origin: assumed; that of 200 signals has a few megabytes."""
+"""Most bytes of a state. Origin: assumed; that of 200 signals has a few megabytes."""
 
 STATE_FORM = 1
-"""Form in which what is remembered is written. Origin: numerical; counts its versions."""
+"""Version of the form of a saved state. Origin: numerical."""
 
 LAST_PORT = 65535
 """Largest port. Origin: standard, TCP (RFC 9293)."""

@@ -1,4 +1,4 @@
-"""What is remembered of the rows that have come, bounded, whatever comes."""
+"""The bounded memory of a watch."""
 
 from __future__ import annotations
 
@@ -19,18 +19,17 @@ from rulec_runtime.recordings.wall_clock import Calendar
 
 @dataclass(frozen=True, kw_only=True)
 class Memory:
-    """All that is kept of what has come; bounded, whatever comes.
+    """Everything kept of the rows received; bounded.
 
     Attributes
     ----------
     recent : the latest rows.
-    before : operating points of the rows before these; none for a plant that stores.
-    count : rows that have come.
-    episodes : what was told and is active, or may still be seen.
-    number : events told so far.
-    known : what the last look at everything found, which lasts until something moves; it is not
-        kept beyond the end of the process.
-    under_way : a look at everything that goes on beside the rows; it ends with the process.
+    before : operating points of the rows before these; None for a plant that stores.
+    count : rows received.
+    episodes : reported episodes that are active, or within the horizon.
+    number : events reported so far.
+    known : the last evaluation, valid until readings move; it is not saved.
+    under_way : a running background update; it is not saved either.
     """
 
     recent: Recording
@@ -43,22 +42,21 @@ class Memory:
 
 
 def nothing_yet(ruleset: Ruleset, dated: bool) -> Memory:
-    """Before the first row; `dated` if times are seconds since 1970 in UTC."""
-    empty = np.zeros(0)
-    calendar = Calendar(0.0, ((-np.inf, 0.0),)) if dated else None
-    recent = Recording(
-        time=empty,
-        values={},
-        segment=np.zeros(0, dtype=int),
-        missing=(),
-        notes=(),
-        calendar=calendar,
+    """Memory before the first row; `dated` if times are seconds since 1970 in UTC."""
+    return Memory(
+        recent=Recording(
+            time=np.zeros(0),
+            values={},
+            segment=np.zeros(0, dtype=int),
+            missing=(),
+            notes=(),
+            calendar=Calendar(0.0, ((-np.inf, 0.0),)) if dated else None,
+        )
     )
-    return Memory(recent=recent)
 
 
 def appended(ruleset: Ruleset, recent: Recording, rows: Rows, part: slice) -> Recording:
-    """The latest rows with new ones behind them; a reading that comes late has none before."""
+    """The latest rows followed by new ones; a new signal is NaN before its first reading."""
     time = rows.time[part]
 
     def column(name: str) -> Array:
@@ -83,12 +81,12 @@ def appended(ruleset: Ruleset, recent: Recording, rows: Rows, part: slice) -> Re
 
 
 def without_first(recent: Recording, cut: int) -> Recording:
-    """The rows from a number on."""
+    """The rows without the first `cut` ones."""
     return _chosen(recent, np.arange(cut, len(recent))) if cut else recent
 
 
 def reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Recording:
-    """The latest rows; while a fault is there, also those before it, which it is compared with."""
+    """The latest rows; with an active fault also those before it, for comparison."""
     n, kept = len(recent), limits.KEPT_ROWS
     active = [one.since for one in episodes if one.kind == "fault" and one.active]
     sound = int(np.searchsorted(recent.time, min(active))) if active else 0

@@ -1,4 +1,4 @@
-"""What is loopback, and why a server was not trusted: the same for all that goes over a network."""
+"""Loopback addresses and TLS errors, for all network connections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import ssl
 
 
 def is_loopback(host: str) -> bool:
-    """Can only this machine reach it?"""
+    """Whether only this machine can reach the host."""
     if host == "localhost":
         return True
     try:
@@ -17,7 +17,7 @@ def is_loopback(host: str) -> bool:
 
 
 def tls_reason(error: ssl.SSLError) -> str:
-    """Why no connection with TLS came about, for people."""
+    """Why a TLS connection failed, for people."""
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate is not trusted: {error.verify_message}"
     return f"TLS: {error.reason or error}"

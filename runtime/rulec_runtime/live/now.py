@@ -1,4 +1,4 @@
-"""All that an operator may look at at one moment, and how old it is."""
+"""Everything an operator can see at one moment, and how old it is."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from rulec_runtime.recordings.wall_clock import Calendar
 
 @dataclass(frozen=True, kw_only=True)
 class Now:
-    """The plant as it is told now.
+    """The present state of the plant.
 
     Attributes
     ----------
-    time : s, of the last row; None before any. `calendar` says what that is on the clock.
-    status : letter of NE 107 of all that is active, or ``ok``.
-    source, connected, remark : where rows come from, whether they do, and what was last said of it.
-    rows : how many have come.
+    time : of the last row, s; None before any. `calendar` converts it to a date.
+    status : letter of NE 107 of all active episodes, or ``ok``.
+    source, connected, remark : the source, whether rows come from it, and its last notice.
+    rows : number of rows received.
     active : episodes that have not ended, the worst first.
     past : the latest events, newest first.
-    acknowledged : ids of episodes that somebody has taken note of.
-    diagnosis : what the rows say that are remembered; None before anything could be judged.
+    acknowledged : ids of acknowledged episodes.
+    diagnosis : of the rows in memory; None before anything could be judged.
     """
 
     plant: str
@@ -41,22 +41,22 @@ class Now:
 
     @property
     def judged(self) -> bool:
-        """Was anything? Else that nothing was found says nothing."""
+        """Whether anything was judged; otherwise the absence of findings means nothing."""
         return self.diagnosis is not None and self.diagnosis.judged > 0
 
 
 class Arrival:
-    """When the count of rows last rose, by the clock of whoever looks: those of plants go wrong."""
+    """When the last row arrived, by the clock of the viewer: clocks of plants go wrong."""
 
     def __init__(self) -> None:
         self._rows = 0
         self._since: float | None = None
 
     def saw(self, rows: int, time: float) -> None:
-        """So many rows had come at a time, s, of a clock that only runs forward."""
+        """Record the number of rows at a time, s, of a monotonic clock."""
         if rows != self._rows:
             self._rows, self._since = rows, time
 
     def age(self, time: float) -> float | None:
-        """How long ago the last row came, s; None before any."""
+        """Seconds since the last row arrived; None before any."""
         return None if self._since is None else max(time - self._since, 0.0)

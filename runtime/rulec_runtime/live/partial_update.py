@@ -1,8 +1,7 @@
-"""A partial update: only the parts of a plant whose readings moved are judged, by their latest
-rows.
+"""A partial update: judges only the parts of a plant whose readings moved, by their latest rows.
 
-Verdicts on the other parts stay, and so do the noise of readings and the findings about sensors.
-The next look at everything corrects what a partial update leaves open.
+The verdicts on the other parts, the noise of readings and the findings about sensors stay until the
+next full update.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from rulec_runtime.recordings.slow_motion import settle_or_slow_by
 def partial_update(
     ruleset: Ruleset, recent: Recording, known: LastEvaluation, moved: Collection[int], count: int
 ) -> LastEvaluation:
-    """What is known when some parts, by their places, have been judged anew after so many rows."""
+    """The evaluation after some parts, by their indices, were judged again at row `count`."""
     parts, levels = list(known.parts), known.levels
     latest = known.diagnosis.latest
     settled = settled_until(parts)
@@ -69,7 +68,8 @@ def settled_until(parts: Sequence[PartEvaluation]) -> float:
 def _judged(
     ruleset: Ruleset, recent: Recording, known: LastEvaluation, one: PartEvaluation, count: int
 ) -> tuple[PartEvaluation, History, Latest | None]:
-    """A part by its latest rows, its operating points, and its residuals at the last of them."""
+    """The evaluation of a part by its latest rows, its operating points, and the residuals at the
+    last of them."""
     own = one.part.ruleset
     tail = _latest_rows(recent, known, own, count)
     noise = {name: known.noise[name] for name in tail.values}
@@ -94,7 +94,7 @@ def _judged(
 
 
 def _latest_rows(recent: Recording, known: LastEvaluation, own: Ruleset, count: int) -> Recording:
-    """Rows from the last stretch on of the signals of a part, without what was found unfit."""
+    """Rows from the last stretch on of the signals of a part, without readings found unfit."""
     first = max(len(recent) - (count - known.cut), 0)
     clean = known.health.recording
     recent = mended(recent, known.health.mendings)
@@ -117,7 +117,7 @@ def _latest_rows(recent: Recording, known: LastEvaluation, own: Ruleset, count: 
 
 
 def _going_on(found: Found, settled: float, now: float) -> Found:
-    """What a part says that nobody looked at: what went on to the last settled row does so."""
+    """The findings of a part that was not updated: periods up to the last settled row continue."""
     unknown, blind = (
         [replace(p, until=now) if p.until >= settled else p for p in periods]
         for periods in (found.unknown, found.not_judged)
@@ -126,12 +126,12 @@ def _going_on(found: Found, settled: float, now: float) -> Found:
 
 
 def _still_blind(diagnosis: Diagnosis, now: float) -> tuple[Blind, ...]:
-    """What could not be seen, and still cannot: a reading that goes or comes gets a look."""
+    """Active blind periods continue: a reading that goes or comes causes a full update."""
     return tuple(replace(b, until=now) if b.active else b for b in diagnosis.blind)
 
 
 def _replaced(ruleset: Ruleset, before: Latest | None, new: Latest | None) -> Latest | None:
-    """The latest residuals, some of which are new."""
+    """The latest residuals, some of them replaced by new ones."""
     if before is None or new is None:
         return new or before
     found = {e.residual: e for e in (*before.residuals, *new.residuals)}

@@ -1,4 +1,4 @@
-"""What a source gives: rows of readings, and remarks on the way they came."""
+"""Output of a source: rows of readings, and notices about the connection."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Rows:
     Attributes
     ----------
     time : shape (n,), s since 1970 in UTC, or of the source's own clock; increasing.
-    values : per signal id an array, shape (n,), SI; NaN where there is no usable reading.
+    values : per signal id an array, shape (n,), SI; NaN without a usable reading.
     """
 
     time: Array
@@ -30,10 +30,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class Notice:
-    """What happened to the connection at a time (as of rows), for the operator.
+    """A change of the connection at a time (as of rows), for the operator.
 
-    `still`: though something is connected, something else of the source is not read. `signal`: the
-    one that it is about, where that is not the whole source.
+    `still`: other parts of the source are still not read. `signal`: the signal concerned, unless it
+    is the whole source.
     """
 
     kind: NoticeKind
@@ -44,18 +44,18 @@ class Notice:
 
 
 class Source(Protocol):
-    """Somewhere that rows come from; it only ever reads."""
+    """A source of rows; it only reads."""
 
     @property
     def dated(self) -> bool:
-        """Are its times s since 1970 in UTC?"""
+        """Whether its times are s since 1970 in UTC."""
 
     @property
     def ended(self) -> bool:
-        """Will nothing come any more?"""
+        """Whether nothing more will come."""
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        """What has come, waiting for it no longer than this; nothing is an empty list."""
+        """Everything received, after waiting at most so many seconds; may be empty."""
 
     def close(self) -> None:
-        """Leave the plant alone."""
+        """Disconnect."""

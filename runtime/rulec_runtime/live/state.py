@@ -1,6 +1,6 @@
-"""What is remembered, as bytes: it survives the end of the process. Data only, nothing is executed.
+"""The memory of a watch as bytes, which survive the process. Data only, nothing is executed.
 
-An archive of arrays (npz without pickles) with one text in it: what is no array, as JSON.
+An archive of arrays (npz without pickles) with one text: everything else as JSON.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
-from rulec_runtime.live.follower import Memory, nothing_yet
 from rulec_runtime.live.history import History
+from rulec_runtime.live.memory import Memory, nothing_yet
 from rulec_runtime.recordings.recording import RecordingRefused
 from rulec_runtime.recordings.stationary import Timeline
 
@@ -30,7 +30,7 @@ TIMELINE = ("since", "until", "samples", "later", "paused")
 
 
 def to_bytes(ruleset: Ruleset, memory: Memory, position: Mapping[str, Any]) -> bytes:
-    """All that is remembered, and how far the source was read."""
+    """The memory and the position of the source."""
     recent, before = memory.recent, memory.before
     arrays: dict[str, Array] = {"recent/time": recent.time, "recent/segment": recent.segment}
     arrays |= {f"recent/values/{name}": column for name, column in recent.values.items()}
@@ -63,15 +63,15 @@ def to_bytes(ruleset: Ruleset, memory: Memory, position: Mapping[str, Any]) -> b
 
 
 def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[str, Any]]:
-    """What was remembered, and how far the source was read; `name` says in messages what it is.
+    """The memory and the position of the source; `name` stands for the state in messages.
 
-    Raises `RecordingRefused` for bytes that are no such state, or that of another ruleset.
+    Raises `RecordingRefused` for bytes that are not a state, or one of another ruleset.
     """
     broken = RecordingRefused(f"{name}: this is no state of a watch; remove it to begin anew")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             if sum(part.file_size for part in packed.infolist()) > len(data):
-                raise broken  # nothing in a state is packed, so this is a bomb
+                raise broken  # states are not compressed, so this is a zip bomb
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = dict(archive)
         text = json.loads(str(arrays.pop("text")))
@@ -96,6 +96,15 @@ def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, An
         values=values,
         missing=tuple(s.id for s in ruleset.signals if s.id in ruleset.read and s.id not in values),
     )
+    before = None
+    if text["before"]:
+        tables = {table: _under(arrays, f"before/{table}/") for table in TABLES}
+        times: dict[str, Any] = {name: arrays[f"timeline/{name}"] for name in TIMELINE}
+        before = History(
+            Points(**tables, why=text["why"], time=arrays["before/time"]),
+            Halves(arrays["halves/apart"], arrays["halves/excess"]),
+            Timeline(**times),
+        )
     # JSON has no tuples.
     episodes = tuple(
         Episode(
@@ -109,19 +118,11 @@ def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, An
     )
     return Memory(
         recent=recent,
-        before=_history(arrays, text["why"]) if text["before"] else None,
+        before=before,
         count=text["count"],
         episodes=episodes,
         number=text["number"],
     )
-
-
-def _history(arrays: Mapping[str, Array], why: Mapping[str, str]) -> History:
-    tables = {table: _under(arrays, f"before/{table}/") for table in TABLES}
-    points = Points(**tables, why=why, time=arrays["before/time"])
-    times: dict[str, Any] = {name: arrays[f"timeline/{name}"] for name in TIMELINE}
-    timeline = Timeline(**times)
-    return History(points, Halves(arrays["halves/apart"], arrays["halves/excess"]), timeline)
 
 
 def _under(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:

@@ -1,7 +1,7 @@
-"""A clock for all that waits: it only runs forward, whatever becomes of the machine's.
+"""A clock for all waiting that never runs back, whatever happens to the machine's clock.
 
-A process that was frozen, suspended, or thawed on another machine finds its clocks hours ahead, or
-set back. What waited by a clock that was set back would wait for as long again.
+A process that was frozen, suspended, or resumed on another machine finds its clocks hours ahead or
+behind. A wait by a clock that was set back would last that much longer.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rulec_runtime.live.limits import SET_BACK, STOOD_STILL
 
 
 class Steady:
-    """Seconds of the monotonic clock, with steps back left out; `wall` is the same of the date."""
+    """Seconds of the monotonic clock without steps back; `wall` is the same for the date."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -26,7 +26,7 @@ class Steady:
             return self._step()
 
     def wall(self) -> float:
-        """Seconds since 1970; set back by much, it goes on as before until it is caught up."""
+        """Seconds since 1970; after a large step back it continues until the date has caught up."""
         with self._lock:
             self._step()
             return self._wall
@@ -44,25 +44,25 @@ steady = Steady()
 
 
 def steady_loop() -> asyncio.AbstractEventLoop:
-    """An event loop that waits by this clock."""
+    """An event loop that uses this clock."""
     loop = asyncio.new_event_loop()
     loop.time = steady  # type: ignore[method-assign]
     return loop
 
 
 class Standstill:
-    """Whether this process stood still: what does something again and again says so by `moves`."""
+    """Detects that this process stood still; a periodic task calls `moves`."""
 
     def __init__(self) -> None:
         self.moves()
 
     def moves(self) -> None:
-        """It does not stand still now."""
+        """Record a sign of life."""
         self._at = steady(), time.time()
 
     @property
     def lasted(self) -> float:
-        """For how long nothing moved, s; 0 where that was not long. In a suspended machine the
-        monotonic clock may stand as well."""
+        """Seconds since the last sign of life; 0 if that is not long. The monotonic clock may also
+        stop in a suspended machine."""
         most = max(steady() - self._at[0], time.time() - self._at[1])
         return most if most > STOOD_STILL else 0.0

@@ -1,9 +1,9 @@
-"""Looks at everything in a process of their own: rows are judged meanwhile as if there were none.
+"""Full updates in a separate process, so that they do not delay the rows.
 
-A thread would take turns with the rows, and each of its turns is as long as a row may take. The
-process is started when the first look is due. It is handed the ruleset once, and then what is
-remembered; it ends with this process, or when it is told to, whatever it does. What both processes
-have is named in what goes from one to the other, and never sent.
+A thread would alternate with the rows, and each of its turns takes as long as a row may take. The
+process starts with the first full update. It gets the ruleset once, then the memory for each
+update. It ends with this process, or when it is killed. Objects that both processes have are sent
+by name.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rulec_runtime.live.whole import evaluated
 from rulec_runtime.output.interrupts import interrupts_held
 
 ENDED = (EOFError, OSError)
-"""What a connection raises when the process at its other end is no more."""
+"""What a connection raises when the process at its other end has ended."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,6 @@ class _Running:
     thread: ThreadPoolExecutor
 
     def end(self) -> None:
-        """At once, whatever it does."""
         self.process.kill()
         self.process.join()
         self.thread.shutdown(wait=True)
@@ -48,20 +47,20 @@ class _Running:
 
 
 class UpdateProcess:
-    """Looks go on in one process, one at a time; to be closed."""
+    """Runs full updates in one process, one at a time; must be closed."""
 
     def __init__(self, ruleset: Ruleset) -> None:
-        # Without what was worked out of it: the process does that itself.
+        # A copy without cached properties: the process computes them itself.
         self._ruleset = pickle.dumps(replace(ruleset), pickle.HIGHEST_PROTOCOL)
         self._running: _Running | None = None
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None where there is none."""
+        """Id of the process; None without one."""
         return None if self._running is None else self._running.process.pid
 
     def begin(self, ruleset: Ruleset, memory: Memory, headers: bool = True) -> RemoteUpdate:
-        """Begin to look at all that is remembered; `headers` as in `looked`."""
+        """Start a full update of the memory; `headers` as in `evaluated`."""
         what = replace(memory, known=None, under_way=None)
         parts = [written(ruleset, (what, headers))]
         if self._running is None or not self._running.process.is_alive():
@@ -72,14 +71,14 @@ class UpdateProcess:
         return RemoteUpdate(self, ruleset, what, headers, answer)
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         if self._running is not None:
             self._running.end()
             self._running = None
 
 
 def _started() -> _Running:
-    # Not forked: threads may hold a lock, and other systems cannot fork.
+    # Spawned: threads may hold a lock, and other systems cannot fork.
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), daemon=True)
@@ -87,7 +86,7 @@ def _started() -> _Running:
         with interrupts_held():
             process.start()
     except KeyboardInterrupt:
-        # Nobody knows it yet, and the end of this process would wait for it.
+        # Nobody else has it, and this process would wait for it at its end.
         process.kill()
         raise
     theirs.close()
@@ -96,7 +95,7 @@ def _started() -> _Running:
 
 @dataclass(frozen=True)
 class RemoteUpdate:
-    """A look in the process."""
+    """A full update in the process."""
 
     looks: UpdateProcess
     ruleset: Ruleset
@@ -105,8 +104,7 @@ class RemoteUpdate:
     answer: Future[bytes]
 
     def found(self, wait: bool) -> Evaluation | None:
-        """What it found; None while it goes on. A look that was lost with its process is done
-        here."""
+        """Its result; None while it runs. If its process has died, it is repeated here."""
         if not wait and not self.answer.done():
             return None
         try:
@@ -120,22 +118,22 @@ class RemoteUpdate:
         return found
 
     def drop(self) -> None:
-        """End the process, so that nothing waits for this look."""
+        """Kill the process, so that nothing waits for this update."""
         if not self.answer.done():
             self.looks.close()
 
 
 def _answer(ours: Connection, parts: list[bytes]) -> bytes:
-    """Hand parts over, and wait for what comes back; in a thread, as a pipe holds little."""
+    """Send parts and wait for the answer; in a thread, as a pipe holds little."""
     for part in parts:
         ours.send_bytes(part)
     return ours.recv_bytes()
 
 
 def serve(theirs: Connection) -> None:
-    """Look at what is handed over, until nobody asks any more."""
+    """Run full updates until the connection ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlived, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     ruleset = pickle.loads(theirs.recv_bytes())
     while True:
         try:
@@ -150,8 +148,8 @@ def serve(theirs: Connection) -> None:
         theirs.send_bytes(written(ruleset, found))
 
 
-def _outlived() -> None:
-    """End with the parent, also in the middle of a look."""
+def _end_with_parent() -> None:
+    """End this process with its parent, even during an update."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -159,21 +157,20 @@ def _outlived() -> None:
 
 
 def written(ruleset: Ruleset, what: object) -> bytes:
-    """Something as bytes, without the ruleset in it."""
-    names = {id(thing): name for name, thing in _had(ruleset).items()}
+    """Pickle an object without the ruleset in it."""
+    names = {id(thing): name for name, thing in _shared(ruleset).items()}
     out = io.BytesIO()
-    writer = _Writer(out, names)
-    writer.dump(what)
+    _Writer(out, names).dump(what)
     return out.getvalue()
 
 
 def read(ruleset: Ruleset, data: bytes) -> Any:
-    """What another process of this program wrote, with this ruleset in it."""
-    return _Reader(io.BytesIO(data), _had(ruleset)).load()
+    """Unpickle what another process of this program wrote, with this ruleset in it."""
+    return _Reader(io.BytesIO(data), _shared(ruleset)).load()
 
 
-def _had(ruleset: Ruleset) -> dict[str, object]:
-    """What both have, by name: the ruleset, its parts, its faults."""
+def _shared(ruleset: Ruleset) -> dict[str, object]:
+    """Objects of both processes, by name: the ruleset, its parts, its faults."""
     found: dict[str, object] = {f"fault {i}": f for i, f in enumerate(ruleset.faults)}
     for i, part in enumerate(parts_of(ruleset)):
         found |= {f"part {i}": part, f"ruleset {i}": part.ruleset}
@@ -190,9 +187,9 @@ class _Writer(pickle.Pickler):
 
 
 class _Reader(pickle.Unpickler):
-    def __init__(self, data: io.BytesIO, had: dict[str, object]) -> None:
+    def __init__(self, data: io.BytesIO, shared: dict[str, object]) -> None:
         super().__init__(data)
-        self._had = had
+        self._shared = shared
 
     def persistent_load(self, pid: str) -> object:
-        return self._had[pid]
+        return self._shared[pid]

@@ -1,6 +1,6 @@
-"""A look at everything that is remembered, as a function of it alone: it may be done elsewhere.
+"""A full update as a function of memory alone, so that another process can run it.
 
-Of rows for which there is no room, the older half becomes operating points.
+When memory is full, the older half of the rows becomes operating points.
 """
 
 from __future__ import annotations
@@ -20,15 +20,22 @@ from rulec_runtime.live.memory import Memory
 
 
 def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluation:
-    """Judge all that is remembered of a plant that settles, and what there is no room for.
+    """Judge the whole memory of a plant that settles, and find the rows that exceed it.
 
-    Without `headers` a column is what its header says, unless something else has been told.
+    Without `headers`, headers are only checked if a column has already been reported to differ from
+    its header.
     """
     recent = memory.recent
-    headers = _is_misread(memory) or (headers and memory.before is None)
+    # Apart from that, only the first rows are checked: later a lasting fault looks the same.
+    conditions = {e.subject.rpartition(".")[2] for e in memory.episodes if e.kind == "sensor"}
+    misread = bool(conditions & {UNIT.name, SWAPPED.name})
+    headers = misread or (headers and memory.before is None)
     diagnosis, judged = full_update(ruleset, recent, memory.before, headers=headers)
     known = None
-    if judged is not None and _is_large(memory):
+    signals = len(recent.values)
+    # Only if a full update takes longer than until the next row.
+    large = signals > limits.SMALL_PLANT or signals * len(recent) > limits.SEEN_AT_ONCE
+    if judged is not None and large:
         known = evaluation_after(ruleset, diagnosis, judged, memory.count)
     cut, before = 0, memory.before
     if len(recent) >= 2 * limits.KEPT_ROWS:
@@ -42,33 +49,15 @@ def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluat
     )
 
 
-def _is_misread(memory: Memory) -> bool:
-    """Has a column been told to be another than its header says?
-
-    Besides, only the first rows are asked: later a fault that lasts looks like it.
-    """
-    misread = {UNIT.name, SWAPPED.name}
-    told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
-    return bool(misread.intersection(told))
-
-
-def _is_large(memory: Memory) -> bool:
-    """Does a look at everything take longer than until the next row?"""
-    signals = len(memory.recent.values)
-    numbers = signals * len(memory.recent)
-    return signals > limits.SMALL_PLANT or numbers > limits.SEEN_AT_ONCE
-
-
 def _oldest(
     memory: Memory, judged: FullUpdate | None, diagnosis: Diagnosis
 ) -> tuple[int, History | None]:
-    """How many rows of a plant that settles there is no room for, and the operating points of all
-    that are before the others then."""
+    """How many rows exceed memory, and the operating points of all rows before the others."""
     recent = memory.recent
     cut = len(recent) - limits.KEPT_ROWS
     if judged is None:
         return cut, memory.before
-    # A stretch that goes on behind the cut stays whole.
+    # A stretch that continues after the cut stays whole.
     firsts = judged.stretches.first
     cut = int(firsts[firsts >= cut][0]) if (firsts >= cut).any() else cut
     gone = np.ones(len(judged.whole), dtype=bool)
@@ -80,20 +69,18 @@ def _oldest(
 
 
 def _over(judged: FullUpdate, diagnosis: Diagnosis) -> np.ndarray:
-    """Points of what has ended, shape (n,): told, and no part of what is compared with."""
+    """Flags of points of faults that have ended, shape (n,); they are no reference."""
     timeline = judged.whole.timeline
-    odd = np.any([part.isolation.deviating for part in judged.seen], axis=0)
+    over: np.ndarray = np.any([part.isolation.deviating for part in judged.seen], axis=0)
     for finding in diagnosis.findings:
         if finding.active:
-            odd &= (timeline.until < finding.since) | (timeline.since > finding.until)
-    over: np.ndarray = odd
-    if len(over):
-        over[-1] = False
+            over &= (timeline.until < finding.since) | (timeline.since > finding.until)
+    over[-1:] = False
     return over
 
 
 def _thinned(history: History) -> History:
-    """Every second point of the older half goes where there are too many."""
+    """Drop every second point of the older half while there are too many."""
     while len(history) > limits.MOST_POINTS:
         keep = np.ones(len(history), dtype=bool)
         keep[1 : len(history) // 2 : 2] = False

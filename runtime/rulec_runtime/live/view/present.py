@@ -11,7 +11,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
 from rulec_runtime.live.connection import is_away
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.follower import Memory, diagnosis_of
+from rulec_runtime.live.follower import diagnosis_of
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import PAST
 from rulec_runtime.report.wording import STATUS
