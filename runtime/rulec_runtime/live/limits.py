@@ -63,8 +63,8 @@ WAIT = 0.2
 notices."""
 
 SET_BACK = 60.0
-"""Least step back of a date, s, that means that the clock was set. Origin: assumed; as `CLOCK_APART`
-of the sources, and less is caught up soon."""
+"""Least step back of a date, s, that means that the clock was set. Origin: assumed; as
+`CLOCK_APART` of the sources, and less is caught up soon."""
 
 STOOD_STILL = 5.0
 """Seconds without a sign of life after which a process was frozen, suspended, or had its clock set.

@@ -1,9 +1,9 @@
-"""Values of several places put together to rows.
+"""Assemble values of several places into rows.
 
-A place is a server or, where each signal comes alone, a signal. A row is whole when every place
-that is heard has said something since the last one; else it ends an interval after its first
-value. Values hold until they are told anew or their place is lost. Signals without a value that can
-be used are told at once, and as a check of function when it lasts.
+A place is a server or, if signals come separately, a signal. A row is complete when every connected
+place has sent something since the last row, or an interval after its first value. Values hold until
+new ones come or their place is lost. A signal without a usable value is reported at once, and as
+check function if that lasts.
 """
 
 from __future__ import annotations
@@ -48,35 +48,35 @@ class Assembler:
 
     @property
     def silent(self) -> bool:
-        """Whether some place says nothing."""
+        """Whether some place is silent."""
         return len(self._heard) < len(self._silence)
 
     def found(self, place: str) -> None:
-        """A place that was lost is connected again, which is told."""
+        """A lost place is connected again; the caller reports it."""
         with self._lock:
             self._silence[place].heard()
             self._heard.add(place)
 
     def living(self, places: Iterable[str]) -> None:
-        """Places that are there and have nothing new to say: their values hold."""
+        """Places are connected but have no new values: the old ones hold."""
         with self._lock:
             for place in self._heard.intersection(places):
                 self._silence[place].heard()
 
     def unusable(self, signal: str, why: str) -> None:
-        """A signal has no value at all, which is told where it is new."""
+        """A signal has no value, which is reported if it is new."""
         with self._lock:
             self._take(signal, float("nan"), why)
 
     def _take(self, signal: str, reading: float, why: str) -> None:
         self._values[self._index[signal]] = reading
-        if told := self._unread.take(signal, why):
-            self._hand.notices(told)
+        if notices := self._unread.take(signal, why):
+            self._hand.notices(notices)
 
     def put(
         self, places: Iterable[str], values: Mapping[str, tuple[float, str]], time: float
     ) -> None:
-        """What places say at a time, s since 1970; readings in SI, or NaN and why there is none."""
+        """New values of places at a time, s since 1970: readings in SI, or NaN and the reason."""
         with self._lock:
             here = set(places)
             if here & self._pending and time - self._first_time >= self._interval / 2:
@@ -96,7 +96,7 @@ class Assembler:
                 self._end_row()
 
     def lost(self, place: str) -> None:
-        """A place says nothing any more: its signals have no reading."""
+        """A place is lost: its signals have no reading."""
         with self._lock:
             self._heard.discard(place)
             self._pending.discard(place)
@@ -106,7 +106,7 @@ class Assembler:
             self._unread.begin(gone)
 
     def tick(self) -> None:
-        """To be called now and then: rows that wait for a place end, silent places are told."""
+        """Call this periodically: it ends rows that wait for a place, and reports silent places."""
         with self._lock:
             if self._pending and steady() - self._first >= self._interval:
                 self._end_row()
@@ -122,7 +122,7 @@ class Assembler:
             self._hand.notices(self._unread.lasting(read))
 
     def _end_row(self) -> None:
-        """Hand a row out if it is later than the last; else its values stand in the next one."""
+        """Hand out the row if it is later than the last; otherwise the next row has its values."""
         self._pending = set()
         time, self._newest = self._newest, -float("inf")
         if time > self._last:
@@ -137,7 +137,7 @@ class Assembler:
 
 @dataclass(frozen=True)
 class _Bad:
-    """Why a signal has no reading, since when for this reason and since when at all, s."""
+    """Why a signal has no reading, since when for this reason, and since when at all, s."""
 
     why: str
     since: float
@@ -145,49 +145,48 @@ class _Bad:
 
 
 def usable(reading: float, why: str, largest: float) -> tuple[float, str]:
-    """A reading that may be none, and `why`: also where no sensor reaches so far."""
+    """A reading and `why` it is unusable, also if it is beyond any sensor."""
     return (float("nan"), "beyond any sensor") if abs(reading) > largest else (reading, why)
 
 
 class Unread:
-    """Which signals have no usable reading, and why; it is a check of function from `seconds` on.
+    """Signals without a usable reading, and why; after `seconds` that is check function.
 
-    A source that is not read is told as a whole, not by its signals.
+    A source that is not read is reported as a whole, not by its signals.
     """
 
     def __init__(self, signals: Iterable[str], seconds: float) -> None:
         self._seconds = seconds
         self._bad: dict[str, _Bad] = {}
-        self._told: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
         self.begin(signals)
 
     def begin(self, signals: Iterable[str]) -> None:
-        """Nothing is known of these until a value comes."""
-        here = steady()
-        self._bad |= dict.fromkeys(signals, _Bad("no value has come", here, here))
+        """These signals have no reading until a value comes."""
+        now = steady()
+        self._bad |= dict.fromkeys(signals, _Bad("no value has come", now, now))
 
     def take(self, signal: str, why: str) -> list[Notice]:
-        """A value came that can be used, or `why` not, which is told where it is new."""
+        """A usable value came, or `why` it is unusable, which is reported if it is new."""
         if not why:
             self._bad.pop(signal, None)
-            self._told.pop(signal, None)
+            self._reported.pop(signal, None)
             return []
-        here = steady()
+        now = steady()
         before = self._bad.get(signal)
         if before is not None and before.why == why:
             return []
-        self._bad[signal] = _Bad(why, here, here if before is None else before.first)
+        self._bad[signal] = _Bad(why, now, now if before is None else before.first)
         return [notice("refused", steady.wall(), f"{signal} has no reading: {why}")]
 
     def lasting(self, signals: Collection[str]) -> list[Notice]:
-        """What is told of these from now on: that they have had no reading for too long, or that
-        there is another reason by now."""
+        """New notices that signals have had no reading for too long, or for another reason."""
         found = []
         for signal, bad in self._bad.items():
-            since = bad.since if signal in self._told else bad.first
-            lasts = steady() - since
-            if signal in signals and lasts >= self._seconds and self._told.get(signal) != bad.why:
-                self._told[signal] = bad.why
+            reported = self._reported.get(signal)
+            lasts = steady() - (bad.first if reported is None else bad.since)
+            if signal in signals and lasts >= self._seconds and reported != bad.why:
+                self._reported[signal] = bad.why
                 text = f"{signal} has had no reading for {lasts:.0f} s: {bad.why}"
                 found.append(notice("stale", steady.wall(), text, signal=signal))
         return found

@@ -1,4 +1,4 @@
-"""A CSV file that a logger writes on: read as it grows, through its rotations."""
+"""A CSV file of a logger, read as it grows and across its rotations."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from rulec_runtime.recordings.recording_file import times_of
 
 
 class GrowingFile(TextSource):
-    """Rows of a file and of those that replace it.
+    """Rows of a file and of its successors.
 
-    Half a line waits for its end. When the file is renamed or replaced, the old one is read to its
-    end, then the new one from its start, header included; when it is cut, from its start. A header
-    that is none of this plant is refused at the start; later it is told, and reading goes on with
-    the next file.
+    A partial line waits for its end. When the file is renamed or replaced, the old one is read to
+    its end, then the new one from its start, header included; a truncated file is read from its
+    start. A header of another plant is refused at the start; later it is reported, and reading
+    continues with the next file.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class GrowingFile(TextSource):
 
     @property
     def position(self) -> dict[str, Any]:
-        """Where reading goes on after the rows handed out so far; it can be stored as JSON."""
+        """Where reading continues after the rows handed out so far; can be stored as JSON."""
         if self._file is None:
             return {}
         offset, tail = self._cutter.offset, self._tail
@@ -139,7 +139,7 @@ class GrowingFile(TextSource):
             return [*found, self._refusal(refused)]
 
     def _open(self, path: Path) -> BinaryIO:
-        """Begin with a file whose header nobody has read."""
+        """Start a file with its header."""
         self.close()
         self._file = file = opened(path, buffering=0)
         self._head, self._replaced, self.ended, self._refused = None, None, False, False
@@ -149,8 +149,8 @@ class GrowingFile(TextSource):
         return file
 
     def _read_head(self, ended: bool = False) -> list[Rows | Notice]:
-        """Read the head as soon as it is whole, or the file has `ended`. Raises at the start of all
-        alone, there also where only titles have come."""
+        """Read the head once it is complete, or the file has `ended`. Raises only before the first
+        file has started, and then also if only titles have come."""
         assert self._file is not None
         try:
             head = head_of(self._file, self._path, self._times)
@@ -175,15 +175,12 @@ class GrowingFile(TextSource):
             self._file.seek(self._cutter.offset if self._head else 0)
 
     def _was_cut(self, file: BinaryIO) -> bool:
-        """Whether the file is shorter now, or was written anew up to here and beyond."""
-        size = os.fstat(file.fileno()).st_size
-        if size < self._cutter.offset + self._cutter.waiting:
-            return True
-        grown = size > self._cutter.offset + self._cutter.waiting
-        return grown and tail_of(file, self._cutter.offset) != self._tail
+        """Whether the file is shorter now, or was rewritten to beyond the current position."""
+        size, end = os.fstat(file.fileno()).st_size, self._cutter.offset + self._cutter.waiting
+        return size < end or (size > end and tail_of(file, self._cutter.offset) != self._tail)
 
     def _end_of_file(self) -> list[Rows | Notice]:
-        """Nothing more has come: was the file replaced, or is it silent for too long?"""
+        """Nothing more has come: the file may have been replaced, or be silent for too long."""
         assert self._file is not None
         there = self._path.is_file()
         if there and self._path.stat().st_ino == inode_of(self._file):
@@ -207,7 +204,7 @@ class GrowingFile(TextSource):
         return found
 
     def _lost(self, why: str) -> list[Rows | Notice]:
-        """Told once; and as long as it lasts the source grows stale."""
+        """Reported once; the source becomes stale if it lasts."""
         if self._missing:
             return self._stale()
         self._missing = True
@@ -220,7 +217,7 @@ class GrowingFile(TextSource):
         return [self._notice("connected", " is read again", still=self._silence.stale)]
 
     def _resume(self, position: Mapping[str, Any]) -> None:
-        """Go on at a position, in the file that it belongs to, wherever that is now."""
+        """Continue at a position in its file, wherever that is now."""
         if position["time"] is not None:
             self._clock.last = float(position["time"])
         self._clock.step, self._clock.shift = float(position["step"]), float(position["shift"])

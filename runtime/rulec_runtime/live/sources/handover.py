@@ -1,4 +1,4 @@
-"""From the thread that hears the plant to the one that takes rows: bounded."""
+"""A bounded queue from the thread that reads the plant to the one that takes rows."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _Row = tuple[float, Array]
 
 
 class Handover:
-    """Rows and notices in the order they came.
+    """Rows and notices in order of arrival.
 
-    When nobody takes them for too long, the oldest rows are dropped, and a notice 'gap' says so.
+    If nobody takes them in time, the oldest rows are dropped with a notice 'gap'.
     """
 
     def __init__(self, signals: Sequence[str]) -> None:
@@ -32,7 +32,7 @@ class Handover:
         self._changed = Condition()
 
     def row(self, time: float, values: Array) -> None:
-        """A row: its time, s; readings of the signals in their order, SI."""
+        """Add a row: its time, s, and the readings of the signals in their order, SI."""
         with self._changed:
             self._count += 1
             self._rows.append((self._count, (time, values)))
@@ -50,7 +50,7 @@ class Handover:
             self._changed.notify()
 
     def take(self, seconds: float) -> list[Rows | Notice]:
-        """All that waits, waiting for it no longer than this."""
+        """Everything in the queue, after waiting at most so many seconds for it."""
         with self._changed:
             if not (self._rows or self._notices):
                 self._changed.wait(seconds)
@@ -60,8 +60,7 @@ class Handover:
             dropped, self._dropped = self._dropped, 0
         found: list[Rows | Notice] = []
         if dropped:
-            what = plural(dropped, "row was", "rows were")
-            text = f"{what} dropped: nobody took them in time"
+            text = f"{plural(dropped, 'row was', 'rows were')} dropped: nobody took them in time"
             found.append(notice("gap", self._since, text))
         block: list[_Row] = []
         for number, one in notices:

@@ -1,83 +1,79 @@
-"""Every number of the sources that decides something: its value, its meaning, its origin."""
+"""Limits of the sources, each with its meaning and its origin."""
 
 from __future__ import annotations
 
 # All sources ---------------------------------------------------------------------------------
 
 STALE = 10.0
-"""Seconds without anything from a source from which on it is stale. Origin: assumed; a map states
-its own (`stale`)."""
+"""Seconds of silence after which a source is stale. Origin: assumed; a map may set `stale`."""
 
 FUTURE = 86_400.0
-"""Seconds by which a date of a file may be ahead of this computer's clock. Origin: assumed; stamps
-without a zone are up to 14 h ahead."""
+"""Most seconds by which a date of a file may be ahead of this computer's clock. Origin: assumed;
+stamps without a zone are up to 14 h ahead."""
 
 TICK = 1.0
-"""Seconds between two looks at what has fallen silent at most. Origin: assumed; a tenth of `STALE`.
-"""
+"""Most seconds between two checks for silence. Origin: assumed; a tenth of `STALE`."""
 
 AGAIN = 3600.0
-"""Seconds after which a remark that keeps coming is told again, with how often it came. Origin:
-assumed."""
+"""Seconds after which a recurring remark is repeated with its count. Origin: assumed."""
 
 LONGEST_NOTICE = 400
-"""Characters of a notice at most. Origin: assumed; five lines of a screen."""
+"""Most characters of a notice. Origin: assumed; five lines of a screen."""
 
 QUEUED_ROWS = 10_000
-"""Rows that wait to be taken at most; then the oldest are dropped. Origin: assumed; 1000 s at
-10 Hz, 16 MB with 200 signals."""
+"""Most rows in the queue; then the oldest are dropped. Origin: assumed; 1000 s at 10 Hz, 16 MB with
+200 signals."""
 
 QUEUED_NOTICES = 1000
-"""Notices that wait to be taken at most; then the oldest are dropped. Origin: assumed."""
+"""Most notices in the queue; then the oldest are dropped. Origin: assumed."""
 
 UNCERTAIN = 1
-"""The two highest bits of the status of a value that is uncertain. Origin: standard, OPC 10000-4,
-7.39."""
+"""The two highest bits of the status of an uncertain value. Origin: standard, OPC 10000-4, 7.39."""
 
 # Files that grow -----------------------------------------------------------------------------
 
 POLL = 0.02
-"""Seconds between two looks at a file. Origin: assumed; a fifth of the latency that is promised."""
+"""Seconds between two checks of a file. Origin: assumed; a fifth of the promised latency."""
 
 PIECE = 1 << 18
-"""Bytes read at a time at most. Origin: assumed; memory alone."""
+"""Most bytes read at a time. Origin: assumed; affects memory alone."""
 
 LONGEST_LINE = 1 << 20
-"""Bytes of a line at most. Origin: assumed; 40,000 columns."""
+"""Most bytes of a line. Origin: assumed; 40,000 columns."""
 
 LINGER = 1.0
-"""Seconds that a file which was replaced must not grow until the new one is read. Origin: assumed;
-loggers write on into the old one until they open the new."""
+"""Seconds that a replaced file must not grow before the new one is read. Origin: assumed; loggers
+write into the old one until they open the new."""
 
 SET_BACK = 20
-"""Rows in a row that are not later than all before from which on a clock without dates was set
-back. Origin: assumed; as `ROWS_PER_STEP_BACK` of a recording."""
+"""Successive late rows after which a clock without dates has been set back. Origin: assumed; as
+`ROWS_PER_STEP_BACK` of a recording."""
 
 STALE_STEPS = 5.0
-"""Steps from row to row without a row from which on a file is stale, if that is longer than
-`STALE`. Origin: assumed."""
+"""Row intervals without a row after which a file is stale, if longer than `STALE`. Origin:
+assumed."""
 
 TAIL = 256
-"""Bytes before a position that are compared when reading goes on there. Origin: assumed; some rows
+"""Bytes before a position that are compared when reading resumes there. Origin: assumed; some rows
 with their times."""
 
 # Maps ------------------------------------------------------------------------------------------
 
 LARGEST_MAP = 1 << 20
-"""Bytes of a map or of a file with a secret at most. Origin: assumed; 10,000 signals."""
+"""Most bytes of a map or of a file with a secret. Origin: assumed; 10,000 signals."""
 
 INTERVAL = 1.0
-"""Seconds from row to row where a map states no `interval`. Origin: assumed; what is settled for
-some seconds is judged."""
+"""Seconds from row to row if a map has no `interval`. Origin: assumed; stretches that settle for
+some seconds are judged."""
 
 SHORTEST_INTERVAL = 0.01
-"""Seconds from row to row at least. Origin: assumed."""
+"""Least seconds from row to row. Origin: assumed."""
 
 # Connections -----------------------------------------------------------------------------------
 
 OPENING = 6.0
-"""Seconds that the start waits for the first answer of a server; then the plant is taken to be off
-and asked again and again. Origin: assumed."""
+"""Seconds that the start waits for the first answer of a server; then the plant counts as off, and
+the connection is retried. Origin: assumed."""
 
 REQUEST = 4.0
 """Seconds that a server has to answer a request. Origin: assumed; asyncua's own timeout."""
@@ -86,59 +82,59 @@ CLOSING = 2.0
 """Seconds that a connection has to close; then it is abandoned. Origin: assumed."""
 
 SILENT_INTERVALS = 5.0
-"""Publishing intervals without a message from which on a connection is given up, if that is longer
-than `SILENT`. Origin: assumed."""
+"""Publishing intervals without a message after which a connection is given up, if longer than
+`SILENT`. Origin: assumed."""
 
 SILENT = 5.0
-"""Seconds without a message from which on a connection is given up. Origin: assumed."""
+"""Seconds without a message after which a connection is given up. Origin: assumed."""
 
 FIRST_RETRY = 0.5
-"""Seconds until a lost connection is tried again first; then twice as long each time. Origin:
+"""Seconds until a lost connection is first retried; then twice as long each time. Origin:
 assumed."""
 
 LAST_RETRY = 30.0
-"""Seconds between two tries at most. Origin: assumed."""
+"""Most seconds between two retries. Origin: assumed."""
 
 CLOCK_APART = 60.0
-"""Seconds by which the clock of a source may differ from that of this computer; beyond, it is told.
+"""Seconds by which the clock of a source may differ from that of this computer without a notice.
 Origin: assumed; computers with NTP agree within a second."""
 
 LATE_INTERVALS = 2.0
-"""Intervals by which the stamp of a value may lie before the row that it stands in to be its time.
-Origin: assumed; it was sampled in the interval before it was sent."""
+"""Most intervals by which the stamp of a value may precede its row and still give its time. Origin:
+assumed; the value was sampled in the interval before it was sent."""
 
 NODES_PER_CALL = 100
-"""Nodes that one request asks about at most. Origin: assumed; small controllers allow so many."""
+"""Most nodes of one request. Origin: assumed; small controllers allow so many."""
 
 LARGEST_MESSAGE = 1 << 20
-"""Bytes of an MQTT message at most. Origin: assumed; 10,000 signals."""
+"""Most bytes of an MQTT message. Origin: assumed; 10,000 signals."""
 
 KEEP_ALIVE = 10
-"""Seconds after which an MQTT broker is asked whether it is there. Origin: assumed."""
+"""Seconds of silence after which an MQTT broker is pinged. Origin: assumed."""
 
 GOOD_QUALITY = 192
-"""Quality from which on up to 255 a value is good. Origin: standard, OPC Data Access, quality
-flags; also Sparkplug 3.0."""
+"""Least quality of a good value, up to 255. Origin: standard, OPC Data Access, quality flags; also
+Sparkplug 3.0."""
 
 LONGEST_VARINT = 10
-"""Bytes of a whole number of 64 bits at most. Origin: standard, Protocol Buffers, Encoding."""
+"""Most bytes of a 64-bit integer. Origin: standard, Protocol Buffers, Encoding."""
 
 SEQUENCE = 256
-"""Numbers of messages before they begin at 0 again. Origin: standard, Eclipse Sparkplug 3.0."""
+"""Modulus of message numbers. Origin: standard, Eclipse Sparkplug 3.0."""
 
 SAME_UNIT = 1e-6
-"""Relative difference of factors up to which two units are the same. Origin: numerical."""
+"""Largest relative difference of the factors of equal units. Origin: numerical."""
 
 DEEPEST_TYPE = 10
-"""Steps from a data type up to the number that it is derived from at most. Origin: assumed."""
+"""Most steps from a data type to the numeric type that it is derived from. Origin: assumed."""
 
 CHECKING = 15.0
-"""Seconds that all requests which look at the nodes of a server may take. Origin: assumed; 200
-nodes need four requests."""
+"""Seconds for all requests that check the nodes of a server. Origin: assumed; 200 nodes need four
+requests."""
 
 LONGEST_STAMP = 64
-"""Characters of a date at most. Origin: standard, ISO 8601: 35 with microseconds and zone."""
+"""Most characters of a date. Origin: standard, ISO 8601: 35 with microseconds and zone."""
 
 EARLIEST, LATEST = 1e9, 1e10
-"""Seconds since 1970 that a stamp may be: from 2001 to 2286, so that s, ms, us and ns are told
-apart. Origin: numerical."""
+"""Range of stamps, s since 1970: from 2001 to 2286, so that s, ms, us and ns can be distinguished.
+Origin: numerical."""

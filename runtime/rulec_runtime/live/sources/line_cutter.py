@@ -1,4 +1,4 @@
-"""Whole lines out of bytes that come piece by piece; half a line waits for its end."""
+"""Cut bytes that come piece by piece into lines; a partial line waits for its end."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", 
 
 
 class LineCutter:
-    """Lines of UTF-8 or UTF-16 with mark, else Latin-1, which takes every byte.
+    """Lines of UTF-8, UTF-16 with byte order mark, or else Latin-1, which decodes every byte.
 
-    `offset` is where the last whole line ended, in bytes; `too_long` counts lines that were dropped
-    because they were longer than any header.
+    `offset` is the end of the last complete line, in bytes; `too_long` counts lines dropped for
+    their length.
     """
 
     def __init__(self, encoding: str = "", offset: int = 0) -> None:
@@ -20,11 +20,11 @@ class LineCutter:
 
     @property
     def waiting(self) -> int:
-        """Bytes of a line whose end has not come."""
+        """Bytes of the current partial line."""
         return len(self._pending) + self._dropped
 
     def feed(self, data: bytes) -> list[str]:
-        """Lines that are whole now, without their ends."""
+        """The lines completed by these bytes, without their ends."""
         data = self._pending + data
         if not self.encoding:
             data = self._begun(data)
@@ -38,7 +38,7 @@ class LineCutter:
         return lines
 
     def rest(self) -> list[str]:
-        """The last line of a source that has ended without ending it."""
+        """The last line, if the source has ended without ending it."""
         rest, self._pending = self._pending, b""
         if self._dropped:
             self.offset += self._dropped + len(rest)
@@ -52,7 +52,7 @@ class LineCutter:
         return 2 if self.encoding.startswith("utf-16") else 1
 
     def _begun(self, data: bytes) -> bytes:
-        """Bytes behind the mark that tells the encoding; as long as it may come, nothing."""
+        """The bytes after the byte order mark; the encoding stays unknown while a mark may come."""
         if len(data) < max(len(mark) for mark, _ in _MARKS) and b"\n" not in data:
             return data
         for mark, encoding in _MARKS:
@@ -64,7 +64,6 @@ class LineCutter:
         return data
 
     def _end_of_lines(self, data: bytes) -> int:
-        """Where the last whole line ends."""
         if self._width == 1:
             return data.rfind(b"\n") + 1
         sign, end = "\n".encode(self.encoding), len(data)

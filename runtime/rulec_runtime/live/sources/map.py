@@ -1,4 +1,4 @@
-"""The map of a source: which signal of the plant is which node or topic, and how to get there."""
+"""The map of a source: the node or topic of each signal, and access to its server."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rulec_runtime.recordings.reading_unit import fitting, parse_unit
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What differs between maps: `address` is the key of a signal's node or topic."""
+    """A kind of map: `address` is the key of a signal's node or topic."""
 
     extra: str
     address: str
@@ -33,11 +33,11 @@ MQTT = Kind(
 
 @dataclass(frozen=True, kw_only=True)
 class Channel:
-    """Where a signal comes from: reading in `unit` = number * scale + offset.
+    """The origin of a signal: reading in `unit` = number * scale + offset.
 
-    `unit` is empty where the map states none; `name` is the key of a topic's object. `index` is the
-    place of the number in a node that holds an array, from 0 on; `uncertain` whether values count
-    whose quality is Uncertain.
+    `unit` is empty if the map has none; `name` is the key in a topic's object. `index` is the index
+    of the number in an array node, from 0; `uncertain` whether values of quality Uncertain count.
+    `place` is the line of the map.
     """
 
     signal: SignalSpec
@@ -57,7 +57,7 @@ class Channel:
 
 @dataclass(frozen=True, kw_only=True)
 class Server:
-    """A server or broker; `name` is empty for the one that the map needs no name for."""
+    """A server or broker; `name` is empty for an unnamed one."""
 
     name: str
     endpoint: str
@@ -68,7 +68,7 @@ class Server:
 class SourceMap:
     """Channels and servers; `interval` from row to row and `stale` in s.
 
-    Of MQTT alone: `time` is the key of the stamp, `client` the name that the broker knows us by.
+    For MQTT only: `time` is the key of the stamp, `client` our client id.
     """
 
     channels: tuple[Channel, ...]
@@ -84,7 +84,7 @@ _OF_SIGNAL = ("unit", "scale", "offset", "server")
 
 
 def read_map(path: Path, kind: Kind, ruleset: Ruleset, endpoint: str = "") -> SourceMap:
-    """Read a map; `endpoint` replaces the one it states. Raises `SourceRefused`."""
+    """Read a map; `endpoint` replaces the one in the map. Raises `SourceRefused`."""
     whole = read_entries(path, kind.extra)
     entries = whole.items((*_KEYS, *(("time", "client") if kind is MQTT else ())))
     servers = _servers(path, kind, entries, endpoint)
@@ -116,7 +116,7 @@ def _number(entries: Mapping[str, Entry], name: str, default: float, least: floa
 def _servers(
     path: Path, kind: Kind, entries: Mapping[str, Entry], endpoint: str
 ) -> dict[str, Server]:
-    """All servers by name; the one without a name is what the source or the map itself states."""
+    """All servers by name; the source or the map itself states the unnamed one."""
     found: dict[str, Server] = {}
     if endpoint:
         found[""] = _server(path, kind, "", endpoint, "--source", entries)
@@ -139,7 +139,7 @@ def _servers(
 def _server(
     path: Path, kind: Kind, name: str, text: str, place: str, keys: Mapping[str, Entry]
 ) -> Server:
-    """The server of an endpoint, which stands at `place`. Raises `SourceRefused`."""
+    """The server of an endpoint that is given at `place`. Raises `SourceRefused`."""
     try:
         parts = urlsplit(text)
         whole = parts.scheme in kind.schemes and bool(parts.hostname) and (parts.port or 1) > 0
@@ -191,7 +191,7 @@ def _channel(kind: Kind, entry: Entry, ruleset: Ruleset, servers: Mapping[str, S
 def conversion(signal: SignalSpec, unit: str, ruleset: Ruleset) -> tuple[float, float]:
     """Factor and offset: SI = reading in `unit` * factor + offset. Raises ValueError.
 
-    Without a unit it is the one of the signal.
+    Without a unit, that of the signal is used.
     """
     if not unit or unit == signal.unit:
         return signal.factor, signal.offset

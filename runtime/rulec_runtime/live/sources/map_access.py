@@ -1,4 +1,4 @@
-"""How to get into a server: certificates, user, and secrets that stand elsewhere."""
+"""Access to a server: certificates, user, and secrets from outside the map."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from rulec_runtime.live.sources.map_entry import Entry
 from rulec_runtime.output.open_file import text_of
 
 ACCESS = ("security", "user", "password")
-"""Keys of a map that say how to get in."""
+"""Keys of a map for access."""
 
 POLICIES = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
 MODES = ("SignAndEncrypt", "Sign")
 ACCEPT = "accept"
 ANSWERS = ("refuse", ACCEPT)
-"""To what is no good by itself: values that are uncertain, certificates that have expired."""
+"""What to do with uncertain values and expired certificates."""
 _SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca", "expired")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """Certificates as files; `policy` is empty without any. The password is in no representation.
+    """Certificate files, user and password; `policy` is empty without certificates.
 
-    `ca` holds the authorities that a broker's certificate may come from; `expired` says whether
-    certificates count beyond their time.
+    `ca` holds the trusted authorities for a broker; `expired` whether expired certificates are
+    accepted. The representation omits the password.
     """
 
     policy: str = ""
@@ -44,7 +44,7 @@ class Access:
 
 
 def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Access:
-    """What a map says of it; files are relative to the map. Raises `SourceRefused`."""
+    """Read the access to a server; files are relative to the map. Raises `SourceRefused`."""
     own: Mapping[str, Entry] = {}
     if "security" in entries:
         own = entries["security"].items(_SECURITY)
@@ -89,7 +89,7 @@ def _file(path: Path, entry: Entry) -> Path:
 
 
 def _secret(path: Path, entry: Entry) -> str:
-    """A secret from the environment or a file; one that stands in the map is refused."""
+    """A secret from the environment or a file; a secret in the map itself is refused."""
     remedy = "write 'password: {env: NAME}' or 'password: {file: PATH}'"
     if entry.is_text:
         raise entry.refused(f"a password does not stand in a map; {remedy}")

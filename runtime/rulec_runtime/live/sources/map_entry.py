@@ -1,4 +1,4 @@
-"""YAML of a map with places: every mistake names its file, its line and what to write instead."""
+"""YAML of a map with places: each error names the file, the line and what to write instead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rulec_runtime.output.open_file import begin_of
 
 
 class Entry:
-    """A part of a map, and where it stands."""
+    """A node of a map, with its place."""
 
     def __init__(self, path: Path, node: Any, name: str) -> None:
         self._path, self._node, self.name = path, node, name
@@ -31,7 +31,7 @@ class Entry:
         return bool(self._node.id == "scalar")
 
     def text(self) -> str:
-        """A single value that is not empty."""
+        """A scalar that is not empty."""
         value = str(self._node.value).strip() if self.is_text else ""
         if not value:
             raise self.refused(f"'{self.name}' needs a single value")
@@ -54,7 +54,7 @@ class Entry:
         return value
 
     def items(self, known: Iterable[str] | None = None) -> Mapping[str, Entry]:
-        """Entries by their keys, all of them `known`."""
+        """Entries by key; raises `SourceRefused` for a key that is not `known`."""
         if self._node.id != "mapping":
             raise self.refused(f"'{self.name}' needs entries such as 'key: value'")
         found: dict[str, Entry] = {}
@@ -70,7 +70,7 @@ class Entry:
 
 
 def hint(name: str, known: Iterable[str]) -> str:
-    """Which known name was meant, or all of them.
+    """A hint to the known name that was probably meant, or to all of them.
 
     >>> hint("pollicy", ["policy", "mode"]), hint("x", ["policy", "mode"])
     ("; did you mean 'policy'?", '; known are policy, mode')
@@ -83,7 +83,7 @@ def hint(name: str, known: Iterable[str]) -> str:
 
 
 def read_entries(path: Path, extra_of: str) -> Entry:
-    """The whole of a map. Raises `SourceRefused`."""
+    """The root of a map. Raises `SourceRefused`."""
     yaml = extra("yaml", extra_of)
     try:
         data = begin_of(path, limits.LARGEST_MAP + 1)
@@ -91,7 +91,7 @@ def read_entries(path: Path, extra_of: str) -> Entry:
         raise SourceRefused(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > limits.LARGEST_MAP:
         raise SourceRefused(f"{path}: a map has less than {limits.LARGEST_MAP} bytes")
-    if data.strip() and b"signals" not in data:  # of a file of others nothing is quoted
+    if data.strip() and b"signals" not in data:  # never quote a foreign file
         raise SourceRefused(f"{path}: this is no map; it needs 'signals:'")
     try:
         node = yaml.compose(data.decode("utf-8-sig"), Loader=yaml.SafeLoader)

@@ -1,10 +1,10 @@
-"""MQTT: topics of a map, subscribed with QoS 1; nothing is published."""
+"""MQTT: subscribes to the topics of a map with QoS 1; publishes nothing."""
 
 from __future__ import annotations
 
 import ssl
 import sys
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from threading import Event, Thread
 from typing import Any
 from urllib.parse import urlsplit
@@ -14,7 +14,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.network import tls_reason
-from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.rows import Notice, NoticeKind, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler, usable
 from rulec_runtime.live.sources.handover import Handover
@@ -22,7 +22,7 @@ from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
-from rulec_runtime.live.sources.sparkplug import Heard, Sparkplug
+from rulec_runtime.live.sources.sparkplug import Sparkplug
 from rulec_runtime.live.steady import Standstill, steady
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
@@ -31,8 +31,8 @@ from rulec_runtime.recordings.recording_file import largest_reading
 class Mqtt:
     """Rows of the topics of a broker.
 
-    A message that holds all signals is a row; else a row ends when every signal has come, or an
-    interval after its first value. paho connects again by itself.
+    A message with all signals is a row; otherwise a row ends when every signal has come, or an
+    interval after its first value. paho reconnects by itself.
     """
 
     dated = True
@@ -105,8 +105,8 @@ class Mqtt:
         while not self._stopped.wait(min(self._source.interval / 4, limits.TICK)):
             if lasted := still.lasted:
                 text = f"this computer stood still for {lasted:.0f} s, or its clock was set"
-                told = notice("gap", steady.wall() - lasted, f"{text}; rows may be missing")
-                self._hand.notices([told])
+                text += "; rows may be missing"
+                self._hand.notices([notice("gap", steady.wall() - lasted, text)])
             still.moves()
             self._rows.tick()
 
@@ -117,7 +117,7 @@ class Mqtt:
         client.subscribe([(topic, 1) for topic in self._topics])
 
     def _on_subscribe(self, _c: Any, _data: Any, _id: Any, codes: Sequence[Any], _p: Any) -> None:
-        """Only now does a message of a topic reach us."""
+        """Messages of the topics come only from now on."""
         endpoint = self._source.servers[0].endpoint
         denied = [t for t, code in zip(self._topics, codes, strict=False) if code.is_failure]
         if denied:
@@ -140,75 +140,72 @@ class Mqtt:
             self._lost(f"the connection ended: {code.getName()}")
 
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
-        """Called while paho handles what went wrong: it hands over no reason."""
+        """paho passes no reason, but calls this while it handles the exception."""
         error = sys.exc_info()[1]
-        if not isinstance(error, ssl.SSLError):
+        if isinstance(error, ssl.SSLError):
+            self._lost(f"{tls_reason(error)}; name its authority with 'security: {{ca: FILE}}'")
+        else:
             self._lost("the broker does not answer")
-            return
-        remedy = "name its authority with 'security: {ca: FILE}'"
-        self._lost(f"{tls_reason(error)}; {remedy}")
 
     def _lost(self, why: str) -> None:
-        """Told once until the connection stands again."""
+        """Reported once per loss of the connection."""
         if self._gone is None:
             self._gone = steady.wall()
             text = f"{self._source.servers[0].endpoint}: {why}"
             self._hand.notices([notice("lost", self._gone, text)])
 
     def receive(self, topic: str, payload: bytes) -> None:
-        """A message as it came, whatever it holds."""
+        """Take in a message with any content."""
         binary = self._sparkplug.hears(topic) and not payload.lstrip().startswith(b"{")
         channels = self._by_topic.get(topic)
         try:
             if binary:
-                self._sparkplugged(self._sparkplug.heard(topic, payload))
+                heard = self._sparkplug.heard(topic, payload)
+                for kind, name, text in heard.remarks:
+                    self._tell(kind, ("sparkplug", name), text)
+                for place in heard.gone:
+                    self._rows.lost(place)
+                self._rows.living(heard.living)
+                self._found(heard.values)
             elif channels is not None:
                 self._found(values_of(payload, channels, self._source.time))
         except BadPayload as bad:
-            # Topics of a subscription with wildcards are the sender's words, as many as it likes.
+            # With wildcards the sender chooses the topics, so there may be any number of them.
             key = topic if channels is not None else "sparkplug"
-            text = f"{topic}: a message is left out: {bad}"
-            self._hand.notices(self._remarks.tell("refused", (key, str(bad)), steady.wall(), text))
+            self._tell("refused", (key, str(bad)), f"{topic}: a message is left out: {bad}")
 
-    def _sparkplugged(self, heard: Heard) -> None:
-        for kind, key, text in heard.remarks:
-            self._hand.notices(self._remarks.tell(kind, ("sparkplug", key), steady.wall(), text))
-        for place in heard.gone:
-            self._rows.lost(place)
-        self._rows.living(heard.living)
-        self._found(heard.values)
+    def _tell(self, kind: NoticeKind, key: Hashable, text: str) -> None:
+        self._hand.notices(self._remarks.tell(kind, key, steady.wall(), text))
 
     def _found(self, found: Sequence[tuple[Channel, Value]]) -> None:
         here = steady.wall()
         values, times = {}, []
         for channel, value in found:
             time = self._time(value.stamp, here)
-            if self._is_news(channel, time):
-                factor, offset, most = self._scales[channel.signal.id]
-                reading = usable(value.number * factor + offset, value.bad, most)
-                values[channel.signal.id] = reading
+            name = channel.signal.id
+            if self._is_new(name, time):
+                factor, offset, most = self._scales[name]
+                values[name] = usable(value.number * factor + offset, value.bad, most)
                 times.append(time)
         if values:
             self._rows.put({self._place_of[name] for name in values}, values, max(times))
 
     def _time(self, stamp: float | None, here: float) -> float:
-        """The stamp, s; the time of arrival where there is none, or it is of the future, which is
-        told once: a clock that runs ahead would make all late that comes after it is mended."""
+        """The stamp, s; the time of arrival without a stamp, or if it lies in the future, which is
+        reported once: otherwise all values would be late once a fast clock is corrected."""
         if stamp is None or stamp <= here + limits.CLOCK_APART:
             return here if stamp is None else stamp
         text = f"stamps are {stamp - here:.0f} s ahead of our clock; rows bear our time"
         self._hand.notices(self._remarks.tell("clock", "ahead", here, text))
         return here
 
-    def _is_news(self, channel: Channel, time: float) -> bool:
-        """Whether a value is later than all before; else told once."""
-        signal = channel.signal.id
+    def _is_new(self, signal: str, time: float) -> bool:
+        """Whether a value is later than all before; otherwise it is reported once."""
         before = self._newest.get(signal, -float("inf"))
         if time <= before:
             twice = time == before
             why = "it came twice" if twice else f"it is {before - time:.3g} s late"
-            text, key = f"{signal}: a value is left out: {why}", (signal, twice)
-            self._hand.notices(self._remarks.tell("clock", key, steady.wall(), text))
+            self._tell("clock", (signal, twice), f"{signal}: a value is left out: {why}")
             return False
         self._newest[signal] = time
         return True

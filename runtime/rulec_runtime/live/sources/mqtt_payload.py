@@ -1,4 +1,4 @@
-"""The payload of an MQTT message to numbers with stamps; nothing of it is trusted."""
+"""Numbers with stamps from the untrusted payload of an MQTT message."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rulec_runtime.live.sources.map import Channel
 from rulec_runtime.output.json_file import Damaged, parse_json
 
 STAMPS = ("time", "timestamp", "ts", "t")
-"""Keys of a stamp, tried in this order where the map states none."""
+"""Keys of a stamp, tried in this order if the map has none."""
 
 
 class BadPayload(ValueError):
-    """The message cannot be used; what it says is not repeated."""
+    """The message cannot be used; the text does not quote it."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """A number as sent, NaN where there is none; its stamp, s since 1970, None without one."""
+    """A number as sent, or NaN, and why it is `bad`; its stamp, s since 1970, or None."""
 
     number: float
     stamp: float | None
@@ -32,7 +32,7 @@ class Value:
 def values_of(
     payload: bytes, channels: Sequence[Channel], stamp_key: str = ""
 ) -> list[tuple[Channel, Value]]:
-    """What a message says of the channels of its topic. Raises `BadPayload`.
+    """The values in a message for the channels of its topic. Raises `BadPayload`.
 
     Forms: a bare number; ``{"value", "timestamp", "quality"}``; an object with a number, or such
     an object, per name; ``{"timestamp", "metrics": [{"name", "value", "timestamp"}]}``.
@@ -47,7 +47,9 @@ def values_of(
         ) from None
     except (Damaged, ValueError, RecursionError):
         raise BadPayload("it is not JSON") from None
-    parts = _metrics(data) if isinstance(data, dict) else {}
+    metrics = data.get("metrics") if isinstance(data, dict) else None
+    named = (m for m in metrics if isinstance(m, dict)) if isinstance(metrics, list) else ()
+    parts = {m["name"]: m for m in named if isinstance(m.get("name"), str)}
     found = []
     keys = (stamp_key,) if stamp_key else STAMPS
     whole = _stamp(data, keys) if isinstance(data, dict) else None
@@ -63,15 +65,6 @@ def values_of(
     if not found:
         raise BadPayload("none of the names of the map stands in it")
     return found
-
-
-def _metrics(data: dict[str, Any]) -> dict[str, Any]:
-    """Metrics of a Sparkplug-like message by name."""
-    metrics = data.get("metrics")
-    if not isinstance(metrics, list):
-        return {}
-    named = (m for m in metrics if isinstance(m, dict))
-    return {m["name"]: m for m in named if isinstance(m.get("name"), str)}
 
 
 def _value(data: Any, keys: Sequence[str], whole: float | None) -> Value:
@@ -97,7 +90,7 @@ def _number(data: Any) -> float:
 
 
 def is_good(quality: Any) -> bool:
-    """Whether a quality says that a value may be used; without one it may."""
+    """Whether a value of this quality, or without any, may be used."""
     if quality is None or quality is True:
         return True
     if isinstance(quality, str):
@@ -108,7 +101,7 @@ def is_good(quality: Any) -> bool:
 
 
 def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
-    """Seconds since 1970 of a number of s, ms, us or ns, or of a date of ISO 8601."""
+    """Seconds since 1970 from a number of s, ms, us or ns, or an ISO 8601 date."""
     for key in keys:
         found = data.get(key)
         if isinstance(found, bool) or found is None:
@@ -125,7 +118,7 @@ def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
 
 
 def scaled(number: float, units: Sequence[float] = (1.0, 1e3, 1e6, 1e9)) -> float | None:
-    """Seconds; since 2001 and until 2286 a count says itself whether it is of s, ms, us or ns."""
+    """Seconds of a count of s, ms, us or ns, which are unambiguous from 2001 to 2286."""
     for unit in units:
         if limits.EARLIEST <= number / unit < limits.LATEST:
             return number / unit

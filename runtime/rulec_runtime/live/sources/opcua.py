@@ -1,4 +1,4 @@
-"""OPC UA: subscriptions to the servers of a map, in a thread of their own; they only read."""
+"""OPC UA: read-only subscriptions to the servers of a map, in a separate thread."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from rulec_runtime.live.steady import Standstill, steady, steady_loop
 class OpcUa:
     """Rows of one or more servers: a row per publishing interval, values held between changes.
 
-    A row's time is the newest stamp of what changed since the last one, else when the server said
-    that nothing did. Waits at the start for the servers' first answer; raises `SourceRefused`
-    where a node is not what the map says. `resume` is the `position` of an earlier process.
+    The time of a row is the newest stamp of the values changed since the last row, or the time at
+    which the server reported no change. Waits at the start for the first answer of the servers;
+    raises `SourceRefused` if a node does not match the map. `resume` is the `position` of an
+    earlier process.
     """
 
     dated = True
@@ -58,14 +59,14 @@ class OpcUa:
 
     @property
     def position(self) -> dict[str, Any]:
-        """What numbers of namespaces in the map stood for, by server; it can be stored as JSON."""
+        """The URIs of the namespace numbers in the map, by server; can be stored as JSON."""
         return {"namespaces": {name: dict(one.namespaces) for name, one in self._links.items()}}
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         return [] if self.ended else self._hand.take(seconds)
 
     def close(self) -> None:
-        """Sessions are closed if they close in time, else abandoned."""
+        """Close the sessions; those that do not close in time are abandoned."""
         self.ended = True
         self._loop.call_soon_threadsafe(self._stop)
         self._thread.join(limits.CLOSING + 1)

@@ -1,4 +1,4 @@
-"""Whether nodes of an OPC UA server are what the map takes them for: numbers, and their units."""
+"""Check that the nodes of an OPC UA server match the map: numbers, with the same units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from rulec_runtime.live.sources.opcua_session import is_gone
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.reading_unit import parse_unit
 
-_UNITS = "EngineeringUnits"
 _KINDS = ua.VariantType
 _NUMBERS = {
     ua.ObjectIds.Number,
@@ -23,16 +22,16 @@ _NUMBERS = {
     ua.ObjectIds.UInteger,
     *(k.value for k in _KINDS if _KINDS.Boolean.value <= k.value <= _KINDS.Double.value),
 }
-"""Data types of namespace 0 that are numbers: built-in ones, and those they are derived from."""
+"""Numeric data types of namespace 0: built-in ones, and their base types."""
 
 
 async def scales_of(
     client: Client, channels: Sequence[Channel], nodes: Sequence[ua.NodeId], ruleset: Ruleset
 ) -> tuple[list[tuple[float, float] | str], list[str]]:
-    """Factor and offset of each channel: SI = number * factor + offset; what was assumed.
+    """Factor and offset of each channel, SI = number * factor + offset, and notes on assumptions.
 
-    In place of them, why a node cannot be read: it is missing, no number, or in a unit of another
-    kind.
+    For a node that cannot be read, the reason instead: it is missing, not a number, or in a unit of
+    another dimension.
     """
     types = await _types(client, nodes)
     ranks = await attributes_of(client, nodes, ua.AttributeIds.ValueRank)
@@ -46,7 +45,10 @@ async def scales_of(
                 "space"
             )
         elif not await _is_number(client, type_of.Value.Value):
-            name = _type_name(type_of.Value.Value)
+            kind = type_of.Value.Value
+            name = one_line(kind.to_string())
+            if kind.NamespaceIndex == 0 and isinstance(kind.Identifier, int):
+                name = ua.ObjectIdNames.get(kind.Identifier) or name
             scales.append(f"the node holds {name}; a number is needed")
         elif channel.index is None and rank.StatusCode.is_good() and rank.Value.Value >= 0:
             scales.append(
@@ -61,13 +63,13 @@ async def scales_of(
 
 
 async def gone_of(client: Client, nodes: Sequence[ua.NodeId]) -> set[int]:
-    """Which of the nodes the server has no more, by their places."""
+    """Indices of the nodes that the server no longer has."""
     classes = await attributes_of(client, nodes, ua.AttributeIds.NodeClass)
     return {i for i, one in enumerate(classes) if is_gone(one)}
 
 
 async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
-    """The data type of each node; where it may hold anything, that of what it holds now."""
+    """The data type of each node; for a node of any type, that of its present value."""
     types = await attributes_of(client, nodes, ua.AttributeIds.DataType)
     any_type = ua.NodeId(ua.ObjectIds.BaseDataType)
     open_ones = [
@@ -75,7 +77,7 @@ async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValu
     ]
     values = await attributes_of(client, [nodes[i] for i in open_ones], ua.AttributeIds.Value)
     for i, value in zip(open_ones, values, strict=True):
-        # A node that holds nothing yet may hold a number later; what comes is looked at anyway.
+        # An empty node may hold a number later; all values are checked anyway.
         kind = _KINDS.Double if value.Value is None else value.Value.VariantType
         kind = _KINDS.Double if kind == _KINDS.Null else kind
         types[i] = ua.DataValue(ua.Variant(ua.NodeId(kind.value)))
@@ -83,10 +85,8 @@ async def _types(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValu
 
 
 def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> tuple[float, float]:
-    """Of the unit in the map, else of the server's; where both are known they must agree.
-
-    Raises ValueError with what is wrong.
-    """
+    """Factor and offset of the unit in the map, else of the server; if both are known they must
+    agree. Raises ValueError."""
     signal, raw = channel.signal, (channel.scale, channel.offset) != (1.0, 0.0)
     stated = channel.unit
     theirs = parse_unit(unit, ruleset.units) if unit else None
@@ -99,9 +99,10 @@ def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> t
         stated = unit
     elif stated and theirs is not None and not raw:
         ours = parse_unit(stated, ruleset.units)
-        if ours is not None and (ours.dimension, ours.offset) != (theirs.dimension, theirs.offset):
-            raise ValueError(f"the map says {stated}, but the server says {unit}")
-        if ours is not None and abs(ours.factor / theirs.factor - 1) > limits.SAME_UNIT:
+        if ours is not None and (
+            (ours.dimension, ours.offset) != (theirs.dimension, theirs.offset)
+            or abs(ours.factor / theirs.factor - 1) > limits.SAME_UNIT
+        ):
             raise ValueError(f"the map says {stated}, but the server says {unit}")
     if not stated:
         notes.append(f"{signal.id} names no unit; {signal.unit} is assumed")
@@ -110,7 +111,7 @@ def _scale(channel: Channel, unit: str, ruleset: Ruleset, notes: list[str]) -> t
 
 
 async def _units(client: Client, nodes: Sequence[ua.NodeId]) -> list[str]:
-    """The text of the property EngineeringUnits of each node, empty where there is none."""
+    """The text of the property EngineeringUnits of each node; empty without one."""
     asked = []
     for node in nodes:
         properties = ua.BrowseDescription()
@@ -126,8 +127,10 @@ async def _units(client: Client, nodes: Sequence[ua.NodeId]) -> list[str]:
         parameters.NodesToBrowse = asked[i : i + limits.NODES_PER_CALL]
         parameters.RequestedMaxReferencesPerNode = 0
         for result in await client.uaclient.browse(parameters):
-            found = [r.NodeId for r in result.References or () if r.BrowseName.Name == _UNITS]
-            units.append(found[0] if found else None)
+            found = (
+                r.NodeId for r in result.References or () if r.BrowseName.Name == "EngineeringUnits"
+            )
+            units.append(next(found, None))
     known = [unit for unit in units if unit is not None]
     values = iter(await attributes_of(client, known, ua.AttributeIds.Value) if known else [])
     return [_unit_text(next(values)) if unit is not None else "" for unit in units]
@@ -140,7 +143,7 @@ def _unit_text(value: ua.DataValue) -> str:
 
 
 async def _is_number(client: Client, type_id: ua.NodeId) -> bool:
-    """Whether a data type is a number, or derived from one."""
+    """Whether a data type is numeric, or derived from a numeric one."""
     for _ in range(limits.DEEPEST_TYPE):
         if type_id.NamespaceIndex == 0 and type_id.Identifier in _NUMBERS:
             return True
@@ -151,10 +154,3 @@ async def _is_number(client: Client, type_id: ua.NodeId) -> bool:
             return False
         type_id = parents[0].nodeid
     return False
-
-
-def _type_name(type_id: ua.NodeId) -> str:
-    if type_id.NamespaceIndex == 0 and isinstance(type_id.Identifier, int):
-        name = ua.ObjectIdNames.get(type_id.Identifier)
-        return str(name) if name else type_id.to_string()
-    return one_line(type_id.to_string())

@@ -1,4 +1,4 @@
-"""One OPC UA server of a map: connected again and again, each time with a new client."""
+"""One OPC UA server of a map, reconnected after each failure with a new client."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from rulec_runtime.recordings.recording_file import largest_reading
 class Link:
     """Reads one server until it is cancelled.
 
-    `answered` is set when the server was reached or failed for the first time; `refused` says why
-    what it has is not what the map says, as far as that was its first answer. `namespaces` are the
-    URIs of numbers in the map, as they were when the server was read first.
+    `answered` is set when the server was reached or has failed for the first time; `refused` says
+    why it does not match the map, if that was its first answer. `namespaces` are the URIs of the
+    namespace numbers in the map when the server was first read.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Link:
         self.answered, self.refused = Event(), ""
 
     async def keep(self) -> None:
-        """Read until the task is cancelled; what goes wrong is told, and tried again."""
+        """Read until the task is cancelled; failures are reported and retried."""
         wait = limits.FIRST_RETRY
         while True:
             self._alive = False
@@ -91,7 +91,7 @@ class Link:
             await asyncio.sleep(wait * random.uniform(0.8, 1.2))
 
     async def _session(self) -> None:
-        """One connection; ends with an error. The client is closed or abandoned in any case."""
+        """One connection; always ends with an error, and closes or abandons the client."""
         client = await connected(self._server)
         try:
             self._scales, self._lacking = {}, set(range(len(self._channels)))
@@ -99,21 +99,23 @@ class Link:
             self._over = asyncio.Event()
             asked = subscribed(client, self._interval, self._published)
             subscription, step = await bounded(asked, limits.CHECKING)
-            await bounded(self._look(client, subscription), limits.CHECKING)
-            self._tell_slower(step)
+            await bounded(self._subscribe(client, subscription), limits.CHECKING)
+            if step > limits.LATE_INTERVALS * self._interval:
+                text = f"{self._server.endpoint}: it publishes every {step:.3g} s only"
+                self._tell("refused", "slow", text)
             self.answered.set()
             most = max(limits.SILENT, limits.SILENT_INTERVALS * step)
             while await self._heard_for(self._stale, most):
-                await bounded(self._look(client, subscription), limits.CHECKING)
+                await bounded(self._subscribe(client, subscription), limits.CHECKING)
             raise ConnectionError(self._why or f"the server said nothing for {most:.3g} s")
         finally:
             await discard(client)
 
-    async def _look(self, client: Any, subscription: int) -> None:
-        """Subscribe to the nodes that are lacking, as far as they are what the map says.
+    async def _subscribe(self, client: Any, subscription: int) -> None:
+        """Subscribe to the missing nodes that match the map.
 
         Raises `SourceRefused` for others in the first answer; later their signals have no reading.
-        Not every server says that a node is gone, so those that were there are asked for.
+        Not every server reports that a node is gone, so all nodes are checked.
         """
         uris = await namespaces_of(client)
         every = nodes_of(self._channels, uris, self.namespaces)
@@ -140,8 +142,8 @@ class Link:
         self.namespaces = {**here, **self.namespaces}
 
     async def _heard_for(self, seconds: float, most: float) -> bool:
-        """Returns after so many s; False when the server said nothing for `most` s, or that it is
-        over."""
+        """Returns after so many s; False if the server was silent for `most` s, or has ended the
+        subscription."""
         until = steady() + seconds
         while (left := most - (steady() - self._heard)) > 0:
             with contextlib.suppress(TimeoutError):
@@ -152,21 +154,19 @@ class Link:
         return False
 
     def _published(self, message: Message) -> None:
-        """A message of the server. Called by asyncua, which swallows what is raised."""
+        """Takes a message of the server. asyncua calls it and swallows exceptions."""
         if message.over:
             self._why = message.over
             self._over.set()
             return
         if self._still.lasted:
-            return  # it waited here for long; the connection is made anew at once
+            return  # the message is old; a new connection is about to be made
         self._heard = steady()
         here = steady.wall()
         published = message.time if message.time is not None else here
         if abs(published - here) > limits.CLOCK_APART:
             text = f"{self._server.endpoint}: its clock is {published - here:+.0f} s from ours; "
-            key = (self._server.name, "apart")
-            told = self._remarks.tell("clock", key, steady.wall(), text + "rows bear our time")
-            self._hand.notices(told)
+            self._tell("clock", "apart", text + "rows bear our time")
             published = here
         values, stamps = self._values(message)
         if not values and not self._alive:
@@ -179,7 +179,7 @@ class Link:
         self._rows.put([self._server.name], values, max(near, default=published))
 
     def _values(self, message: Message) -> tuple[Mapping[str, tuple[float, str]], list[float]]:
-        """Readings in SI that changed, or why there are none; and their stamps."""
+        """Changed readings in SI, or why there are none, and their stamps."""
         values, stamps = {}, []
         for index, value in message.values:
             if index not in self._scales:
@@ -195,15 +195,12 @@ class Link:
                 stamps.append(stamp)
         return values, stamps
 
-    def _tell_slower(self, step: float) -> None:
-        if step > limits.LATE_INTERVALS * self._interval:
-            text = f"{self._server.endpoint}: it publishes every {step:.3g} s only"
-            self._hand.notices(
-                self._remarks.tell("refused", (self._server.name, "slow"), steady.wall(), text)
-            )
+    def _tell(self, kind: NoticeKind, key: str, text: str) -> None:
+        notices = self._remarks.tell(kind, (self._server.name, key), steady.wall(), text)
+        self._hand.notices(notices)
 
     def _tell_connected(self) -> None:
-        """Told with the first values, before their row."""
+        """Reported with the first values, before their row."""
         server = self._server
         safe = f"{server.access.policy}, {server.access.mode}" if server.access.policy else "open"
         signals = plural(len(self._scales), "signal", "signals")
@@ -222,14 +219,14 @@ class Link:
         self._hand.notices(found)
 
     def begin_anew(self, lasted: float) -> None:
-        """This computer stood still for so many s: what the server has sent since is old, and it
-        may have given us up. That is a gap; a server that is there is no alarm."""
+        """Reconnect after this computer stood still for so many s: messages are old, and the server
+        may have closed the session. That is reported as a gap, not as a lost connection."""
         if self._alive:
             self._gone, self._stood = steady.wall() - lasted, True
             self._over.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
-        """The connection is over; told once until it stands again."""
+        """The connection has ended, which is reported once per loss."""
         self._rows.lost(self._server.name)
         if self._gone is None or (kind == "refused" and text != self._told):
             self._gone, self._told = self._gone or steady.wall(), text

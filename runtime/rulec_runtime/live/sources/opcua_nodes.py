@@ -1,4 +1,4 @@
-"""Nodes of a map as one server numbers them now: numbers may change whenever a server starts."""
+"""Nodes of a map with the present namespace numbers of a server, which may change at its start."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def node_of(channel: Channel) -> ua.NodeId:
 async def attributes_of(
     client: Client, nodes: Sequence[ua.NodeId], attribute: ua.AttributeIds
 ) -> list[ua.DataValue]:
-    """An attribute of each node, in requests that small controllers allow."""
+    """An attribute of each node, read in requests small enough for small controllers."""
     found: list[ua.DataValue] = []
     for i in range(0, len(nodes), limits.NODES_PER_CALL):
         part = list(nodes[i : i + limits.NODES_PER_CALL])
@@ -33,7 +33,7 @@ async def attributes_of(
 
 
 async def namespaces_of(client: Client) -> list[str]:
-    """The URIs of a server's namespaces, in the order of their numbers."""
+    """The namespace URIs of a server, in the order of their numbers."""
     return [str(uri) for uri in await client.get_namespace_array() or ()]
 
 
@@ -42,9 +42,9 @@ def nodes_of(
 ) -> list[ua.NodeId]:
     """The node of each channel on a server with these namespaces.
 
-    A map names a namespace by its URI, or by a number, which is followed by the URI that it stood
-    for when the server was read first, if that is `known`. Raises `SourceRefused` where the server
-    has no such namespace.
+    A map names a namespace by its URI or by a number. A number stands for the URI that it had when
+    the server was first read, if that is `known`. Raises `SourceRefused` if the server has no such
+    namespace.
     """
     found = []
     for channel in channels:
@@ -67,7 +67,7 @@ def nodes_of(
 def numbered(
     node: ua.NodeId, uris: Sequence[str], known: Mapping[str, str] | None = None
 ) -> ua.NodeId | None:
-    """A node with the number that its namespace has among the `uris`; None where it is not there.
+    """A node with the number of its namespace among the `uris`; None if it is not there.
 
     `known` as in `nodes_of`.
     """

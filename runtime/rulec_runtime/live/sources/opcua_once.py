@@ -1,4 +1,4 @@
-"""Values of some nodes of an OPC UA server, read once; nothing is subscribed, written or called."""
+"""Read some nodes of an OPC UA server once, without subscriptions, writes or calls."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rulec_runtime.live.sources.opcua_session import bounded, connected, discard
 
 
 def read_once(server: Server, ids: Sequence[str], seconds: float) -> list[str]:
-    """The value of each node as text, empty where it has none that is good.
+    """The value of each node as text, empty without a good one.
 
-    Raises ConnectionError where the server does not answer in time.
+    Raises ConnectionError if the server does not answer in time.
     """
     logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
     try:
@@ -47,6 +47,5 @@ def _node(text: str, uris: Sequence[str]) -> ua.NodeId | None:
 
 def _text(value: ua.DataValue) -> str:
     good = value.StatusCode is not None and value.StatusCode.is_good()
-    if not good or value.Value is None or value.Value.Value is None:
-        return ""
-    return str(value.Value.Value).strip()
+    held = value.Value.Value if good and value.Value is not None else None
+    return "" if held is None else str(held).strip()

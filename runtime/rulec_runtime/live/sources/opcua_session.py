@@ -1,10 +1,10 @@
-"""One connection to an OPC UA server, from its first message to its last; never revived.
+"""One connection to an OPC UA server, which is never reused.
 
 Services used: those that open and close a session, Read, Browse, CreateSubscription,
 CreateMonitoredItems, Publish. Nothing writes or calls.
 
-A client of asyncua may hang for ever under packet loss, even when it is cancelled (its issues 70,
-1072, 1660). So nothing here waits for what was cancelled.
+Under packet loss a client of asyncua may hang for ever, even when cancelled (its issues 70, 1072,
+1660). So nothing here waits for a cancelled task.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from rulec_runtime.live.sources.refused import SourceRefused
 T = TypeVar("T")
 
 _ABANDONED: set[asyncio.Task[Any]] = set()
-"""Tasks that were given up; a task that nobody holds may vanish while it runs."""
+"""Abandoned tasks; a running task without a reference may be garbage-collected."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """What a server published.
+    """A message of a server.
 
-    `time` is when, s since 1970, None where it says none; `values` are those that changed, each
-    with the index of its channel; `over` says why there will be no more.
+    `time` is its time of publishing, s since 1970, or None; `values` are the changed ones, each
+    with the index of its channel; `over` says why the subscription has ended.
     """
 
     time: float | None
@@ -43,7 +43,7 @@ class Message:
 
 
 async def connected(server: Server) -> Client:
-    """A client with a session. Raises what asyncua raises; then there is nothing to close."""
+    """A client with an open session. Closes it on errors, which are those of asyncua."""
     client = Client(server.endpoint, timeout=limits.REQUEST)
     client.name = "rulec watch"
     access = server.access
@@ -79,7 +79,7 @@ async def _secured(client: Client, server: Server) -> None:
 
 
 def _check_dates(server: Server, client: Client) -> None:
-    """Raises `SourceRefused` for a certificate beyond its time, unless the map accepts that."""
+    """Raises `SourceRefused` for an expired certificate, unless the map accepts that."""
     if server.access.expired:
         return
     policy = client.security_policy
@@ -97,9 +97,9 @@ def _check_dates(server: Server, client: Client) -> None:
 async def subscribed(
     client: Client, interval: float, published: Callable[[Message], None]
 ) -> tuple[int, float]:
-    """A subscription, and the s from message to message that the server grants.
+    """The id of a subscription, and the interval of messages that the server grants, s.
 
-    Where nothing changes, the server says that it is alive once per publishing interval.
+    Without changes the server sends a keep-alive message once per publishing interval.
     """
     parameters = ua.CreateSubscriptionParameters()
     parameters.RequestedPublishingInterval = interval * 1000
@@ -117,7 +117,7 @@ async def subscribed(
 async def monitored(
     client: Client, subscription: int, nodes: Mapping[int, ua.NodeId], interval: float
 ) -> dict[int, str]:
-    """Subscribe to nodes by the index of their channel; why that failed, by index, where it did."""
+    """Subscribe to nodes, given by the index of their channel; returns the failures by index."""
     failed = {}
     indexes = list(nodes)
     for i in range(0, len(indexes), limits.NODES_PER_CALL):
@@ -125,24 +125,22 @@ async def monitored(
         asked = ua.CreateMonitoredItemsParameters()
         asked.SubscriptionId = subscription
         asked.TimestampsToReturn = ua.TimestampsToReturn.Both
-        asked.ItemsToCreate = [_item(nodes[k], k, interval) for k in part]
+        asked.ItemsToCreate = []
+        for k in part:
+            item = ua.MonitoredItemCreateRequest()
+            item.ItemToMonitor.NodeId = nodes[k]
+            item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
+            item.MonitoringMode = ua.MonitoringMode.Reporting
+            item.RequestedParameters.ClientHandle = k
+            item.RequestedParameters.SamplingInterval = interval * 1000
+            item.RequestedParameters.QueueSize = 1
+            item.RequestedParameters.DiscardOldest = True
+            asked.ItemsToCreate.append(item)
         results = await client.uaclient.create_monitored_items(asked)
         for k, result in zip(part, results, strict=True):
             if not result.StatusCode.is_good():
                 failed[k] = f"it cannot be subscribed: {result.StatusCode.name}"
     return failed
-
-
-def _item(node: ua.NodeId, handle: int, interval: float) -> ua.MonitoredItemCreateRequest:
-    item = ua.MonitoredItemCreateRequest()
-    item.ItemToMonitor.NodeId = node
-    item.ItemToMonitor.AttributeId = ua.AttributeIds.Value
-    item.MonitoringMode = ua.MonitoringMode.Reporting
-    item.RequestedParameters.ClientHandle = handle
-    item.RequestedParameters.SamplingInterval = interval * 1000
-    item.RequestedParameters.QueueSize = 1
-    item.RequestedParameters.DiscardOldest = True
-    return item
 
 
 def _message(result: ua.PublishResult) -> Message:
@@ -157,7 +155,7 @@ def _message(result: ua.PublishResult) -> Message:
 
 
 def seconds(stamp: datetime | None) -> float | None:
-    """A stamp as s since 1970; None where there is none."""
+    """A stamp as s since 1970, or None."""
     if stamp is None:
         return None
     try:
@@ -167,7 +165,7 @@ def seconds(stamp: datetime | None) -> float | None:
 
 
 def is_gone(value: ua.DataValue) -> bool:
-    """Does a value say that its node is there no more?"""
+    """Whether the status of a value means that its node no longer exists."""
     return value.StatusCode is not None and value.StatusCode.value in (
         ua.StatusCodes.BadNodeIdUnknown,
         ua.StatusCodes.BadNodeIdInvalid,
@@ -175,7 +173,7 @@ def is_gone(value: ua.DataValue) -> bool:
 
 
 def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
-    """The number of a value that can be used, else NaN and why it cannot."""
+    """The number of a value, or NaN and why it is unusable."""
     none, status = float("nan"), value.StatusCode
     if is_gone(value):
         return none, f"the node is gone ({status.name})"
@@ -186,11 +184,11 @@ def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
             return none, f"{status.name}; write 'uncertain: accept' at the signal to use it"
     held: Any = None if value.Value is None else value.Value.Value
     if isinstance(held, list | tuple):
+        what = f"an array of {len(held)} values"
         if channel.index is None:
-            what = f"an array of {len(held)} values"
             return none, f"{what}; write 'index: 0' at the signal for the first"
         if channel.index >= len(held):
-            return none, f"an array of {len(held)} values has none at index {channel.index}"
+            return none, f"{what} has none at index {channel.index}"
         held = held[channel.index]
     if held is None:
         return none, "no value"
@@ -198,7 +196,7 @@ def number(value: ua.DataValue, channel: Channel) -> tuple[float, str]:
 
 
 async def discard(client: Client) -> None:
-    """Close a client if it lets itself be closed in time, else abandon it with its socket."""
+    """Close a client; if that takes too long, abandon it and abort its socket."""
     with contextlib.suppress(Exception):
         await bounded(client.disconnect(), limits.CLOSING)
     inner: Mapping[str, Any] = vars(client)
@@ -215,7 +213,7 @@ async def discard(client: Client) -> None:
 
 
 async def bounded(work: Coroutine[Any, Any, T], seconds: float) -> T:
-    """The result of work. Raises TimeoutError, and ConnectionError where it cancelled itself."""
+    """The result of work. Raises TimeoutError, or ConnectionError if it cancelled itself."""
     task = asyncio.ensure_future(work)
     try:
         await asyncio.wait({task}, timeout=seconds)
@@ -230,14 +228,14 @@ async def bounded(work: Coroutine[Any, Any, T], seconds: float) -> T:
 
 
 def abandon(task: asyncio.Task[Any]) -> None:
-    """Cancel a task and wait for nothing."""
+    """Cancel a task without waiting for it."""
     _ABANDONED.add(task)
     task.add_done_callback(_ended)
-    task._log_destroy_pending = False  # type: ignore[attr-defined] # it may hang to the very end
+    task._log_destroy_pending = False  # type: ignore[attr-defined] # it may never end
     task.cancel()
 
 
 def _ended(task: asyncio.Task[Any]) -> None:
     _ABANDONED.discard(task)
     if not task.cancelled():
-        task.exception()  # nobody else asks; else the loop would report it
+        task.exception()  # otherwise the loop would report that it was never retrieved

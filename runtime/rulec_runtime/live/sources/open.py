@@ -1,4 +1,4 @@
-"""The text behind `--source` to a source."""
+"""Open the source of the option `--source`."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def open_source(
     map_path: Path | None = None,
     resume: Mapping[str, Any] | None = None,
 ) -> Source:
-    """A file that grows, ``-`` for standard input, or an endpoint such as ``opc.tcp://host:4840``,
-    ``mqtt://host``, ``mqtts://host``; ``opcua`` or ``mqtt`` alone is the endpoint that the map
-    states.
+    """Open a growing file, ``-`` for standard input, or an endpoint such as
+    ``opc.tcp://host:4840``, ``mqtt://host`` or ``mqtts://host``; ``opcua`` or ``mqtt`` alone stand
+    for the endpoint in the map.
 
-    `resume` is what a source of the kind gave as its `position`. Raises `RecordingRefused` with a
-    message for the operator, of which `SourceRefused` is one.
+    `resume` is the `position` of an earlier source of the same kind. Raises `RecordingRefused`, or
+    its subclass `SourceRefused`, with a message for the operator.
     """
     scheme = text.partition("://")[0] if "://" in text else text
     if scheme in ("opc.tcp", "opcua"):

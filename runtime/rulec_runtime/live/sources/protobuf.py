@@ -1,4 +1,4 @@
-"""The wire format of Protocol Buffers: fields of a message, nothing of which is trusted.
+"""Decode the wire format of Protocol Buffers from untrusted bytes.
 
 Source: Protocol Buffers, Encoding (protobuf.dev/programming-guides/encoding).
 """
@@ -13,7 +13,7 @@ from rulec_runtime.live.sources import limits
 
 
 class Wire(IntEnum):
-    """Kinds of a field on the wire."""
+    """Wire types."""
 
     VARINT = 0
     EIGHT_BYTES = 1
@@ -22,11 +22,11 @@ class Wire(IntEnum):
 
 
 class NoMessage(ValueError):
-    """The bytes are no message."""
+    """The bytes are not a valid message."""
 
 
 def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Number and content of each field: an int of a varint, else bytes. Raises `NoMessage`.
+    """Number and content of each field: an int for a varint, else bytes. Raises `NoMessage`.
 
     >>> [*fields(bytes([0x08, 0x96, 0x01, 0x12, 0x02, 0x68, 0x69]))]
     [(1, 150), (2, b'hi')]
@@ -54,7 +54,7 @@ def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
 
 
 def real(data: int | bytes) -> float:
-    """The number of 4 or 8 bytes. Raises `NoMessage` for another field.
+    """The float in 4 or 8 bytes. Raises `NoMessage` for another field.
 
     >>> real(bytes.fromhex("0000c03f"))
     1.5
@@ -78,7 +78,7 @@ def whole(data: int | bytes, bits: int = 64, *, signed: bool = False) -> int:
 
 
 def words(data: int | bytes) -> str:
-    """A text. Raises `NoMessage` for another field, or what is not UTF-8."""
+    """A text. Raises `NoMessage` for another field, or if it is not UTF-8."""
     try:
         return bytes.decode(data, "utf-8")  # type: ignore[arg-type]
     except (TypeError, UnicodeDecodeError):
@@ -86,14 +86,14 @@ def words(data: int | bytes) -> str:
 
 
 def inside(data: int | bytes) -> bytes:
-    """A message within the message. Raises `NoMessage` for another field."""
+    """A nested message. Raises `NoMessage` for another field."""
     if not isinstance(data, bytes):
         raise NoMessage("a part has another kind of field")
     return data
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """A number of 64 bits at most, and where it ends."""
+    """An integer of at most 64 bits, and the position after it."""
     value = 0
     for i, byte in enumerate(data[at : at + limits.LONGEST_VARINT]):
         value |= (byte & 0x7F) << (7 * i)

@@ -1,4 +1,4 @@
-"""Why a source cannot be used."""
+"""Refusals of sources."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class SourceRefused(RecordingRefused):
 
 
 def extra(name: str, of: str) -> ModuleType:
-    """A module of a package that an extra `of` rulec-runtime brings. Raises `SourceRefused`."""
+    """Import a module of an extra `of` rulec-runtime. Raises `SourceRefused` without it."""
     from importlib import import_module
 
     try:

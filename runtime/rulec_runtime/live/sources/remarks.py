@@ -1,4 +1,4 @@
-"""Notices as they may be shown, and those that keep coming told once."""
+"""Notices with safe text, recurring remarks, and silence."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from rulec_runtime.output.terminal import one_line
 def notice(
     kind: NoticeKind, time: float, text: str, *, still: bool = False, signal: str = ""
 ) -> Notice:
-    """A notice whose text steers no terminal, whatever data stands in it."""
+    """A notice whose text cannot control a terminal, whatever data it contains."""
     short = text if len(text) <= limits.LONGEST_NOTICE else f"{text[: limits.LONGEST_NOTICE]}..."
     return Notice(kind, time, one_line(short), still, signal)
 
 
 class Remarks:
-    """What keeps coming is told once, and again after a while with how often it came.
+    """Recurring remarks are reported once, and again after a while with their count.
 
-    Keys are ours (a signal, a column), never taken from a payload, so there are few of them.
+    Keys are our own (a signal, a column), never from a payload, so there are few of them.
     """
 
     def __init__(self) -> None:
-        self._told: dict[Hashable, tuple[float, int]] = {}
+        self._reported: dict[Hashable, tuple[float, int]] = {}
 
     def tell(self, kind: NoticeKind, key: Hashable, time: float, text: str) -> list[Notice]:
-        """The notice, or nothing where it was told lately."""
+        """The notice, or nothing if it was reported recently."""
         now = steady()
-        since, count = self._told.get(key, (-float("inf"), 0))
+        since, count = self._reported.get(key, (-float("inf"), 0))
         if now - since < limits.AGAIN:
-            self._told[key] = (since, count + 1)
+            self._reported[key] = (since, count + 1)
             return []
-        self._told[key] = (now, 0)
+        self._reported[key] = (now, 0)
         more = f" ({count} more times since this was told)" if count else ""
         return [notice(kind, time, f"{text}{more}")]
 
 
 class Silence:
-    """Whether nothing was heard for too long; told once, until something is heard again.
+    """Detects that nothing was heard for too long; reported once per silence.
 
-    Time in which nobody looked, as the process stood still or was busy, does not count.
+    Time in which the process stood still or was too busy to check does not count.
     """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self.stale = False
-        self._heard = self._looked = steady()
+        self._heard = self._checked = steady()
 
     @property
     def lasts(self) -> float:
@@ -57,16 +57,16 @@ class Silence:
         return steady() - self._heard
 
     def heard(self) -> bool:
-        """Something was; whether it was stale until now."""
+        """Record that something was heard; returns whether the source was stale until now."""
         was, self.stale = self.stale, False
         self._heard = steady()
         return was
 
     def begins(self) -> bool:
-        """Whether it is stale from now on."""
-        looked, self._looked = self._looked, steady()
-        if self._looked - looked > STOOD_STILL:
-            self._heard = min(self._heard + self._looked - looked, self._looked)
+        """Whether the source has just become stale."""
+        checked, self._checked = self._checked, steady()
+        if self._checked - checked > STOOD_STILL:
+            self._heard = min(self._heard + self._checked - checked, self._checked)
         if self.stale or self.lasts < self.seconds:
             return False
         self.stale = True

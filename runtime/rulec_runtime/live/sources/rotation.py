@@ -1,4 +1,4 @@
-"""Files that replace one another: which is which, and which comes next."""
+"""Log rotation: identify files that replace each other, and find the next one."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from rulec_runtime.recordings.csv_table import RecordingRefused
 
 @dataclass(frozen=True)
 class Head:
-    """The head of a file: its `table`, where it ends, in bytes, and a digest of titles and units.
+    """The head of a file: its `table`, its end, in bytes, and a digest of titles and units.
 
-    Lines above the titles, which may say when the file was begun, are no part of the digest.
-    `whole` is False where further lines might change it; `in_sight` where it looks like a table.
+    The digest excludes lines above the titles, which may contain the start time. `whole` is False
+    if further lines might change the head; `in_sight` is whether it looks like a table.
     """
 
     table: TableHead | None = None
@@ -34,8 +34,8 @@ class Head:
 
 
 def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
-    """The head of a file as far as it has come; None without a line that may hold titles. The file
-    stands at its start. Raises `RecordingRefused`."""
+    """The head of a file as far as it was written; None without a line that may hold titles. Leaves
+    the file at its start. Raises `RecordingRefused`."""
     file.seek(0)
     data = b""
     while len(data) <= limits.LONGEST_LINE and (piece := file.read(limits.PIECE)):
@@ -49,7 +49,7 @@ def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
     for line in data.splitlines(keepends=True):
         for cut in cutter.feed(line):
             ends.append(cutter.offset)
-            # Below titles it is a broken row, as others that may follow.
+            # Below the titles it is a broken row, which others may follow.
             if "\0" in cut and not search.in_sight:
                 raise RecordingRefused(f"{path}: this is a binary file; a CSV file is read here")
             table = table or search.add(cut)
@@ -66,7 +66,7 @@ def head_of(file: BinaryIO, path: Path, times: Collection[str]) -> Head | None:
 
 
 def tail_of(file: BinaryIO, offset: int) -> bytes:
-    """Some bytes before an offset. The file stands where it stood."""
+    """Some bytes before an offset; keeps the position of the file."""
     here = file.tell()
     start = max(0, offset - limits.TAIL)
     file.seek(start)
@@ -80,7 +80,7 @@ def inode_of(file: BinaryIO) -> int:
 
 
 def with_inode(path: Path, inode: int) -> Iterator[Path]:
-    """The file of an inode: this one, or one of the same folder that it was renamed to."""
+    """The file with an inode: at this path, or renamed in the same folder."""
     for other in (path, *(p for p in sorted(path.parent.iterdir()) if p != path)):
         try:
             if other.is_file() and other.stat().st_ino == inode:
@@ -90,11 +90,10 @@ def with_inode(path: Path, inode: int) -> Iterator[Path]:
 
 
 def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[str]) -> Path:
-    """Which file to read behind one that was replaced.
+    """The file to read after one that was replaced.
 
-    Mostly the one of the same name. Where there was more than one rotation meanwhile, the oldest
-    that was written later, has the same header, and a name such as ``x.csv.1``, ``x.csv-20260301``
-    or ``x-20260301.csv``.
+    Usually that of the same name. After several rotations, the oldest file that was written later,
+    has the same header, and a name such as ``x.csv.1``, ``x.csv-20260301`` or ``x-20260301.csv``.
     """
     last, current = os.fstat(file.fileno()).st_mtime_ns, path.stat().st_ino
     later = []
@@ -113,7 +112,7 @@ def following(file: BinaryIO, path: Path, head: Head | None, times: Collection[s
 
 
 def _rotated(path: Path) -> list[Path]:
-    """Files whose names say that they once were this one; ``x-2.csv`` may be another plant."""
+    """Files with names of rotated versions of this one; ``x-2.csv`` may be another plant."""
     name, stem, suffix = (re.escape(part) for part in (path.name, path.stem, path.suffix))
     form = re.compile(rf"{name}[-_.]\d[-\dT:_.]*|{stem}[-_.]\d{{4}}[-\dT:_.]{{2,}}{suffix}")
     return [p for p in sorted(path.parent.iterdir()) if form.fullmatch(p.name) and p.is_file()]

@@ -18,15 +18,14 @@ from rulec_runtime.output.plural import plural
 
 
 class RowClock:
-    """Which rows are later than all before.
+    """Keeps the rows that are later than all before.
 
-    One stamp far ahead would make all rows behind it late: a clock without dates begins anew after
-    some of them, one with dates is never more than a day ahead of this computer's.
+    One stamp far in the future would make all later rows late. So a clock without dates restarts
+    after some late rows, and dates may be at most a day ahead of this computer's clock.
 
     `last` is the time of the last row handed out, s; `step` the last step from row to row, s;
-    `shift` what is added to times that are no dates, s; `dated` whether they are, None before
-    anybody knows; `begins` whether a new file does, with which a clock that is no date may begin
-    anew.
+    `shift` the offset added to times without dates, s; `dated` whether times are dates, None if
+    unknown; `begins` whether a new file begins, with which a clock without dates may restart.
     """
 
     def __init__(self, name: str, remarks: Remarks) -> None:
@@ -40,7 +39,7 @@ class RowClock:
 
     @property
     def now(self) -> float:
-        """Time of a notice, as of rows; 0 before there are any."""
+        """Time of a notice, as of rows; 0 before the first row."""
         return self.last if self.begun else 0.0
 
     @property
@@ -49,10 +48,10 @@ class RowClock:
         return self.last > -float("inf")
 
     def later(self, time: Array) -> tuple[Array, NDArray[np.bool_], list[Notice]]:
-        """Times as they are handed out, shape (n,), s; which of them are; what is odd about them.
+        """Times to hand out, shape (n,), s; flags of the rows to keep; notices about the others.
 
-        A clock without dates that begins anew with a new file goes on where the last one ended, as
-        when a folder of files is diagnosed.
+        A clock without dates that restarts with a new file continues where the last one ended, as
+        in the diagnosis of a folder of files.
         """
         usable = np.isfinite(time) & (np.abs(time) < readings.ABSURD)
         if self.dated:
@@ -83,8 +82,8 @@ class RowClock:
         return time, kept, found
 
     def _begin_anew(self, first: float) -> list[Notice]:
-        """Where all that comes is earlier than `last`, its clock was set back, or `last` was no
-        time: it goes on from there."""
+        """If all new times are before `last`, the clock was set back, or `last` was wrong: continue
+        from there."""
         self.begins, self._late = False, 0
         if self.dated or first + self.shift > self.last:
             return []
@@ -94,7 +93,7 @@ class RowClock:
 
     def _shown(self, time: float) -> str:
         if self.dated:
-            with suppress(ValueError, OverflowError, OSError):  # where the calendar ends
+            with suppress(ValueError, OverflowError, OSError):  # beyond the calendar
                 return f"{datetime.fromtimestamp(float(time), UTC):%Y-%m-%d %H:%M:%S} UTC"
         return f"{time:.10g} s"
 

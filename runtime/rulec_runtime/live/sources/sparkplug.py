@@ -1,7 +1,7 @@
-"""Sparkplug B: edge nodes and devices with births, aliases, and messages in sequence.
+"""Sparkplug B: edge nodes and devices with births, aliases, and numbered messages.
 
-Nothing is ever sent, so no birth is asked for anew: values that come by alias alone are read from
-the next birth on. Source: Eclipse Sparkplug 3.0.
+Nothing is ever sent, so no rebirth is requested: values identified only by alias are read from the
+next birth on. Source: Eclipse Sparkplug 3.0.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Address = tuple[str, str, str]
 """Group, edge node, device; the device is empty for the node itself."""
 
 Remark = tuple[NoticeKind, str, str]
-"""Kind, key and text of what keeps coming; keys are made of names of the map alone."""
+"""Kind, key and text of a recurring remark; keys contain only names of the map."""
 
 
 @dataclass
 class _Node:
-    """What is known of an edge node: metrics by alias, data types by metric, the last number."""
+    """State of an edge node: metrics by alias, data types by metric, the last message number."""
 
     metric_of: dict[int, tuple[Address, str]] = field(default_factory=dict)
     kind_of: dict[tuple[Address, str], int] = field(default_factory=dict)
@@ -37,9 +37,9 @@ class _Node:
 
 @dataclass(frozen=True)
 class Heard:
-    """What a message says: values of channels, and remarks.
+    """Content of a message: values of channels, and remarks.
 
-    `living` are places with nothing to say whose values hold, `gone` those that are read no more.
+    `living` are places without new values, whose values hold; `gone` are lost places.
     """
 
     values: Sequence[tuple[Channel, Value]] = ()
@@ -49,8 +49,8 @@ class Heard:
 
 
 class Sparkplug:
-    """Channels of a map whose topics are those of Sparkplug. Raises `SourceRefused` for a topic
-    that is none of them, or a channel without the name of a metric."""
+    """The channels of a map with Sparkplug topics. Raises `SourceRefused` for an invalid topic, or
+    a channel without the name of a metric."""
 
     def __init__(self, channels: Iterable[Channel]) -> None:
         self._channels: dict[tuple[Address, str], list[Channel]] = {}
@@ -62,22 +62,22 @@ class Sparkplug:
 
     @property
     def topics(self) -> list[str]:
-        """What to subscribe to: all that the nodes say, as their messages are numbered."""
+        """Topics to subscribe to: all messages of the nodes, as they are numbered."""
         return [f"{NAMESPACE}/{group}/+/{node}/#" for group, node in self._nodes]
 
     @property
     def place_of(self) -> dict[str, str]:
-        """Per signal the device that it comes from."""
+        """The device of each signal."""
         every = self._channels.items()
         return {c.signal.id: _place(a) for (a, _), found in every for c in found}
 
     def hears(self, topic: str) -> bool:
-        """Is it a topic of one of these nodes?"""
+        """Whether a topic belongs to one of these nodes."""
         kind, address = _parts(topic)
         return bool(kind) and address[:2] in self._nodes
 
     def heard(self, topic: str, payload: bytes) -> Heard:
-        """A message of such a topic. Raises `BadPayload`."""
+        """Take in a message of such a topic. Raises `BadPayload`."""
         kind, address = _parts(topic)
         node, name = self._nodes[address[:2]], "/".join(address[:2])
         places = {_place(a) for a, _ in self._channels if a[:2] == address[:2]}
@@ -92,7 +92,7 @@ class Sparkplug:
         gone = set()
         if kind in _BIRTHS:
             self._born(node, kind, address, message)
-            # What a birth does not tell of is not known any more, until its own birth.
+            # Values missing from a birth are unknown until their own birth.
             gone = places if kind == "NBIRTH" else places & {_place(address)}
         values = []
         for metric in message.metrics:
@@ -103,8 +103,8 @@ class Sparkplug:
         return Heard(values, remarks, places, gone)
 
     def _born(self, node: _Node, kind: str, address: Address, message: Message) -> None:
-        """Aliases and data types of a birth take the place of earlier ones; an alias is that of one
-        metric of the whole node."""
+        """Aliases and data types of a birth replace earlier ones; an alias is unique within the
+        node."""
         stays = kind == "DBIRTH"
         node.metric_of = {a: m for a, m in node.metric_of.items() if stays and m[0] != address}
         node.kind_of = {m: k for m, k in node.kind_of.items() if stays and m[0] != address}
@@ -120,7 +120,7 @@ class Sparkplug:
     def _values(
         self, node: _Node, address: Address, metric: Metric
     ) -> tuple[Sequence[tuple[Channel, Value]], Sequence[str]]:
-        """What a metric says of channels, without its stamp, and why something is left out."""
+        """Values of channels in a metric, without its stamp, and reasons for omissions."""
         key = (address, metric.name)
         if not metric.name and metric.alias is not None:
             unborn = any(k[0] == address and k not in node.kind_of for k in self._channels)
@@ -142,7 +142,7 @@ class Sparkplug:
 
 
 def _gap(node: _Node, kind: str, name: str, message: Message) -> list[Remark]:
-    """Messages that are missing between this and the one before; a birth of a node begins anew."""
+    """A remark if messages are missing before this one; a node birth restarts the numbers."""
     before, node.last = node.last, message.sequence
     if before is None or message.sequence is None or kind == "NBIRTH":
         return []
@@ -153,7 +153,7 @@ def _gap(node: _Node, kind: str, name: str, message: Message) -> list[Remark]:
 
 
 def _parts(topic: str) -> tuple[str, Address]:
-    """Kind of message, and whose it is; empty for a topic of something else."""
+    """Kind and sender of a message; empty for a topic that is not Sparkplug."""
     space, *rest = topic.split("/", 4)
     if space != NAMESPACE or len(rest) < 3:
         return "", ("", "", "")
@@ -162,12 +162,12 @@ def _parts(topic: str) -> tuple[str, Address]:
 
 
 def _place(address: Address) -> str:
-    """A node or a device, for people and as a place of values."""
+    """Name of a node or device, for people and as a place of values."""
     return "/".join(address).rstrip("/")
 
 
 def _address(channel: Channel) -> Address:
-    """Whose metric a channel is; a topic of data or of a birth says so."""
+    """The sender of a channel, from a data or birth topic."""
     kind, address = _parts(channel.address)
     wanted = (_DATA[1], _BIRTHS[1]) if address[2] else (_DATA[0], _BIRTHS[0])
     if kind not in wanted or not all(address[:2]) or "/" in address[2]:

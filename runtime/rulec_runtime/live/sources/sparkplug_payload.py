@@ -1,4 +1,4 @@
-"""The payload of Sparkplug B: metrics with names or aliases, as far as a reading needs them.
+"""The payload of Sparkplug B: metrics with names or aliases, with the fields that readings need.
 
 Source: Eclipse Sparkplug 3.0, section 6.4 and sparkplug_b.proto.
 """
@@ -18,15 +18,15 @@ _INTEGERS = {
     **{1: (8, True), 2: (16, True), 3: (32, True), 4: (64, True)},
     **{5: (8, False), 6: (16, False), 7: (32, False), 8: (64, False)},
 }
-"""Bits and sign of data types; the wire knows whole numbers without a sign alone."""
+"""Bits and sign of data types; integers on the wire are unsigned."""
 
 
 @dataclass(frozen=True)
 class Metric:
     """A metric of a message.
 
-    `name` is empty where the alias alone stands for it; `number` what it holds, an int as on the
-    wire, None if that is no number. `stamp` in s since 1970; `quality` is None where none is said.
+    `name` is empty if only the alias is given; `number` is the value, an int as on the wire, None
+    if it is not a number. `stamp` in s since 1970; `quality` is None if not given.
     """
 
     name: str = ""
@@ -39,7 +39,7 @@ class Metric:
     number: int | float | None = None
 
     def value(self, kind: int = 0) -> float:
-        """The number; `kind` is the data type that its birth stated. NaN if there is none."""
+        """The number, NaN without one; `kind` is the data type from its birth."""
         if self.null or self.number is None:
             return float("nan")
         if isinstance(self.number, float):
@@ -50,7 +50,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class Message:
-    """A payload: its stamp, s since 1970; its number in the sequence; its metrics."""
+    """A payload: its stamp, s since 1970, its sequence number, and its metrics."""
 
     stamp: float | None
     sequence: int | None
@@ -67,7 +67,9 @@ def message_of(payload: bytes) -> Message:
             if number == 1:
                 stamp = _stamp(data)
             elif number == 2:
-                metrics.append(_metric(inside(data)))
+                parts = fields(inside(data))
+                known = ((_FIELDS[n], part) for n, part in parts if n in _FIELDS)
+                metrics.append(Metric(**{name: read(part) for (name, read), part in known}))
             elif number == 3:
                 sequence = whole(data)
     except NoMessage as error:
@@ -75,13 +77,8 @@ def message_of(payload: bytes) -> Message:
     return Message(stamp, sequence, tuple(metrics))
 
 
-def _metric(data: bytes) -> Metric:
-    known = ((_FIELDS[n], part) for n, part in fields(data) if n in _FIELDS)
-    return Metric(**{name: read(part) for (name, read), part in known})
-
-
 def _quality(data: int | bytes) -> int | None:
-    """The property 'Quality' of a set: keys, and values in the same order."""
+    """The property 'Quality' of a property set: keys, and values in the same order."""
     keys, values = [], []
     for number, part in fields(inside(data)):
         if number == 1:
@@ -96,8 +93,7 @@ def _quality(data: int | bytes) -> int | None:
 
 
 def _stamp(data: int | bytes) -> float | None:
-    """Sparkplug counts milliseconds."""
-    return scaled(float(whole(data)), (1e3,))
+    return scaled(float(whole(data)), (1e3,))  # milliseconds
 
 
 def _flag(data: int | bytes) -> bool:
@@ -115,4 +111,4 @@ _FIELDS: Mapping[int, tuple[str, Callable[[int | bytes], Any]]] = {
     **dict.fromkeys((10, 11, 14), ("number", whole)),
     **dict.fromkeys((12, 13), ("number", real)),
 }
-"""What a field of a metric is, by its number, and how it is read."""
+"""Name and reader of the fields of a metric, by number."""

@@ -1,4 +1,4 @@
-"""Standard input, or any other pipe, as a table that comes row by row."""
+"""Standard input, or another pipe, as a table that comes row by row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The head of a table that a logger writes on: its titles, and the row of units below them."""
+"""The head of a growing table: its titles, and the row of units below them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rulec_runtime.recordings.titles import TitleLine, TitleSearch, rejoined, un
 
 @dataclass(frozen=True)
 class TableHead:
-    """Lines from `first` to before `end` hold titles and units; `above` others are no part of the
-    table. `units` has as many as `titles`, or none where no row holds them."""
+    """Lines from `first` to before `end` hold titles and units; `above` counts lines before the
+    table. `units` is as long as `titles`, or empty without a row of units."""
 
     titles: tuple[str, ...]
     units: tuple[str, ...]
@@ -24,7 +24,8 @@ class TableHead:
 
 
 class HeadSearch:
-    """A head whose lines come one by one. It is whole with the row below, which may hold units."""
+    """Finds a head from lines that come one by one. The row below the titles, which may hold units,
+    completes it."""
 
     def __init__(self, name: str, times: Collection[str]) -> None:
         self._name, self._search = name, TitleSearch(times)
@@ -34,11 +35,11 @@ class HeadSearch:
 
     @property
     def in_sight(self) -> bool:
-        """Whether what has come looks like a table."""
+        """Whether the lines so far look like a table."""
         return self._search.in_sight
 
     def add(self, line: str) -> TableHead | None:
-        """The head, as soon as it is whole. Raises `RecordingRefused` where none comes."""
+        """The head once it is complete. Raises `RecordingRefused` if none comes."""
         self._lines.append(line)
         self._length += len(line)
         self._titles = self._titles or self._search.add(line)
@@ -50,12 +51,12 @@ class HeadSearch:
         return head
 
     def so_far(self) -> TableHead | None:
-        """The head, where no further line comes; None without a line that may hold titles."""
+        """The head if no further line comes; None without a line that may hold titles."""
         titles = self._titles or self._search.so_far()
         return self._head(titles, ended=True) if titles else None
 
     def behind(self, head: TableHead) -> list[str]:
-        """Lines below the head that have come."""
+        """The lines so far below the head."""
         return self._lines[head.end :]
 
     def _head(self, found: TitleLine, ended: bool = False) -> TableHead | None:

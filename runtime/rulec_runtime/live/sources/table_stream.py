@@ -1,4 +1,4 @@
-"""Lines of a CSV file or of standard input to rows: its header once, then blocks of lines."""
+"""Rows from the lines of a CSV file or of standard input: the header once, then blocks of lines."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from rulec_runtime.recordings.zone import ZoneClock
 
 
 class TableStream:
-    """One table, read as far as it has come.
+    """A growing table.
 
-    Dialects, titles, units and times are those of recordings. A line is a row: no cell holds the
-    end of a line.
+    Dialects, titles, units and times are those of recordings. A line is a row: no cell contains a
+    line break.
     """
 
     def __init__(self, path: Path, ruleset: Ruleset, clock: RowClock, remarks: Remarks) -> None:
@@ -65,11 +65,11 @@ class TableStream:
         self._zone: ZoneClock | None = None
 
     def resume(self) -> None:
-        """Rows of it were read before."""
+        """Mark the table as already begun by an earlier process."""
         self._begun = True
 
     def begin(self, head: TableHead) -> None:
-        """Read the head. Raises `RecordingRefused` where the table is none of this plant."""
+        """Read the head. Raises `RecordingRefused` for a table of another plant."""
         notes = list(left_out_above(head.above))
         header = assign(self._path, head.titles, self._ruleset, notes, head.units)
         places = places_of(self._path, head.titles, self._form)
@@ -90,8 +90,8 @@ class TableStream:
         self._header, self._notes = header, notes
 
     def feed(self, lines: Sequence[str]) -> list[Rows | Notice]:
-        """Rows of further lines, without their ends; a table that was not begun begins with its
-        head. Raises `RecordingRefused` as `begin` does."""
+        """Rows of further lines, without line ends; the first lines may be the head. Raises
+        `RecordingRefused` as `begin` does."""
         if self._header is None:
             lines = self._behind_head(lines)
         if self._header is None:
@@ -102,11 +102,11 @@ class TableStream:
         if len(whole) < len(cells):
             what = plural(len(cells) - len(whole), "row has", "rows have")
             text = f"{self._name}: {what} another number of cells than the header; left out"
-            found += self._told("cells", text)
+            found += self._refused("cells", text)
         return found + self._rows(self._header, whole) if whole else found
 
     def end(self) -> list[Rows | Notice]:
-        """Rows of lines that waited for the end of the head, where nothing more comes."""
+        """Rows of lines that waited for the end of the head, if nothing more comes."""
         head = None if self._header else self._search.so_far()
         if head is None:
             return []
@@ -142,7 +142,7 @@ class TableStream:
         return [*first, *odd, *found, Rows(time[kept], values)]
 
     def _times(self, cells: list[str]) -> Array:
-        """Seconds; the first usable cell says whether they are dates."""
+        """Seconds; the first usable cells decide whether they are dates."""
         if self._clock.dated is None:
             numbers = plain_times(cells)
             if np.isfinite(numbers).any():
@@ -163,14 +163,13 @@ class TableStream:
         return self._numbers(plain_times(cells))
 
     def _numbers(self, numbers: Array) -> Array:
-        """Seconds of times that are numbers."""
         if self._counting is None:
             return numbers * self._factor
         counted = dated(numbers, self._counting)
         return self._dates((counted.seconds, counted.zones))
 
     def _dates(self, found: tuple[Array, Array]) -> Array:
-        """Seconds since 1970; a date without a zone is in that of the column map."""
+        """Seconds since 1970; a date without a zone is in the zone of the column map."""
         dates, zones = found
         name = self._ruleset.time_zone
         if not name or not (np.isfinite(dates) & np.isnan(zones)).any():
@@ -182,7 +181,7 @@ class TableStream:
         return self._zone.read(dates, zones)[0]
 
     def _impossible(self) -> list[Notice]:
-        """What is told of dates in an hour that the zone leaves out."""
+        """A notice of dates in an hour that the zone skips."""
         if self._zone is None or not self._zone.never:
             return []
         text = f"{self._name}: {self._zone.left_out()}"
@@ -190,7 +189,7 @@ class TableStream:
         return self._remarks.tell("clock", "zone", self._clock.now, text)
 
     def _readings(self, target: Target, rows: list[list[str]]) -> tuple[Array, list[Notice]]:
-        """Numbers of a column in SI, and what is odd about them."""
+        """Numbers of a column in SI, and notices about them."""
         signal, cells = target.signal, [row[target.index] for row in rows]
         before = self._decimals.get(signal, set())
         written = self._written.get(target.index, UNKNOWN)
@@ -199,13 +198,13 @@ class TableStream:
         if target.index in self._qualities:
             at = self._qualities[target.index]
             texts = [row[at] for row in rows]
-            seen = {row[i] for row in rows for i in self._qualities.values()}
-            column = judged(self._path, column, self._titles[at], texts, seen, self._form)
+            every = {row[i] for row in rows for i in self._qualities.values()}
+            column = judged(self._path, column, self._titles[at], texts, every, self._form)
         if len(column.decimals) > 1:
             text = (
                 f"{self._name}: {signal} mixes decimal comma and decimal point; it has no reading"
             )
-            return np.full(len(cells), np.nan), self._told((signal, "decimals"), text)
+            return np.full(len(cells), np.nan), self._refused((signal, "decimals"), text)
         self._decimals[signal] = column.decimals
         most = largest_reading(self._ruleset.signal_by_id[signal])
         values, absurd = in_si(column.numbers(), target, most, self._form.missing)
@@ -214,15 +213,15 @@ class TableStream:
             one, many = f"cell of {signal} is a word", f"cells of {signal} are words"
             text = f"{self._name}: {plural(column.words, one, many)} (the first: "
             text += f"'{column.first[1]}'); there it has no reading"
-            found += self._told((signal, "words"), text)
+            found += self._refused((signal, "words"), text)
         if absurd.any():
             one, many = f"cell of {signal} is", f"cells of {signal} are"
             text = f"{self._name}: {plural(int(absurd.sum()), one, many)} beyond any sensor; "
-            found += self._told((signal, "absurd"), text + "there it has no reading")
+            found += self._refused((signal, "absurd"), text + "there it has no reading")
         return values, found
 
     def _connected(self, header: Header, time: float) -> list[Notice]:
-        """What is read from here, and what of the plant is not."""
+        """A notice of the signals that are read, and of those that are missing."""
         read = self._ruleset.read
         here = {t.signal for t in header.targets} & read
         missing = [s.id for s in self._ruleset.signals if s.id in read and s.id not in here]
@@ -235,12 +234,12 @@ class TableStream:
     def _name(self) -> str:
         return self._path.name
 
-    def _told(self, key: object, text: str) -> list[Notice]:
+    def _refused(self, key: object, text: str) -> list[Notice]:
         return self._remarks.tell("refused", key, self._clock.now, text)
 
 
 class TextSource:
-    """What a file that grows and a pipe share: lines to rows, and for how long none came."""
+    """Base of growing files and pipes: rows from lines, and silence."""
 
     def __init__(self, path: Path, ruleset: Ruleset) -> None:
         self._path, self._ruleset = path, ruleset
@@ -265,7 +264,7 @@ class TextSource:
         return notice("refused", self._clock.now, str(why))
 
     def _too_long(self) -> list[Rows | Notice]:
-        """What is told of lines that were dropped."""
+        """A notice of dropped lines."""
         if not self._cutter.too_long:
             return []
         self._cutter.too_long = 0
@@ -273,7 +272,7 @@ class TextSource:
         return [*self._remarks.tell("refused", "too long", self._clock.now, text)]
 
     def _heard(self, found: Sequence[Rows | Notice]) -> bool:
-        """Did rows come? Steps between them say how long is too long."""
+        """Whether rows came; also adapts the limit of silence to their interval."""
         self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
         return any(isinstance(part, Rows) for part in found)
 
