@@ -1,1 +1,1 @@
-"""What happened, kept beyond the end of the process: one table of events."""
+"""Events saved beyond the end of the process, and their sinks."""

@@ -1,4 +1,4 @@
-"""Connections to the database of a journal, and what its errors mean."""
+"""Connections to the database of a journal, and its errors."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _MAGIC = b"SQLite format 3\0"
 
 
 def engine_of(where: str, make: bool) -> tuple[sa.Engine, str]:
-    """The engine of a path or URL, and its name for people, without the password.
+    """The engine for a path or URL, and its name for people, without the password.
 
-    Raises `JournalRefused` where there can be none.
+    Raises `JournalRefused` for an unusable path or URL.
     """
     if "://" not in where:
         return _file(Path(where), make), where
     try:
         url = sa.make_url(where)
     except (exc.ArgumentError, ValueError):
-        # The text is not shown: it may hold a password.
+        # The text is not shown, as it may contain a password.
         raise JournalRefused(
             "this URL of a journal cannot be read; for example "
             "postgresql+psycopg://name@host/database"
@@ -51,7 +51,7 @@ def engine_of(where: str, make: bool) -> tuple[sa.Engine, str]:
 
 
 def _file(path: Path, make: bool) -> sa.Engine:
-    """SQLite in WAL mode, each transaction on the disk before it counts."""
+    """SQLite in WAL mode; each transaction is synced to the disk."""
     try:
         if begin_of(path, len(_MAGIC)) not in (_MAGIC, b""):
             raise JournalRefused(f"{path} is no journal, nor any database of SQLite")
@@ -82,14 +82,14 @@ def _file(path: Path, make: bool) -> sa.Engine:
 
     @sa.event.listens_for(engine, "checkout")
     def _still_there(_: Any, record: Any, __: Any) -> None:
-        # What is written into a file that was moved or deleted is lost; what was opened on a disk
-        # that could not be written stays so.
+        # Writes to a file that was moved or deleted are lost; a connection opened on a read-only
+        # disk stays read-only.
         if record.info["file"] != _identity(path):
             raise exc.DisconnectionError
 
     @sa.event.listens_for(engine, "begin")
     def _begin(connection: sa.Connection) -> None:
-        # Who will write takes the lock first: nobody can come between what it reads and writes.
+        # A writer takes the lock first, so that nobody can write between its read and its write.
         reading = connection.get_execution_options().get("rulec_reading")
         connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")
 
@@ -97,7 +97,7 @@ def _file(path: Path, make: bool) -> sa.Engine:
 
 
 def prepared(engine: sa.Engine, place: str) -> None:
-    """A file that turned out to be a journal stays in WAL mode: who reads waits for nobody."""
+    """Switch a file that is a journal to WAL mode, in which readers never wait."""
     if engine.dialect.name == "sqlite":
         with told(place), engine.connect() as connection:
             driver: Any = connection.connection
@@ -113,12 +113,11 @@ def _identity(path: Path) -> tuple[int, int, bool] | None:
 
 
 def _writable(path: Path) -> bool:
-    """Can files be written in its folder? On a read-only disk nobody can."""
     return os.access(path.parent, os.W_OK)
 
 
 def _server(url: sa.URL) -> tuple[sa.Engine, str]:
-    """PostgreSQL; a connection that is silent is given up."""
+    """PostgreSQL; a silent connection is given up."""
     patience = {
         "connect_timeout": int(limits.CONNECT),
         "keepalives_idle": limits.SILENT // 2,
@@ -143,7 +142,7 @@ def _server(url: sa.URL) -> tuple[sa.Engine, str]:
         with connection.cursor() as cursor:
             cursor.execute(f"SET statement_timeout = '{limits.STATEMENT}s'")
             cursor.execute(f"SET lock_timeout = '{limits.BUSY:g}s'")
-            # What is told to be written is on the disk, unless the server waits for more anyway.
+            # A committed transaction must be on the disk; a stricter setting stays.
             cursor.execute(
                 "SELECT set_config('synchronous_commit', 'on', false)"
                 " WHERE current_setting('synchronous_commit') IN ('off', 'local')"
@@ -155,13 +154,14 @@ def _server(url: sa.URL) -> tuple[sa.Engine, str]:
 
 @contextmanager
 def told(place: str) -> Iterator[None]:
-    """Errors of the database in our words: `JournalTrouble` may pass, `JournalRefused` stays."""
+    """Translate database errors: `JournalTrouble` may pass, `JournalRefused` is permanent."""
     try:
         yield
     except exc.DBAPIError as error:
-        reason = _reason(error)
+        # Only the first line: statements and their values follow.
+        reason = next(iter(str(error.orig).strip().splitlines()), type(error.orig).__name__)
         lasting = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
-        plain = type(error) is exc.DatabaseError  # SQLite: no database, or a damaged one
+        plain = type(error) is exc.DatabaseError  # SQLite: not a database, or a damaged one
         if plain or isinstance(error, lasting):
             raise JournalRefused(f"{place}: {reason}") from None
         raise JournalTrouble(f"{place}: {reason}") from None
@@ -169,9 +169,3 @@ def told(place: str) -> Iterator[None]:
         raise JournalTrouble(f"{place}: no connection is free") from None
     except (exc.SQLAlchemyError, sqlite3.Error) as error:
         raise JournalTrouble(f"{place}: {type(error).__name__}") from None
-
-
-def _reason(error: exc.DBAPIError) -> str:
-    """The first line of what the database says: behind it stand statements and their values."""
-    lines = str(error.orig).strip().splitlines()
-    return lines[0] if lines else type(error.orig).__name__

@@ -1,7 +1,7 @@
-"""An OPC UA server that says how each module is: `IDeviceHealthType` of OPC 10000-100.
+"""An OPC UA server for the health of each module: `IDeviceHealthType` of OPC 10000-100.
 
-Clients read and subscribe. They can change nothing: requests to write, to call or to add nodes are
-refused whoever asks. Beyond this computer it only speaks signed and encrypted.
+Clients can read and subscribe. All requests to write, to call or to add nodes are refused.
+Connections from other computers must be signed and encrypted.
 """
 
 from __future__ import annotations
@@ -39,15 +39,10 @@ _DEVICES = "http://opcfoundation.org/UA/DI/"
 _DEVICE_SET, _ENUMERATION, _STRINGS, _INTERFACE, _HEALTH = 5001, 6244, 6450, 15051, 15052
 """Nodes of that namespace. Source: its NodeSet, version 1.05."""
 
-_CHANGES = (
-    ua.ObjectIds.WriteRequest_Encoding_DefaultBinary,
-    ua.ObjectIds.CallRequest_Encoding_DefaultBinary,
-)
-
 
 @dataclass(frozen=True)
 class Security:
-    """Files of the server's certificate and key, and a folder with those of clients it trusts."""
+    """Certificate and key files of the server, and the folder of trusted client certificates."""
 
     certificate: Path
     key: Path
@@ -55,8 +50,8 @@ class Security:
 
 
 class DeviceHealth:
-    """The server, in a thread of its own; `DeviceSet` holds an object for the plant and one for
-    each module. Raises `JournalRefused` if it cannot be started so."""
+    """The server, in its own thread; `DeviceSet` holds an object for the plant and one for each
+    module. Raises `JournalRefused` if it cannot start."""
 
     def __init__(
         self,
@@ -89,14 +84,14 @@ class DeviceHealth:
             raise
 
     def show(self, active: Iterable[Episode], usable: bool = True) -> None:
-        """Say what is active now; `usable` is False while no rows come. Raises `JournalTrouble`."""
+        """Show active episodes; `usable` is False while no rows come. Raises `JournalTrouble`."""
         try:
             self._wait(self._show(tuple(active), usable))
         except (Late, ua.UaError, OSError) as error:
             raise JournalTrouble(f"{self.place}: {type(error).__name__}") from None
 
     def close(self) -> None:
-        """Let clients go."""
+        """Stop the server."""
         with suppress(Late, ua.UaError, OSError):  # else the thread ends with the process
             self._wait(self._server.stop())
         self._end()
@@ -145,7 +140,7 @@ class DeviceHealth:
         await server.start()
 
     async def _secure(self, server: Any) -> None:
-        """Which connections are taken, and what may be asked."""
+        """Restrict connections and requests."""
         policies = [ua.SecurityPolicyType.NoSecurity]
         if self._security is not None:
             policies = [
@@ -168,10 +163,10 @@ class DeviceHealth:
         for module, (health, text) in self._nodes.items():
             mine = [e for e in active if e.active and module in ("", e.module)]
             worst = next((s for s in STATUS if any(e.status == s for e in mine)), "ok")
-            said = "; ".join(one_line(e.text) for e in mine if e.status == worst)
+            message = "; ".join(one_line(e.text) for e in mine if e.status == worst)
             for node, value in (
                 (health, ua.Variant(HEALTH[worst], ua.VariantType.Int32)),
-                (text, ua.Variant(said, ua.VariantType.String)),
+                (text, ua.Variant(message, ua.VariantType.String)),
             ):
                 now = datetime.now(UTC)
                 await node.write_value(
@@ -180,24 +175,28 @@ class DeviceHealth:
 
 
 class _Readers:
-    """Whoever gets in is a plain user; asyncua's own manager takes anybody named admin for one."""
+    """All clients are plain users; asyncua's own manager makes anyone named admin an admin."""
 
     def get_user(self, *_: Any, **__: Any) -> Any:
         return User(role=UserRole.User)
 
 
 class _ReadOnly:
-    """Requests that change nothing."""
+    """Allows requests that change nothing."""
 
     def __init__(self) -> None:
-        self._allowed = {ua.NodeId(kind) for kind in USER_TYPES if kind not in _CHANGES}
+        changes = {
+            ua.ObjectIds.WriteRequest_Encoding_DefaultBinary,
+            ua.ObjectIds.CallRequest_Encoding_DefaultBinary,
+        }
+        self._allowed = {ua.NodeId(kind) for kind in USER_TYPES if kind not in changes}
 
     def check_validity(self, user: Any, kind: Any, body: Any) -> bool:
         return kind in self._allowed
 
 
 async def _device_types(server: Any, devices: int) -> Any:
-    """The types of OPC 10000-100 that are used here; gives `IDeviceHealthType`."""
+    """Add the types of OPC 10000-100 that are used here; returns `IDeviceHealthType`."""
     kind = await server.nodes.enum_data_type.add_data_type(
         ua.NodeId(_ENUMERATION, devices), ua.QualifiedName("DeviceHealthEnumeration", devices)
     )
@@ -221,6 +220,6 @@ async def _device_types(server: Any, devices: int) -> Any:
 
 
 def _content(file: Path) -> tuple[bytes, str]:
-    """A certificate or key, and its form."""
+    """A certificate or key, and its format."""
     content = bytes_of(file, limits.LARGEST_CERTIFICATE)
     return content, "pem" if content.lstrip().startswith(b"-----BEGIN") else "der"

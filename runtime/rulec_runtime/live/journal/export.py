@@ -1,4 +1,4 @@
-"""What a journal holds, for other programs: a table or JSON, written as it is read."""
+"""Export a journal as a table or JSON, written while it is read."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ _COLUMNS = (
 
 
 def csv_pieces(entries: Iterable[Entry]) -> Iterator[str]:
-    """A table with a row per event; times in s and UTC, degrees in the unit that stands there."""
+    """A table with a row per event; times in s and UTC, degrees in the unit of the row."""
     yield row_of(_COLUMNS) + "\n"
     for entry in entries:
-        record = {"plant": entry.plant, **record_of(entry.event, _dated(entry)), **_noted(entry)}
+        record = {"plant": entry.plant, **record_of(entry.event, entry.dated), **_noted(entry)}
         pairs = record["alternatives"]
         record["alternatives"] = "; ".join(f"{name} {_cell(share)}" for name, share in pairs)
         yield row_of(_cell(record[name]) for name in _COLUMNS) + "\n"
 
 
 def json_pieces(entries: Iterable[Entry]) -> Iterator[str]:
-    """``{"events": [...]}``, an event a line."""
+    """``{"events": [...]}`` with an event per line."""
     yield '{"events": ['
     before = "\n"
     for entry in entries:
-        form = {**form_for(entry.event, entry.plant, _dated(entry)), **_noted(entry)}
+        form = {**form_for(entry.event, entry.plant, entry.dated), **_noted(entry)}
         yield before + json.dumps(form, ensure_ascii=False, allow_nan=False)
         before = ",\n"
     yield "\n]}\n"
 
 
 def put(target: str, pieces: Iterable[str]) -> None:
-    """Write to a file as a whole, or to standard output for ``-``."""
+    """Write to a file as a whole, or to standard output (``-``)."""
     if target == "-":
         for piece in pieces:
             write_machine_text(piece)
@@ -51,17 +51,13 @@ def put(target: str, pieces: Iterable[str]) -> None:
             file.write(machine_text(piece))
 
 
-def _dated(entry: Entry) -> bool:
-    return entry.iso is not None
-
-
 def _noted(entry: Entry) -> dict[str, str | None]:
     at = None if entry.at is None else iso(entry.at)
     return {"acknowledged_by": entry.by, "acknowledged_at": at}
 
 
 def _cell(value: Any) -> str:
-    """A value as a cell, on one line; nothing for None."""
+    """A value as a cell on one line, empty for None."""
     if value is None:
         return ""
     if isinstance(value, bool):

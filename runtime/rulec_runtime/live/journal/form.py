@@ -1,4 +1,4 @@
-"""Events as records of a table and as JSON: the same whenever they come, to be compared."""
+"""Events as records of a table and as JSON; equal events have equal records."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UTC = Calendar(0.0, ((-math.inf, 0.0),))
 """Times of a dated source."""
 
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
-"""Characters that no database of text keeps: null, and halves of pairs."""
+"""Characters that databases do not store: null, and lone surrogates."""
 
 _TEXTS = ("kind", "subject", "module", "status", "unit", "action")
 _NUMBERS = ("since", "until", "degree", "lower", "upper", "probability")
@@ -29,8 +29,8 @@ _NUMBERS = ("since", "until", "degree", "lower", "upper", "probability")
 
 @dataclass(frozen=True)
 class Entry:
-    """An event of a plant; `iso` is its time in UTC, None where times have no date. Who has taken
-    note of its episode, and when, s since 1970; None if nobody has."""
+    """An event of a plant; `iso` is its time in UTC, None without dates; `by` and `at` are who
+    acknowledged its episode, and when, s since 1970, or None."""
 
     plant: str
     event: Event
@@ -38,11 +38,16 @@ class Entry:
     by: str | None
     at: float | None
 
+    @property
+    def dated(self) -> bool:
+        """Whether times are s since 1970."""
+        return self.iso is not None
+
 
 def record_of(event: Event, dated: bool) -> Record:
     """An event with its episode; `dated` if times are s since 1970 in UTC.
 
-    `text` says what is new, `told` what the episode is. A number that is not finite is None.
+    `text` says what is new, `told` describes the episode. A number that is not finite is None.
     """
     episode = event.episode
     if not math.isfinite(event.time):
@@ -63,7 +68,7 @@ def record_of(event: Event, dated: bool) -> Record:
 
 
 def event_of(record: Record) -> Event:
-    """The event of a record; raises `JournalRefused` if it is none."""
+    """The event of a record; raises `JournalRefused` for an invalid one."""
     try:
         number, active = record["number"], record["active"]
         if type(number) is not int or type(active) is not bool:
@@ -91,7 +96,7 @@ def event_of(record: Record) -> Event:
 
 
 def other_content(place: str, plant: str, number: int, kept: Record, new: Record) -> JournalRefused:
-    """What to say where another event of this number is kept already."""
+    """The refusal of an event whose number another event already has."""
     return JournalRefused(
         f"{place} holds another event {number} of {plant}: '{kept['text']}' at "
         f"{moment(kept)}, now '{new['text']}' at {moment(new)}; this watcher started from another "
@@ -100,13 +105,13 @@ def other_content(place: str, plant: str, number: int, kept: Record, new: Record
 
 
 def form_for(event: Event, plant: str, dated: bool) -> Record:
-    """An event as JSON data, as everywhere else; texts and numbers as they can be kept."""
+    """An event as JSON data, with texts and numbers that can be stored."""
     form: Record = _data(form_of(event, plant, UTC if dated else None))
     return form
 
 
 def event_from(form: Record) -> Event:
-    """The event of such JSON data; raises `JournalRefused` if it is none."""
+    """The event of such JSON data; raises `JournalRefused` for invalid data."""
     try:
         episode = form["episode"]
         record = {**episode, "episode": episode["id"], "told": episode["text"]}
@@ -118,7 +123,7 @@ def event_from(form: Record) -> Event:
 
 
 def json_line(form: Record) -> str:
-    """JSON data as one line, in which nothing steers a terminal."""
+    """JSON data as one line that cannot control a terminal."""
     return machine_text(json.dumps(form, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
@@ -128,7 +133,7 @@ def moment(record: Record) -> str:
 
 
 def iso(time: float) -> str | None:
-    """ISO 8601 in UTC; None where the calendar ends.
+    """ISO 8601 in UTC; None beyond the calendar.
 
     >>> iso(1.5), iso(1e30)
     ('1970-01-01T00:00:01.500+00:00', None)
@@ -140,12 +145,12 @@ def iso(time: float) -> str | None:
 
 
 def name_of(text: str) -> str:
-    """The name of a person or a watcher as it is kept."""
+    """The name of a person or a watcher as it is stored."""
     return keepable(text)[: limits.LONGEST_NAME]
 
 
 def keepable(text: str) -> str:
-    """A text as it is kept: without what no database takes, and with an end."""
+    """A text as it is stored: truncated, and without invalid characters."""
     return _UNKEPT.sub(SHOWN_INSTEAD, text)[: limits.LONGEST_TEXT]
 
 

@@ -1,4 +1,4 @@
-"""Events as lines of JSON in a file, and the state of a watch in another, without a database."""
+"""Events as JSON lines in a file, and the state of a watch in another, without a database."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.write_file import write_data
 
 _BEGINS = b'{"plant": "'
-"""How each line of ours begins, also one that was not finished."""
+"""Beginning of each line of ours, also of an unfinished one."""
 
 
 class LinesFile:
-    """A file with a line per event; each on the disk before it counts, none of them twice.
+    """A file with a line per event; each is synced to the disk, and none occurs twice.
 
-    Raises `JournalRefused` for a file of something else, or one that another process writes.
+    Raises `JournalRefused` for a foreign file, or one that another process writes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,8 +38,7 @@ class LinesFile:
         return self._last.get(plant, 0)
 
     def after(self, plant: str, number: int) -> list[Event]:
-        """Events of a plant that have a larger number. Raises `JournalRefused` for a line that is
-        none."""
+        """Events of a plant with a larger number. Raises `JournalRefused` for an invalid line."""
         found = [
             record
             for other, record in self._records(self._file)
@@ -50,8 +49,8 @@ class LinesFile:
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
-        """Add events that are not there yet; states are not kept. Raises `JournalTrouble` if the
-        disk is full, `JournalRefused` for another event of a number that is taken."""
+        """Add new events; states are not stored. Raises `JournalTrouble` if the disk is full,
+        `JournalRefused` for another event with a number that is taken."""
         forms = {event.number: form_for(event, plant, dated) for event in events}
         if not forms:
             return
@@ -61,8 +60,11 @@ class LinesFile:
                 moved.close()
             last = self.last(plant)
             if min(forms) <= last:
-                self._check_known(plant, forms)
-            # What is known and not in this file is in one that was moved away.
+                for other, record in self._records(self._file):
+                    number = record["number"]
+                    if other == plant and record != forms.get(number, record):
+                        raise other_content(self.place, plant, number, record, forms[number])
+            # Known events that are not in this file are in one that was moved away.
             if new := [n for n in sorted(forms) if n > last]:
                 self._file.add("".join(json_line(forms[n]) for n in new))
         except OSError as error:
@@ -70,13 +72,13 @@ class LinesFile:
         self._last[plant] = max([last, *new])
 
     def close(self) -> None:
-        """Let others write."""
+        """Release the file for other processes."""
         self._file.close()
 
     def _opened(self) -> Appended:
-        """The file, if it is one of ours; what a killed process left unfinished goes.
+        """Open the file and remove a partial line that a killed process left.
 
-        Raises OSError where it cannot be opened now."""
+        Raises OSError if it cannot be opened now, `JournalRefused` if it is not ours."""
         try:
             file = Appended(self._path)
         except BlockingIOError:
@@ -92,12 +94,6 @@ class LinesFile:
             file.close()
             raise
         return file
-
-    def _check_known(self, plant: str, forms: dict[int, Record]) -> None:
-        for other, record in self._records(self._file):
-            number = record["number"]
-            if other == plant and record != forms.get(number, record):
-                raise other_content(self.place, plant, number, record, forms[number])
 
     def _records(self, file: Appended) -> Iterator[tuple[str, Record]]:
         for i, line in enumerate(file.lines(limits.LONGEST_LINE), start=1):
@@ -116,22 +112,21 @@ class LinesFile:
 
 
 class Files:
-    """Lines of events, then the file of the state behind them; at least one of the two.
+    """A file of events, and one of the state after them; at least one of the two.
 
-    A sink of an outbox: each is on the disk when `commit` returns. After a kill between the two
-    the next watch catches up with the events.
+    A sink of an outbox: `commit` syncs both to the disk, events first. If the process is killed in
+    between, the next watch restores the events.
     """
 
     def __init__(self, lines: LinesFile | None, state: Path | None) -> None:
         self.lines, self.state = lines, state
         self.place = str(state) if lines is None else lines.place
-        """What it is, for people."""
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
-        """Add what is not there yet. Raises `JournalTrouble` where the disk is full,
-        `JournalRefused` for another event of a number that is taken."""
+        """Add new events and replace the state. Raises `JournalTrouble` if the disk is full,
+        `JournalRefused` for another event with a number that is taken."""
         if self.lines is not None:
             self.lines.commit(plant, events, None, dated=dated)
         if self.state is not None and state is not None:

@@ -1,4 +1,4 @@
-"""A journal as a table for people: what is active first, then what was told, newest first."""
+"""A journal as a table for people: active episodes first, then events, newest first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec_runtime.report.wording import STATUS
 
 
 def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: bool) -> None:
-    """Print it; `several` plants are named with each line."""
+    """Print the table; with `several` plants each line names its plant."""
     worst = next((s for s in STATUS if any(e.event.episode.status == s for e in active)), "ok")
     symbol, meaning = STATUS[worst]
     if active:
@@ -27,14 +27,13 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
     for entry in sorted(active, key=_rank):
         _active(out, entry, several)
     if past:
-        _told(out, past, several)
+        _events(out, past, several)
     noted = {(e.plant, e.event.episode.id): e for e in (*past, *active) if e.by is not None}
     if noted:
         _acknowledged(out, list(noted.values()), several)
 
 
-def _told(out: Console, past: Sequence[Entry], several: bool) -> None:
-    """Events, newest first."""
+def _events(out: Console, past: Sequence[Entry], several: bool) -> None:
     zone = "times in UTC" if past[-1].iso is not None else "times in s"
     out.print(styled("\n[bold]Told[/] [dim]newest first, {}[/]", zone))
     table = Table.grid(padding=(0, 2))
@@ -54,7 +53,6 @@ def _told(out: Console, past: Sequence[Entry], several: bool) -> None:
 
 
 def _acknowledged(out: Console, noted: Sequence[Entry], several: bool) -> None:
-    """Who took note of what, and when, the latest first."""
     out.print(styled("\n[bold]Acknowledged[/] [dim]newest first, times in UTC[/]"))
     for entry in sorted(noted, key=lambda e: -(e.at or 0.0)):
         one = entry.event.episode
@@ -75,7 +73,6 @@ def _rank(entry: Entry) -> tuple[int, float]:
 
 
 def _active(out: Console, entry: Entry, several: bool) -> None:
-    """An episode that has not ended: what, how much, since when, what to do, who knows."""
     episode = entry.event.episode
     size = ""
     if episode.kind == "fault":
@@ -107,7 +104,7 @@ def _named(entry: Entry, several: bool, text: str) -> str:
 
 
 def _moment(entry: Entry, time: float) -> tuple[str, str]:
-    """Date, empty where there are none, and time of day."""
+    """Date, empty without dates, and time of day."""
     if entry.iso is not None:
         try:
             date = datetime.fromtimestamp(time, UTC)

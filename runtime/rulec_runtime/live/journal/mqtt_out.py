@@ -1,8 +1,8 @@
-"""Events for an MQTT broker: each as a message, and the plant's status as a retained one.
+"""Publish events and the retained status of a plant to an MQTT broker.
 
-Topics are `rulec/PLANT/events` and `rulec/PLANT/status`, or another path before the plant. An event
-is confirmed by the broker before it counts (QoS 1); a subscriber that gets one twice knows it by
-its number. When the connection breaks, the broker itself says that the status is unknown.
+Topics are `rulec/PLANT/events` and `rulec/PLANT/status`, or another path before the plant. The
+broker confirms each event (QoS 1); a subscriber recognizes duplicates by their number. When the
+connection breaks, the broker itself publishes an unknown status (its last will).
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _UNKNOWN = json.dumps({"status": "unknown", "text": "nobody watches"})
 
 
 class MqttOut:
-    """A connection to ``mqtt://host:port`` or ``mqtts://host:port``, which comes back by itself; a
-    path behind it stands in the topics in place of ``rulec``.
+    """A connection to ``mqtt://host:port`` or ``mqtts://host:port``, which reconnects by itself; a
+    path in the URL replaces ``rulec`` in the topics.
 
-    `say` gets a line for people where a certificate is not trusted. Raises `JournalRefused` for a
-    URL or plant that cannot be used, and for a password that would travel readable.
+    `say` gets a line for people if a certificate is not trusted. Raises `JournalRefused` for an
+    unusable URL or plant, and for a password that would be sent in plain text.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class MqttOut:
         except ValueError:
             host = port = None
         if not host or parts.scheme not in _PORTS or port is None or parts.username is not None:
-            # The text is not shown: it may hold a password.
+            # The text is not shown, as it may contain a password.
             raise JournalRefused(
                 "an MQTT broker is named mqtt://HOST:PORT or mqtts://HOST:PORT, without a user"
             )
@@ -66,7 +66,7 @@ class MqttOut:
             raise JournalRefused(f"the password for {host} would travel readable; write mqtts://")
         self.place = f"{parts.scheme}://{host}:{port}"
         self.sessions = 0
-        """How often the broker has taken us; it tells by itself that one has ended."""
+        """Number of accepted connections; after each, the status must be published again."""
         self._say, self._distrusted = say, False
         self._topic = f"{before}/{plant}"
         self._last = 0
@@ -78,7 +78,7 @@ class MqttOut:
         if parts.scheme == "mqtts":
             try:
                 if authorities:
-                    opened(authorities).close()  # the library would wait for a pipe
+                    opened(authorities).close()  # refuses a pipe, for which the library would wait
                 client.tls_set(ca_certs=authorities)
             except OSError as error:
                 raise JournalRefused(f"{authorities}: {error.strerror or error}") from None
@@ -90,14 +90,14 @@ class MqttOut:
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
-        """Send events that were not sent yet; states are not. Raises `JournalTrouble` while the
-        broker does not confirm them."""
+        """Send new events, without states. Raises `JournalTrouble` while the broker does not
+        confirm them."""
         new = [event for event in events if event.number > self._last]
         if new and not self._client.is_connected():
             raise JournalTrouble(f"{self.place}: no connection")
         for event in new:
             if event.number not in self._sent:
-                # What is handed over once is sent again by the client itself.
+                # The client itself repeats messages that were published once.
                 text = json_line(form_for(event, plant, dated)).rstrip()
                 topic = f"{self._topic}/events"
                 self._sent[event.number] = self._client.publish(topic, text, qos=1)
@@ -107,8 +107,8 @@ class MqttOut:
             self._last = event.number
 
     def show(self, status: str, active: int, time: float | None, dated: bool) -> None:
-        """The plant's status from now on: a letter of NE 107 or ``ok``, how many episodes are
-        active, and the time of the last row, s. Raises `JournalTrouble`."""
+        """Publish the status: a letter of NE 107 or ``ok``, the number of active episodes, and the
+        time of the last row, s. Raises `JournalTrouble`."""
         date = iso(time) if dated and time is not None else None
         text = json.dumps({"status": status, "active": active, "time": time, "date": date})
         if not self._client.is_connected():
@@ -116,7 +116,7 @@ class MqttOut:
         self._client.publish(f"{self._topic}/status", machine_text(text), qos=1, retain=True)
 
     def close(self) -> None:
-        """Say that nobody watches any more, and go."""
+        """Publish that nobody watches any more, and disconnect."""
         if self._client.is_connected():
             self._confirmed(self._client.publish(f"{self._topic}/status", _UNKNOWN, 1, True))
         self._client.disconnect()
@@ -129,7 +129,7 @@ class MqttOut:
             self._say(f"{self.place}: the broker refuses: {code.getName()}")
 
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
-        """Called while paho handles what went wrong: it hands over no reason."""
+        """paho passes no reason, but calls this while it handles the exception."""
         error = sys.exc_info()[1]
         if isinstance(error, ssl.SSLError) and self._say is not None and not self._distrusted:
             self._distrusted = True
@@ -141,5 +141,5 @@ class MqttOut:
             if sent.is_published():
                 return
         except (RuntimeError, ValueError):
-            pass  # not sent for now: no connection, or too much waits
+            pass  # not sent yet: no connection, or the queue is full
         raise JournalTrouble(f"{self.place}: the broker does not confirm what was sent")

@@ -1,4 +1,4 @@
-"""Acknowledgements on their way to the journal and back: who took note of what, and when."""
+"""Acknowledgements on their way to the journal and back."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 class Notes:
-    """Writes in a thread of its own, so nobody who acknowledges waits for the database.
+    """Writes acknowledgements in its own thread, so that nobody waits for the database.
 
-    What waits is kept in a file beside that of the outbox before `put` returns, so it outlives
-    this process; what one before has left there is written first. `seen` gets the ids of all
-    episodes of the plant that somebody has taken note of, also by `rulec journal`: at once, and
-    again when they have changed. An episode that is not in the journal yet is waited for, as long
-    as its events wait in the outbox. Raises `JournalRefused` if the file cannot be read.
+    `put` first saves them in a file beside that of the outbox, so they survive the process; those
+    of an earlier process are written first. `seen` gets the ids of all acknowledged episodes of the
+    plant, including those acknowledged by `rulec journal`: at once, and after each change. An
+    acknowledgement waits while the events of its episode wait in the outbox. Raises
+    `JournalRefused` if the file cannot be read.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Notes:
         self._thread.start()
 
     def put(self, episode: str, by: str) -> None:
-        """Somebody takes note of an episode now; returns at once."""
+        """Acknowledge an episode; returns at once."""
         with self._changed:
             if all(episode != note.episode for note in self._waiting):
                 self._waiting.append(Note(episode, by, time.time()))
@@ -57,7 +57,7 @@ class Notes:
             self._changed.notify_all()
 
     def close(self) -> int:
-        """Write what waits if the database answers; how many could not be written."""
+        """Write what waits if the database answers; returns how many could not be written."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -69,9 +69,12 @@ class Notes:
             with self._changed:
                 closing = self._closing
             wait = limits.RENEWED
-            with suppress(JournalTrouble):  # tried again later; the outbox tells of it
+            with suppress(JournalTrouble):  # retried later; the outbox reports it
                 wait = self._write()
-                self._read()
+                known = self._journal.acknowledged(self._plant)
+                if known != self._known:
+                    self._known = known
+                    self._seen(known)
             if closing:
                 return
             with self._changed:
@@ -79,7 +82,7 @@ class Notes:
                     self._changed.wait(wait)
 
     def _write(self) -> float:
-        """What waits, one by one; s until it makes sense to try again."""
+        """Write what waits, one by one; returns the s until the next attempt."""
         for _ in range(len(self._waiting)):
             note = self._waiting[0]
             try:
@@ -95,11 +98,5 @@ class Notes:
 
     def _keep(self) -> None:
         if self.file is not None:
-            with suppress(OSError):  # where the disk is full here as well, memory has it all
+            with suppress(OSError):  # if this disk is full as well, memory still has everything
                 spill_notes(self.file, self._plant, self._waiting)
-
-    def _read(self) -> None:
-        known = self._journal.acknowledged(self._plant)
-        if known != self._known:
-            self._known = known
-            self._seen(known)

@@ -1,7 +1,7 @@
-"""Events on their way to a sink that may be full or gone: nothing lost, nothing twice.
+"""Events on their way to a sink that may be full or gone: none is lost, none is written twice.
 
-A thread of its own writes, so the diagnosis never waits. While a sink cannot be written, what waits
-is kept in memory and in a file beside it, and it is tried again and again.
+A separate thread writes, so the diagnosis never waits. While the sink fails, events wait in memory
+and in a file beside it, and the write is retried.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from rulec_runtime.report.text import counted
 
 
 class Sink(Protocol):
-    """Somewhere that events are kept; what comes again is kept once."""
+    """A destination of events, which ignores repeated ones."""
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
-        """Keep all or nothing. Raises `JournalTrouble` where it may work later, `JournalRefused`
-        where it never will."""
+        """Store all or nothing. Raises `JournalTrouble` if it may work later, `JournalRefused` if
+        it never will."""
 
     @property
     def place(self) -> str:
-        """What it is, for people."""
+        """Its name, for people."""
 
 
 class Outbox:
-    """What waits for one sink.
+    """The queue of one sink.
 
-    `say` gets lines for people, once per trouble, from another thread. `file` is where what waits
-    outlives this process; what one before has left there is written first. Raises `JournalRefused`
-    if that cannot be read.
+    `say` gets lines for people, once per trouble, from another thread. `file` saves what waits
+    beyond the end of the process; the rest of an earlier process is written first. Raises
+    `JournalRefused` if that cannot be read.
     """
 
     def __init__(
@@ -57,12 +57,12 @@ class Outbox:
         self.file, self._clock = file, clock
         left = Pending(dated=dated) if file is None else waiting(file, plant)
         self.dated = left.dated if left.events else dated
-        """Are times of events s since 1970? A source may know that from its first rows on."""
+        """Whether times are s since 1970; a source may know that only from its first rows on."""
         self._events: list[Event] = list(left.events)
         self._state = left.state
         self._spilled = bool(left.events)
-        self._changes = self._kept = 0  # counts what was put; how much of it is in the file
-        self._trouble: float | None = None  # since when, by the clock
+        self._changes = self._kept = 0  # number of calls of `put`; how many of them are in the file
+        self._trouble: float | None = None  # since when the sink fails, by the clock
         self._wait = limits.FIRST_RETRY
         self._due = self._spill_due = self._written = clock()
         self._ends = float("inf")
@@ -72,34 +72,34 @@ class Outbox:
 
     @property
     def left(self) -> tuple[int, bytes] | None:
-        """The state that waits to be written and the number of the last event before it: a watcher
-        that starts goes on from there, unless that of the sink is newer. None if none waits."""
+        """The pending state and the number of the last event before it; None without one. A watcher
+        starts from it, unless the state of the sink is newer."""
         with self._changed:
             state = self._state
             return (self._events[-1].number, state) if self._events and state is not None else None
 
     @property
     def place(self) -> str:
-        """What it writes to, for people."""
+        """Name of the sink, for people."""
         return self._sink.place
 
     @property
     def newest(self) -> int:
-        """Number of the last event that waits; 0 if none does."""
+        """Number of the last pending event; 0 without one."""
         with self._changed:
             return self._events[-1].number if self._events else 0
 
     @property
     def pending(self) -> int:
-        """How many events wait to be written."""
+        """Number of pending events."""
         with self._changed:
             return len(self._events)
 
     def put(self, events: Sequence[Event], state: bytes | None = None) -> None:
-        """Hand over events, and the state after them; returns at once.
+        """Add events, and the state after them; returns at once.
 
-        Raises `JournalRefused` if the sink takes nothing any more, `JournalTrouble` if so much
-        waits already that no more is taken.
+        Raises `JournalRefused` if the sink has refused for good, `JournalTrouble` if the queue is
+        full.
         """
         with self._changed:
             if self._refused is not None:
@@ -115,22 +115,21 @@ class Outbox:
             self._changed.notify_all()
 
     def settle(self, patience: float = limits.BUSY) -> None:
-        """Wait until all that was put is written, or it is known that it must wait."""
-
-        def settled() -> bool:
-            return self._idle() or self._trouble is not None or self._refused is not None
-
+        """Wait until everything is written, or the sink fails."""
         with self._changed:
-            self._changed.wait_for(settled, patience)
+            self._changed.wait_for(
+                lambda: self._idle() or self._trouble is not None or self._refused is not None,
+                patience,
+            )
 
     def start(self) -> None:
-        """Write in a thread of its own from now on."""
+        """Start the thread that writes."""
         self._thread = Thread(target=self._run, name="journal", daemon=True)
         self._thread.start()
 
     def close(self, patience: float = limits.BUSY) -> int:
-        """Write what waits, as far as that works within so many seconds; how many events wait on in
-        the file."""
+        """Write what waits as far as possible within so many seconds; returns the number of events
+        that are still pending."""
         with self._changed:
             self._due, self._wait = self._clock(), limits.FIRST_RETRY
             self._ends = self._due + patience
@@ -142,7 +141,7 @@ class Outbox:
         return self.pending
 
     def step(self) -> float:
-        """One try, if it is time for one; s until the next one."""
+        """Try to write, if that is due; returns the s until the next attempt."""
         now = self._clock()
         with self._changed:
             pending = Pending(tuple(self._events), self._state, self.dated)
@@ -151,7 +150,7 @@ class Outbox:
         if idle or self._refused is not None:
             return limits.RENEWED
         if self._trouble is not None:
-            self._keep(pending, changes)  # before a try that may take long
+            self._keep(pending, changes)  # before an attempt that may take long
         if now >= self._due:
             try:
                 self._sink.commit(self._plant, pending.events, pending.state, dated=pending.dated)
@@ -159,7 +158,7 @@ class Outbox:
                 self._failed(str(error), now)
             except JournalRefused as error:
                 self._stopped(str(error))
-            except Exception as error:  # a bug of ours must not end the diagnosis, nor be silent
+            except Exception as error:  # a bug of ours must neither end the diagnosis nor be silent
                 self._stopped(f"{self.place}: {type(error).__name__}: {error}")
             else:
                 self._done(pending, changes, now)
@@ -171,14 +170,14 @@ class Outbox:
     def _run(self) -> None:
         while True:
             with self._changed:
-                seen = self._changes
+                changes = self._changes
             wait = self.step()
             with self._changed:
                 closing = self._ends < float("inf")
                 over = self._idle() or self._refused is not None or self._clock() >= self._ends
                 if closing and over:
                     return
-                if self._changes == seen:
+                if self._changes == changes:
                     self._changed.wait(min(wait, limits.FIRST_RETRY) if closing else wait)
 
     def _idle(self) -> bool:
@@ -210,7 +209,7 @@ class Outbox:
             self._changed.notify_all()
         self._written = now
         if self._spilled and self.file is not None:
-            with suppress(OSError):  # what stands there is written again, which changes nothing
+            with suppress(OSError):  # its events would be written again, which changes nothing
                 self.file.unlink(missing_ok=True)
                 self._spilled = False
         if self._trouble is not None:
@@ -220,14 +219,14 @@ class Outbox:
             self._say(f"{self.place}: written again after {lasted}{what}")
 
     def _keep(self, pending: Pending, changes: int) -> None:
-        """What waits goes into the file, as a whole, as often as that takes little of the time."""
+        """Save what waits in the file as a whole, but only as often as that takes little time."""
         began = self._clock()
         if self.file is None or not pending.events or self._kept == changes:
             self._kept = changes
             return
         if began < self._spill_due:
             return
-        with suppress(OSError):  # where the disk is full here as well, memory has it all
+        with suppress(OSError):  # if this disk is full as well, memory still has everything
             spill(self.file, self._plant, pending)
             self._spilled = True
             self._kept = changes

@@ -1,4 +1,4 @@
-"""Why an event cannot be kept: for good, or for now."""
+"""Permanent and temporary failures of a journal."""
 
 from __future__ import annotations
 
@@ -8,18 +8,15 @@ from rulec_runtime.output.refusal import Refusal, to_install
 
 
 class JournalRefused(Refusal):
-    """A journal cannot be used, or not so; the message says why and what to do."""
+    """A journal cannot be used, or not in this way; the message says why and what to do."""
 
 
 class JournalTrouble(Refusal):
-    """Something that may pass: a full disk, a server that is gone. What was to be kept is not kept
-    and can be handed over again; the message is for people."""
+    """A failure that may pass, such as a full disk or a lost server. Nothing was stored, and the
+    call can be repeated; the message is for people."""
 
 
 def needs(package: str, extra: str) -> None:
-    """To be called before what imports a package that an extra of rulec-runtime brings.
-
-    Raises `JournalRefused` if it is not installed.
-    """
+    """Raises `JournalRefused` if a package of an extra of rulec-runtime is not installed."""
     if find_spec(package) is None:
         raise JournalRefused(f"this needs the package '{package}': {to_install(extra)}")

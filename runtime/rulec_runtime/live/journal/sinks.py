@@ -1,4 +1,4 @@
-"""Where a watch tells what it finds; each sink keeps or shows it in its own way."""
+"""Sinks of a watch: each stores or shows events in its own way."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ if TYPE_CHECKING:
 
 
 class WatchSink(Protocol):
-    """Somewhere that a watch tells what it finds."""
+    """A destination of the results of a watch."""
 
     def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
-        """Events of the rows that were judged last, and what is remembered after them.
+        """Take the events of the last rows, and the state after them.
 
-        Raises `JournalRefused` or `JournalTrouble` where the watch must not go on without it.
+        Raises `JournalRefused` or `JournalTrouble` if the watch must not continue without the sink.
         """
 
     def show(self, now: Now) -> None:
-        """This is how the plant stands now; called several times a second, returns soon."""
+        """Show the present state of the plant; called several times a second, returns soon."""
 
 
 class KeptSink:
-    """What keeps events and state, by way of an outbox: the watch does not go on where that takes
-    nothing any more.
+    """Stores events and state through an outbox; the watch ends if that accepts no more.
 
-    Events up to number `written` are there already. If it `waits`, they are on the disk before the
-    next row is judged, unless they must wait.
+    Events up to number `written` are already stored. If it `waits`, events are on the disk before
+    the next row is judged, unless the sink fails.
     """
 
     def __init__(self, outbox: Outbox, written: int = 0, *, waits: bool = False) -> None:
@@ -52,9 +51,9 @@ class KeptSink:
 
 
 class MqttSink:
-    """A broker: events by way of an outbox, the status when it changes and now and then.
+    """A broker: events through an outbox, the status after each change and periodically.
 
-    Whatever becomes of the broker, the watch goes on.
+    The watch continues whatever happens to the broker.
     """
 
     def __init__(self, broker: MqttOut, outbox: Outbox, say: Callable[[str], None]) -> None:
@@ -83,12 +82,12 @@ class MqttSink:
         try:
             self._broker.show(now.status, len(now.active), now.time, self._dated)
         except JournalTrouble:
-            return  # the outbox tells of it; it is shown when the connection stands
+            return  # the outbox reports it; the status is shown after the next connection
         self._shown, self._due = status, clock + limits.RENEWED
 
 
 class HealthSink:
-    """An OPC UA server that says how each module is."""
+    """An OPC UA server for the health of each module."""
 
     def __init__(self, server: DeviceHealth) -> None:
         self._server = server
@@ -98,11 +97,11 @@ class HealthSink:
         pass
 
     def show(self, now: Now) -> None:
-        told = tuple((e.module, e.status, e.text) for e in now.active)
-        if not (now.active or now.judged) or (told, now.connected) == self._shown:
+        shown = (now.connected, *((e.module, e.status, e.text) for e in now.active))
+        if not (now.active or now.judged) or shown == self._shown:
             return
         try:
             self._server.show(now.active, now.connected)
         except JournalTrouble:
-            return  # tried again next time
-        self._shown = (told, now.connected)
+            return  # retried next time
+        self._shown = shown

@@ -1,4 +1,4 @@
-"""What waits to be written, in files: it outlives the process that could not write it."""
+"""Files for what waits to be written, so that it survives the process."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Note:
-    """Somebody has taken note of an episode, at a time, s since 1970."""
+    """An acknowledgement of an episode, `at` s since 1970."""
 
     episode: str
     by: str
@@ -32,7 +32,7 @@ class Note:
 
 @dataclass(frozen=True)
 class Pending:
-    """Events in order, and the watcher's state after the last of them; `dated` if times are s since
+    """Events in order, and the state of the watcher after the last; `dated` if times are s since
     1970."""
 
     events: tuple[Event, ...] = ()
@@ -41,18 +41,18 @@ class Pending:
 
 
 def spill_beside(path: Path, plant: str) -> Path:
-    """The usual place for what waits, beside a journal or a file of lines."""
+    """The usual path for what waits, beside a journal or a file of lines."""
     short = hashlib.sha256(plant.encode("utf-8", "replace")).hexdigest()[:8]
     return path.with_name(f"{path.name}.{short}.waiting.json")
 
 
 def notes_beside(file: Path) -> Path:
-    """The place for acknowledgements that wait, beside the events that do."""
+    """The path for pending acknowledgements, beside that of the events."""
     return file.with_name(file.name.replace(".waiting.", ".acknowledged."))
 
 
 def spill(file: Path, plant: str, pending: Pending) -> None:
-    """Write what waits, as a whole; raises OSError where that cannot be."""
+    """Save what waits, as a whole; raises OSError."""
     state, dated = pending.state, pending.dated
     data = {
         "plant": plant,
@@ -64,7 +64,7 @@ def spill(file: Path, plant: str, pending: Pending) -> None:
 
 
 def waiting(file: Path, plant: str) -> Pending:
-    """What was left to be written; nothing if the file is not there.
+    """What was saved; nothing if there is no file.
 
     Raises `JournalRefused` for a file of another plant, or one that somebody has changed.
     """
@@ -79,8 +79,7 @@ def waiting(file: Path, plant: str) -> Pending:
 
 
 def spill_notes(file: Path, plant: str, notes: Sequence[Note]) -> None:
-    """Write acknowledgements that wait; without any there is no file. Raises OSError where that
-    cannot be."""
+    """Save pending acknowledgements; removes the file without any. Raises OSError."""
     if not notes:
         file.unlink(missing_ok=True)
         return
@@ -88,7 +87,7 @@ def spill_notes(file: Path, plant: str, notes: Sequence[Note]) -> None:
 
 
 def waiting_notes(file: Path, plant: str) -> tuple[Note, ...]:
-    """Acknowledgements that were left to be written. Raises `JournalRefused` as `waiting` does."""
+    """The saved acknowledgements. Raises `JournalRefused` as `waiting` does."""
 
     def notes(data: Any) -> tuple[Note, ...]:
         return tuple(Note(str(episode), str(by), float(at)) for episode, by, at in data["notes"])
@@ -105,7 +104,7 @@ def _write(file: Path, data: dict[str, Any]) -> None:
 
 
 def _read(file: Path, plant: str, what: str, content: Callable[[Any], T]) -> T | None:
-    """What a file of ours holds; None if it is not there."""
+    """The content of a file of ours; None if there is no file."""
     try:
         data = read_json(file)
         if data["digest"] != digest_of(data):

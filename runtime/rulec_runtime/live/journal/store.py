@@ -1,6 +1,6 @@
-"""The journal: events and the watcher's state in one database, written in one transaction.
+"""The journal: events and the state of the watcher in one database, written in one transaction.
 
-SQLite in a file of its own, or PostgreSQL where plants share a server.
+SQLite in its own file, or PostgreSQL if plants share a server.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rulec_runtime.live.journal.watcher import Watcher, clock, insert
 
 @dataclass(frozen=True)
 class Saved:
-    """The watcher's state after event `number`, and when it was saved, s since 1970."""
+    """The state of the watcher after event `number`, and when it was saved, s since 1970."""
 
     number: int
     state: bytes
@@ -39,11 +39,11 @@ class Saved:
 
 
 def open_journal(where: str, *, make: bool = True, patient: bool = False) -> Journal:
-    """A journal at a path, ``sqlite:///FILE`` or ``postgresql+psycopg://...``.
+    """Open a journal at a path, ``sqlite:///FILE`` or ``postgresql+psycopg://...``.
 
-    It is made where there is none, unless `make` is False. Raises `JournalRefused` if something
-    else is there, and `JournalTrouble` if the database does not answer now, unless `patient`: what
-    is there is then looked at when it does.
+    A missing journal is created, unless `make` is False. Raises `JournalRefused` if something else
+    is there, and `JournalTrouble` if the database does not answer now, unless `patient`: then the
+    check follows when it answers.
     """
     engine, place = engine_of(where, make)
     journal = Journal(engine, place, make)
@@ -57,9 +57,9 @@ def open_journal(where: str, *, make: bool = True, patient: bool = False) -> Jou
 
 
 class Journal:
-    """An open journal; may be used by several threads.
+    """An open journal, for several threads.
 
-    All methods raise `JournalTrouble` where the database is gone or full; nothing is changed then.
+    All methods raise `JournalTrouble` if the database is gone or full, and then change nothing.
     """
 
     def __init__(self, engine: sa.Engine, place: str, make: bool) -> None:
@@ -70,7 +70,7 @@ class Journal:
         """Path or URL without the password, for people."""
 
     def check(self) -> None:
-        """What is there is a journal of ours. Raises `JournalRefused` if not."""
+        """Raises `JournalRefused` if the database is not a journal of ours."""
         with self._begun(reading=not self._make) as connection:
             checked(connection, self.place, self._make)
         if self._make:
@@ -79,7 +79,7 @@ class Journal:
 
     @contextmanager
     def transaction(self, reading: bool = False) -> Iterator[sa.Connection]:
-        """A connection whose changes are all kept at the end, or none of them."""
+        """A connection whose changes are committed at the end, all or none."""
         if not self._checked:
             self.check()
         with self._begun(reading) as connection:
@@ -94,28 +94,28 @@ class Journal:
 
     @property
     def is_there(self) -> bool:
-        """May it hold something? A file that is not there does not."""
+        """Whether it may contain something, which a missing file does not."""
         return "://" in self.place or Path(self.place).exists()
 
     def hold(self, plant: str) -> None:
-        """Watch a plant, or say that it is still watched; nobody else can until `release`, or the
-        end of this process. Raises `JournalRefused` while another one does."""
+        """Take the lease of a plant, or renew it; no other watcher can until `release`, or the end
+        of this process. Raises `JournalRefused` while another one holds it."""
         with self.transaction() as connection:
             self._me.held(connection, plant, self.place)
 
     def release(self, plant: str) -> None:
-        """Watch the plant no more."""
+        """Give up the lease of a plant."""
         with self.transaction() as connection:
             self._me.left(connection, plant)
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool = True
     ) -> None:
-        """Keep events, and the watcher's state after the last of them: all or nothing.
+        """Store events, and the state of the watcher after the last: all or nothing.
 
-        What is kept already may come again: nothing is written twice, and an older state does not
-        replace a newer one. `dated` if times are s since 1970 in UTC. Raises `JournalRefused`
-        for another event of a number that is taken, and while another one watches the plant.
+        Repeated events are ignored, and an older state does not replace a newer one. `dated` if
+        times are s since 1970 in UTC. Raises `JournalRefused` for another event with a number that
+        is taken, and while another process watches the plant.
         """
         with self.transaction() as connection:
             self._me.held(connection, plant, self.place)
@@ -144,19 +144,19 @@ class Journal:
             connection.execute(EVENTS.insert(), rows)
 
     def state(self, plant: str) -> Saved | None:
-        """The state that was kept last; None if none was."""
+        """The last saved state, or None."""
         with self.transaction(reading=True) as connection:
             row = connection.execute(sa.select(STATES).where(STATES.c.plant == plant)).one_or_none()
         return None if row is None else Saved(row.number, bytes(row.state), row.saved)
 
     def last(self, plant: str) -> int:
-        """Number of the last event; 0 if there is none. One of a live source may be beyond that of
-        the state, if it was kept without one."""
+        """Number of the last event; 0 without one. It may be larger than that of the state, if the
+        event was stored without a state."""
         with self.transaction(reading=True) as connection:
             return _last(connection, plant)
 
     def plants(self) -> tuple[str, ...]:
-        """Plants of which something was told."""
+        """Plants with events."""
         with self.transaction(reading=True) as connection:
             query = sa.select(EVENTS.c.plant).distinct().order_by(EVENTS.c.plant)
             return tuple(connection.execute(query).scalars())
@@ -172,10 +172,10 @@ class Journal:
         active: bool = False,
         limit: int | None = None,
     ) -> Iterator[Entry]:
-        """Events in order of time, read as they are asked for.
+        """Events in order of time, read lazily.
 
-        `since` and `until` bound the time of events, s; `active` gives the last event alone of
-        each episode, if that has not ended; `limit` the latest ones alone.
+        `since` and `until` bound the time of events, s; `active` selects the last event of each
+        episode that has not ended; `limit` selects the latest ones.
         """
         query = sa.select(EVENTS, ACKNOWLEDGED.c.by, ACKNOWLEDGED.c.at).outerjoin(
             ACKNOWLEDGED,
@@ -204,16 +204,16 @@ class Journal:
                 yield Entry(kept["plant"], event_of(kept), kept["iso"], kept["by"], kept["at"])
 
     def holds(self, plant: str, episode: str) -> bool:
-        """Was anything told of an episode?"""
+        """Whether there is an event of an episode."""
         there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == keepable(episode))
         with self.transaction(reading=True) as connection:
             return connection.execute(sa.select(EVENTS.c.number).where(there)).first() is not None
 
     def acknowledge(self, plant: str, episode: str, by: str, at: float | None = None) -> bool:
-        """Somebody has taken note of an episode; False if somebody had before, who stays.
+        """Acknowledge an episode; returns False, and changes nothing, if somebody had before.
 
-        `at` is when that was, s since 1970; now, where it is None. Raises `JournalRefused` if there
-        is no such episode.
+        `at` is the time, s since 1970; None for now. Raises `JournalRefused` if there is no such
+        episode.
         """
         who = name_of(by).strip()
         if not who:
@@ -228,13 +228,13 @@ class Journal:
             return new.first() is not None
 
     def acknowledged(self, plant: str) -> frozenset[str]:
-        """Ids of episodes that somebody has taken note of."""
+        """Ids of acknowledged episodes."""
         with self.transaction(reading=True) as connection:
             query = sa.select(ACKNOWLEDGED.c.episode).where(ACKNOWLEDGED.c.plant == plant)
             return frozenset(connection.execute(query).scalars())
 
     def close(self) -> None:
-        """Let go of the database."""
+        """Close all connections."""
         self._engine.dispose()
 
 

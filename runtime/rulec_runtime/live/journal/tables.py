@@ -71,12 +71,12 @@ _VERSION = sa.Table("rulec_journal", METADATA, sa.Column("version", sa.Integer, 
 
 
 def checked(connection: sa.Connection, place: str, make: bool) -> None:
-    """The tables are there and of this version; made in an empty database if `make`.
+    """Check that the tables exist in this version; creates them in an empty database if `make`.
 
-    Raises `JournalRefused` for a database of something else, or of another version.
+    Raises `JournalRefused` for a foreign database, or another version.
     """
     if connection.dialect.name == "postgresql":
-        # Two who come first at once: the second one waits and finds the tables.
+        # If two processes come first at once, the second waits and finds the tables.
         connection.execute(sa.text("SELECT pg_advisory_xact_lock(hashtext('rulec_journal'))"))
     there = set(sa.inspect(connection).get_table_names())
     if _VERSION.name not in there:

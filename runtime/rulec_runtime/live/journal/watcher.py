@@ -1,7 +1,7 @@
-"""Who watches a plant: one process at a time.
+"""The watcher of a plant: one process at a time.
 
-A row in the journal says who it is. Every transaction of a watcher looks at it first, so one that
-was taken for dead cannot write any more.
+A row in the journal names it. Every transaction of a watcher checks that row first, so a watcher
+that was presumed dead cannot write any more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _read(path: str) -> str:
 
 
 def _machine() -> str:
-    """Processes of the same machine can be looked at; a container is a machine of its own."""
+    """Identifies the machine, whose processes can be checked; a container counts as a machine."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -39,7 +39,7 @@ def _machine() -> str:
 
 
 def _process(pid: int | str) -> str:
-    """A process as nobody else will be: numbers are used again, with another time of start."""
+    """Unique id of a process: its number, which may be reused, with its start time."""
     fields = _read(f"/proc/{pid}/stat").rpartition(")")[2].split()
     return f"{pid} {fields[19]}" if len(fields) > 19 else f"{pid}"
 
@@ -53,9 +53,9 @@ class Watcher:
     process: str = field(default_factory=lambda: _process(os.getpid()))
 
     def held(self, connection: sa.Connection, plant: str, place: str) -> None:
-        """Within a transaction: this one watches the plant from now on, and nobody else does.
+        """Take or renew the lease of the plant, within a transaction.
 
-        Raises `JournalRefused` while another one does.
+        Raises `JournalRefused` while another watcher holds it.
         """
         now = clock(connection)
         mine = {
@@ -78,30 +78,27 @@ class Watcher:
         connection.execute(WATCHERS.update().where(WATCHERS.c.plant == plant).values(mine))
 
     def left(self, connection: sa.Connection, plant: str) -> None:
-        """The place is free for the next one."""
+        """Give up the lease."""
         mine = (WATCHERS.c.plant == plant) & (WATCHERS.c.token == self.token)
         connection.execute(WATCHERS.delete().where(mine))
 
     def _lives(self, row: sa.Row, now: float) -> bool:  # type: ignore[type-arg]
         if row.machine == self.machine and sys.platform == "linux":
             return bool(_process(row.process.partition(" ")[0]) == row.process)
-        # Far ahead is no lease but a clock that was set back.
+        # An expiry far ahead means that the clock was set back.
         return bool(now < row.expires <= now + 2 * limits.LEASE)
 
 
 def clock(connection: sa.Connection) -> float:
-    """Seconds since 1970 by the clock that all who use the database share."""
+    """Seconds since 1970 by the clock of the database, which all its users share."""
+    query = "SELECT (julianday('now') - 2440587.5) * 86400.0"
     if connection.dialect.name == "postgresql":
-        return float(
-            connection.execute(sa.text("SELECT extract(epoch FROM clock_timestamp())")).scalar_one()
-        )
-    return float(
-        connection.execute(sa.text("SELECT (julianday('now') - 2440587.5) * 86400.0")).scalar_one()
-    )
+        query = "SELECT extract(epoch FROM clock_timestamp())"
+    return float(connection.execute(sa.text(query)).scalar_one())
 
 
 def insert(connection: sa.Connection, table: sa.Table) -> sqlite.Insert | postgresql.Insert:
-    """An insert that knows what to do about a row that is there already."""
+    """An insert that supports `on_conflict`."""
     if connection.dialect.name == "postgresql":
         return postgresql.insert(table)
     return sqlite.insert(table)

@@ -1,1 +1,1 @@
-"""What an operator sees: the terminal, and the same as a web page."""
+"""Displays for the operator: the terminal, and a web page with the same content."""

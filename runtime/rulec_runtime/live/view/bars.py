@@ -1,4 +1,4 @@
-"""Residuals beside their thresholds, also where nothing is wrong."""
+"""Residuals with their thresholds, also without findings."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ class Bar:
 
     @property
     def beyond(self) -> bool:
-        """Has it left its threshold?"""
+        """Whether it exceeds its threshold."""
         return self.share > 1.0
 
     @property
     def words(self) -> str:
-        """What the bar shows."""
+        """The text of the bar."""
         return f"{self.share:.1f} × {'BEYOND' if self.beyond else 'within'}"
 
     @property
     def filled(self) -> float:
-        """Part of the bar that is filled, 0 to 1."""
+        """The filled part of the bar, 0 to 1."""
         return min(self.share / BAR_ENDS, 1.0)
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Residuals with a title that says of when they are; of many the largest, and how many more
-    there are; names of those that are not available."""
+    """The largest residuals with a title that says of when they are, the number of smaller ones,
+    and the names of those that are not available."""
 
     title: str
     bars: tuple[Bar, ...]
@@ -50,25 +50,25 @@ class Bars:
 
 
 def bars_of(now: Now) -> Bars | None:
-    """Residuals where active findings show most, or, without any, as they were last; None before
-    anything could be judged."""
+    """The residuals of active findings at their clearest, or without findings the latest ones; None
+    before anything could be judged."""
     if now.diagnosis is None:
         return None
     ruleset, latest = now.diagnosis.ruleset, now.diagnosis.latest
-    seen: dict[str, Evidence] = {}
+    found: dict[str, Evidence] = {}
     for episode in listed(now):
         finding = finding_of(now, episode)
         for evidence in finding.evidence if finding else ():
-            seen.setdefault(evidence.residual, evidence)
+            found.setdefault(evidence.residual, evidence)
     title = "Residuals where the findings show most"
-    if not seen and latest is not None:
-        seen = {evidence.residual: evidence for evidence in latest.residuals}
+    if not found and latest is not None:
+        found = {evidence.residual: evidence for evidence in latest.residuals}
         part = "settled stretch" if ruleset.dynamics is None else "windows"
         title = f"Residuals of the last {part}, until {moment(now.calendar, latest.until)}"
-    if not seen:
+    if not found:
         return None
     order = {r.id: i for i, r in enumerate(ruleset.residuals)}
-    ordered = sorted(seen.values(), key=lambda e: order.get(e.residual, len(order)))
+    ordered = sorted(found.values(), key=lambda e: order.get(e.residual, len(order)))
     usable = [e for e in ordered if e.verdict != "invalid" and e.threshold > 0.0]
     bars = [_bar(ruleset, evidence) for evidence in usable]
     largest = sorted(bars, key=lambda b: -b.share)[:LISTED]

@@ -1,4 +1,4 @@
-"""Parts of the terminal's picture, each a block of lines."""
+"""Blocks of lines that make up the screen."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rulec_runtime.report.terminal_story import COLOURS, explanation
 from rulec_runtime.report.wording import SHOWN
 
 BAR_CELLS = 18
-"""Length of the bar of a residual."""
+"""Length of the bar of a residual, in cells."""
 
 HELP = """\
 ✖ F failure: a device, or a reading of it, has failed
@@ -47,7 +47,7 @@ Degrees stand with their 95 % bounds."""
 
 
 def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
-    """Status of the whole and of each module, and whether rows come."""
+    """Status of the plant and of each module, and the connection."""
     symbol, letter, meaning = overall(now)
     status = " ".join(part for part in (symbol, letter, meaning) if part)
     yield _short(styled("[bold {}]{}[/]  {}", _colour(letter), status, now.title), width)
@@ -66,8 +66,8 @@ def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
 
 
 def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
-    """Findings, residuals, what cannot be judged, past events, each block with the place of its
-    episode or -1; unless `whole`, only what is selected is told with what to do."""
+    """Findings, residuals, blind spots and past events, each block with the index of its episode or
+    -1. Unless `whole`, only the selected finding shows its action."""
     found = list(cards(now))
     if not found:
         yield -1, styled("[bold {}]{}[/]", _colour(overall(now)[1]), lead(now))
@@ -97,14 +97,14 @@ def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[in
 
 
 def past(now: Now) -> RenderableType:
-    """All past events that are known here, newest first."""
+    """All past events in memory, newest first."""
     if not now.past:
         return Text("No events yet.")
     return Group(Text("Past events, newest first", style="bold"), _events(now, len(now.past)))
 
 
 def explanation_of(now: Now, place: int) -> RenderableType:
-    """Why a finding is believed; of what is no fault all that is known."""
+    """The explanation of a finding; the details of any other episode."""
     card = list(cards(now))[place]
     if card.finding is not None and now.diagnosis is not None:
         return explanation(now.diagnosis, card.finding, card.since)
@@ -120,13 +120,8 @@ def explanation_of(now: Now, place: int) -> RenderableType:
     return Group(*parts)
 
 
-def help_text() -> RenderableType:
-    """Symbols and keys."""
-    return Text(HELP)
-
-
 def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType:
-    """An episode; its lines below the title begin in the same column."""
+    """An episode, with its lines aligned below the title."""
     letter = card.episode.status
     mark = styled(
         "{} [bold {}]{} {}[/]", ">" if selected else " ", _colour(letter), card.symbol, letter
@@ -185,14 +180,13 @@ def _events(now: Now, most: int) -> Table:
         table.add_column(no_wrap=not wrapped)
     for event in now.past[:most]:
         when, badge, what, text = event_words(now, event)
-        ended = what in QUIET
-        colour = "dim" if ended else _colour(event.episode.status)
-        seen = " (acknowledged)" if event.episode.id in now.acknowledged else ""
+        colour = "dim" if what in QUIET else _colour(event.episode.status)
+        noted = " (acknowledged)" if event.episode.id in now.acknowledged else ""
         table.add_row(
             styled("  [dim]{}[/]", when),
             styled("[{}]{}[/]", colour, badge),
             styled("{}", what),
-            styled("{}[dim]{}[/]", text, seen),
+            styled("{}[dim]{}[/]", text, noted),
         )
     return table
 
@@ -206,7 +200,7 @@ def _indented(text: Text, by: int, width: int) -> Padding:
 
 
 def _short(text: Text, cells: int) -> Text:
-    """At most so many cells: nobody's name pushes a finding off the screen."""
+    """At most so many cells, so that a long name cannot push a finding off the screen."""
     text.truncate(cells, overflow="ellipsis")
     return text
 

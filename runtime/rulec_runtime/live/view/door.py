@@ -1,4 +1,4 @@
-"""The gate before an ASGI application, and what every answer says to the browser."""
+"""The gate before an ASGI application, and the headers of every response."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ ALWAYS = [
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
 ]
-"""Of the referrer a browser also makes the origin of a form: `no-referrer` would hide it."""
+"""A browser derives the origin of a form from the referrer: `no-referrer` would hide it."""
 
 
 class Door:
-    """Lets requests in that the gate knows; all others get a refusal and see no path."""
+    """Lets requests in that the gate accepts; refuses all others without revealing paths."""
 
     def __init__(self, inner: ASGIApp, gate: Gate) -> None:
         self._inner = inner
         self._gate = gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Of ASGI."""
+        """Handle an ASGI request."""
         if scope["type"] != "http":
             return
 
@@ -54,7 +54,7 @@ class Door:
         await answer(scope, receive, answered)
 
     def _token_in(self, scope: Scope) -> bool:
-        """Is the token in the address of the page? It does not stay there."""
+        """Whether the address of the page contains the token; a redirect removes it."""
         if scope["method"] != "GET" or scope["path"] != "/":
             return False
         try:

@@ -1,7 +1,7 @@
-"""Who may look at the page: nobody from elsewhere without the token, and no foreign site.
+"""Access to the page: not from other machines without the token, and not from foreign sites.
 
-A page on loopback needs no token, but a web site that the operator visits could still ask for it:
-its requests carry the name of another host (DNS rebinding) or another origin, and are refused.
+A page on loopback needs no token, but a web site that the operator visits could still request it.
+Such requests name another host (DNS rebinding) or another origin, and are refused.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _HOST = re.compile(r"(?:\[([0-9a-f:.]+)\]|([^][:/@\s]+?)\.?)(?::\d+)?")
 
 
 class PageRefused(Refusal):
-    """A page that would be open to everybody is not served; the text says what to do."""
+    """The page would be open to everybody; the text says what to do."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """`host` is where the page listens; `seal` stands in forms, so that only a page of this process
-    can send one."""
+    """`host` is where the page listens; forms contain `seal`, so that only pages of this process
+    can send them."""
 
     host: str
     port: int
@@ -42,28 +42,25 @@ class Gate:
             raise PageRefused("the token of the page is empty")
         if is_loopback(self.host):
             return
+        why = f"a page on {self.host} can be seen from other machines"
         if self.token is None:
-            raise PageRefused(
-                f"a page on {self.host} can be seen from other machines: it needs a token"
-            )
+            raise PageRefused(f"{why}: it needs a token")
         if len(self.token) < SHORTEST_TOKEN:
-            raise PageRefused(
-                f"a page on {self.host} can be seen from other machines: its token needs at least "
-                f"{SHORTEST_TOKEN} characters"
-            )
+            raise PageRefused(f"{why}: its token needs at least {SHORTEST_TOKEN} characters")
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie; pages on several ports of a machine keep theirs apart."""
+        """Name of the cookie, different for each port of a machine."""
         return f"rulec-{self.port}"
 
     @property
     def pass_(self) -> str:
-        """What the cookie holds: not the token itself, but only who knows it can make it."""
+        """Value of the cookie: not the token, but it can only be made with it."""
         return hmac.digest((self.token or "").encode(), b"rulec page", hashlib.sha256).hex()
 
     def knows_host(self, hosts: Iterable[str]) -> bool:
-        """Is a request for this machine? An address cannot be rebound, a name must be known."""
+        """Whether a request names this machine: an address, which cannot be rebound, or a known
+        name."""
         found = list(hosts)
         if len(found) != 1:
             return False
@@ -78,11 +75,11 @@ class Gate:
         return True
 
     def is_token(self, text: str) -> bool:
-        """Is it the token? Takes as long whatever is wrong."""
+        """Whether a text is the token; takes the same time for any wrong text."""
         return self.token is not None and same(text, self.token)
 
     def lets_in(self, bearer: str | None, cookies: Iterable[str]) -> bool:
-        """May it see the plant?"""
+        """Whether a request may see the plant."""
         if self.token is None:
             return True
         if bearer is not None:
@@ -90,7 +87,7 @@ class Gate:
         return any(same(cookie, self.pass_) for cookie in cookies)
 
     def is_own_form(self, headers: Mapping[str, str], seal: str, bearer: bool) -> bool:
-        """Was a form sent by a page of ours, or by a program that has the token?"""
+        """Whether a form comes from a page of ours, or from a program that has the token."""
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
         if origin is not None and _netloc(origin) != headers["host"].lower():
             return False
@@ -100,12 +97,12 @@ class Gate:
 
 
 def same(one: str, other: str) -> bool:
-    """Compare secrets; how long that takes says nothing about where they differ."""
+    """Compare secrets in constant time."""
     return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
 
 
 def _netloc(origin: str) -> str:
-    """Host and port of an origin; empty where it is none."""
+    """Host and port of an origin; empty if it is invalid."""
     try:
         return urlsplit(origin).netloc.lower()
     except ValueError:
@@ -113,8 +110,7 @@ def _netloc(origin: str) -> str:
 
 
 def name_of(host: str) -> str:
-    """Name in a Host header, without port, brackets and the dot of the root; empty where it is no
-    such header.
+    """Name in a Host header, without port, brackets and the root dot; empty if it is invalid.
 
     >>> name_of("Plant.example:8080"), name_of("[::1]:80"), name_of("[::1].evil.example")
     ('plant.example', '::1', '')

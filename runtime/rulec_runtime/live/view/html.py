@@ -1,4 +1,4 @@
-"""The plant as a web page: the finding first, on a large screen or a telephone."""
+"""The plant as a web page, with the finding first."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ POLICY = (
     f"default-src 'none'; script-src 'sha256-{_hash(SCRIPT)}'; style-src 'sha256-{_hash(LOOK)}'; "
     "img-src data:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
-"""The browser runs this script and this style and nothing else, whatever slips through."""
+"""The browser runs only this script and this style, even if others are injected."""
 
 
 def page_of(now: Now, age: float | None, main: str) -> str:
-    """The whole page; it needs no script to show this moment, and asks for no other file."""
+    """The whole page, in one file; it shows this moment even without scripts."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
@@ -62,13 +62,13 @@ def page_of(now: Now, age: float | None, main: str) -> str:
 
 
 def title_of(now: Now) -> str:
-    """Title of the window: the status stands first."""
+    """Title of the window, which begins with the status."""
     symbol, letter, _ = overall(now)
     return f"{symbol} {letter} {now.plant}: {lead(now)}"
 
 
 def link_of(now: Now, age: float | None) -> str:
-    """Whether rows come, and how old the last one is."""
+    """The connection, and the age of the last row."""
     symbol, words = link(now)
     kind = "link" if now.connected else "link off"
     remark = f'<span class="remark">{safe(now.remark)}</span>' if now.remark else ""
@@ -79,7 +79,7 @@ def link_of(now: Now, age: float | None) -> str:
 
 
 def main_of(now: Now, seal: str) -> str:
-    """All that changes, but for the connection."""
+    """Everything that changes, except the connection."""
     symbol, letter, meaning = overall(now)
     found = list(cards(now))
     findings = [card for card in found if card.episode.kind != "blind"]
@@ -101,12 +101,12 @@ def main_of(now: Now, seal: str) -> str:
 
 
 def mark(letter: str) -> str:
-    """Small badge of a letter of NE 107."""
+    """Small badge for a letter of NE 107."""
     return _badge(symbol_of(letter), letter, "badge small")
 
 
 def key_of(episode: str) -> str:
-    """An episode's id as a form sends it: an id may hold anything."""
+    """An episode id for a form: the id itself may contain anything."""
     return hashlib.sha256(episode.encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 
@@ -128,7 +128,6 @@ def _section(title: str, body: str) -> str:
 
 
 def _card(now: Now, card: Card, seal: str) -> str:
-    """One active episode: what, how large, since when, how probable, what to do, why."""
     episode = card.episode
     rows = [("What to do", f'<span class="do">{safe(card.action)}</span>')] if card.action else []
     if card.size:
@@ -157,7 +156,7 @@ def _card(now: Now, card: Card, seal: str) -> str:
 
 
 def _note(card: Card, seal: str) -> str:
-    """That somebody has taken note of it, or a button to say so."""
+    """A note that the episode is acknowledged, or a button to do so."""
     if card.acknowledged:
         return '<p class="soft noted">✓ acknowledged</p>'
     key = key_of(card.episode.id)
@@ -170,7 +169,7 @@ def _note(card: Card, seal: str) -> str:
 
 
 def _gauge(share: tuple[float, ...]) -> str:
-    """Degree as a bar with its bounds as a band; the figures stand beside it."""
+    """The degree as a bar with its bounds as a band."""
     if not share:
         return ""
     low, at, high = (100.0 * part for part in share)
@@ -209,7 +208,7 @@ def _residual(bar: Bar) -> str:
 
 
 def _blind(now: Now, active: list[Card], seal: str) -> str:
-    """What cannot be judged now, what could not, and what no reading ever shows."""
+    """Present and past blind spots, and faults that no reading shows."""
     parts = [
         f'<div class="blind is-C"><p>{mark(c.episode.status)} {safe(c.title)} '
         f'<span class="soft">{safe(c.since)}</span></p>{_note(c, seal)}</div>'

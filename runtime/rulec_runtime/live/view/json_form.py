@@ -1,4 +1,4 @@
-"""A moment as data, for programs."""
+"""A moment as JSON, for programs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def now_form(now: Now, age: float | None) -> dict[str, Any]:
 
 
 def now_text(now: Now, age: float | None) -> str:
-    """The same as JSON; numbers that JSON lacks are null."""
+    """The same as JSON text; numbers that are not finite are null."""
     form = _finite(now_form(now, age))
     return machine_text(json.dumps(form, ensure_ascii=False, allow_nan=False) + "\n")
 

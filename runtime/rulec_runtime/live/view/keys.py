@@ -1,4 +1,4 @@
-"""Single keys from a terminal, without waiting for a line; no terminal, no keys."""
+"""Single keys from a terminal, without waiting for a line."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ NAMES = {
     "h": "help",
     "\x1b": "back",
 }
-"""What a terminal sends to what is meant."""
+"""Names of the sequences that a terminal sends."""
 
 
 class Keys:
-    """Keys of a terminal as long as the context lasts; behind it the terminal is as it was.
+    """Keys of a terminal, which is restored at the end of the context.
 
-    `file` is a descriptor; without one it is standard input, or the terminal of the process where
-    rows come on standard input. Where there is none, or another process owns it, there are no
-    keys. Ctrl-C interrupts as ever; Ctrl-Z would leave the terminal as it is, and does nothing.
+    `file` is a descriptor; by default standard input, or the terminal of the process if rows come
+    on standard input. Without a terminal, or if another process owns it, there are no keys. Ctrl-C
+    interrupts; Ctrl-Z is disabled, as it would not restore the terminal.
     """
 
     def __init__(self, file: int | None = None) -> None:
@@ -67,11 +67,11 @@ class Keys:
 
     @property
     def there(self) -> bool:
-        """Are there any keys?"""
+        """Whether there is a terminal."""
         return self._file is not None
 
     def take(self, seconds: float) -> list[str]:
-        """Names of keys that are pressed, waiting for them no longer than this."""
+        """Names of pressed keys, after waiting at most so many seconds."""
         if self._file is None:
             time.sleep(seconds)
             return []
@@ -80,14 +80,14 @@ class Keys:
             text = os.read(self._file, 256) if ready else None
         except (OSError, ValueError):
             text = b""
-        if text == b"":  # the terminal has gone
+        if text == b"":  # the terminal is gone
             self.restore()
             return []
-        # An escape that nothing follows is the key itself.
+        # A single escape is the key itself.
         return list(self._names((text or b"").decode("ascii", "ignore"), last=text is None))
 
     def restore(self) -> None:
-        """Give the terminal back."""
+        """Restore the terminal."""
         file, self._file = self._file, None
         if file is None:
             return
@@ -100,7 +100,7 @@ class Keys:
                 os.close(file)
 
     def _terminal(self) -> int | None:
-        """Descriptor of a terminal in whose foreground this process is."""
+        """Descriptor of a terminal with this process in the foreground."""
         file = self._given
         with contextlib.suppress(OSError, ValueError, AttributeError):
             if file is None and sys.stdin.isatty():
@@ -117,11 +117,11 @@ class Keys:
         return None
 
     def _names(self, text: str, last: bool) -> Iterator[str]:
-        """Names of what came; a sequence that has begun waits for its end."""
+        """Names of keys in the input; a partial sequence waits for its end."""
         self._rest += text
         while self._rest:
             part = next((k for k in NAMES if len(k) > 1 and self._rest.startswith(k)), None)
-            if part is None and self._rest[0] == "\x1b" and not last and _begun(self._rest):
+            if part is None and not last and self._rest in ("\x1b", "\x1b[", "\x1bO"):
                 return
             if part is None:
                 part = _foreign(self._rest) or self._rest[0]
@@ -130,13 +130,8 @@ class Keys:
                 yield NAMES[part]
 
 
-def _begun(text: str) -> bool:
-    """Is it the beginning of a key's sequence, and no more?"""
-    return text in ("\x1b", "\x1b[", "\x1bO")
-
-
 def _foreign(text: str) -> str:
-    """A sequence of a key that means nothing here: its letters are no keys."""
+    """A leading sequence of an unused key, whose letters are not keys themselves."""
     if text[:2] not in ("\x1b[", "\x1bO"):
         return ""
     end = next((i for i, c in enumerate(text[2:], 3) if "@" <= c <= "~"), len(text))

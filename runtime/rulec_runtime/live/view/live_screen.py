@@ -1,4 +1,4 @@
-"""The picture on the terminal, kept up to date; events as lines where nobody can watch it."""
+"""The live screen on a terminal; elsewhere events as lines."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from rulec_runtime.output.terminal import styled, terminal
 
 
 def who() -> str:
-    """Who acknowledges here: the user of this computer who started the watch."""
-    with contextlib.suppress(OSError, KeyError, ImportError):  # a container may know no names
+    """Who acknowledges here: the user who started the watch."""
+    with contextlib.suppress(OSError, KeyError, ImportError):  # a container may have no user names
         return f"{getpass.getuser()}, terminal"
     return "terminal"
 
 
 class LiveScreen:
-    """What an operator sees of `rulec watch`, as long as the context lasts.
+    """The display of `rulec watch` on a terminal, as long as the context lasts.
 
-    `acknowledge` takes the id of an episode and from where; it is called from the thread that
-    draws. `told` is the number of the last event that was told before. `show` costs nothing:
-    what is new is drawn within `REDRAWN` seconds, rows alone every `TICK`, however fast they come.
+    `acknowledge` takes the id of an episode and who acknowledges; the drawing thread calls it.
+    `told` is the number of the last event shown before. `show` is cheap: news are drawn within
+    `REDRAWN` seconds, rows alone every `TICK`, however fast they come.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class LiveScreen:
         self._console = console or terminal()
         self._keys = keys or Keys()
         self._told = told
-        self._look = ViewState()
+        self._state = ViewState()
         self._now: Now | None = None
         self._arrival = Arrival()
         self._changed = threading.Event()
@@ -60,7 +60,7 @@ class LiveScreen:
 
     @property
     def quit(self) -> bool:
-        """Has the operator asked for the end?"""
+        """Whether the operator has asked to quit."""
         return self._quit.is_set()
 
     def __enter__(self) -> Self:
@@ -90,7 +90,7 @@ class LiveScreen:
             self._raise()
 
     def show(self, now: Now) -> None:
-        """This is how it stands now."""
+        """Show the present state of the plant."""
         self._raise()
         self._arrival.saw(now.rows, steady())
         before, self._now = self._now, now
@@ -104,7 +104,7 @@ class LiveScreen:
 
     @property
     def failed(self) -> bool:
-        """Was there a mistake of our own where pictures are drawn? `show` raises it."""
+        """Whether the drawing thread has failed; `show` raises its error."""
         return self._failure is not None
 
     def _raise(self) -> None:
@@ -113,7 +113,7 @@ class LiveScreen:
             raise failure
 
     def _run(self) -> None:
-        """Keys, and pictures of what they and rows change."""
+        """Handle keys, and draw what they and rows change."""
         drawn = 0.0
         try:
             while not self._closing.is_set():
@@ -125,7 +125,7 @@ class LiveScreen:
                     self._changed.clear()
                     self._draw()
                     drawn = steady()
-        except BaseException as error:  # told by `show`: a thread has nobody to tell
+        except BaseException as error:  # raised by `show`, in the main thread
             self._failure = error
 
     def _press(self, key: str) -> None:
@@ -137,15 +137,15 @@ class LiveScreen:
             return
         now = picture.now
         if key == "acknowledge" and now.active:
-            self._acknowledge(listed(now)[place_of(self._look, now)].id, who())
-        self._look = after(self._look, key, now, picture.room(self._console))
+            self._acknowledge(listed(now)[place_of(self._state, now)].id, who())
+        self._state = after(self._state, key, now, picture.room(self._console))
 
     def _picture(self) -> Screen | None:
         if self._now is None:
             return None
         width, height = self._console.size
         age = self._arrival.age(steady())
-        return Screen(self._now, self._look, width, height, age, self._keys.there)
+        return Screen(self._now, self._state, width, height, age, self._keys.there)
 
     def _draw(self) -> None:
         picture = self._picture()
@@ -153,19 +153,17 @@ class LiveScreen:
             self._live.update(picture, refresh=True)
 
 
-def event_lines(now: Now, behind: int) -> Iterator[Text]:
-    """Events with a number beyond `behind`, oldest first."""
-    new = [event for event in reversed(now.past) if event.number > behind]
-    if new and behind and new[0].number > behind + 1:
-        yield styled(
-            "[dim]{} events in between stand in the journal[/]", new[0].number - behind - 1
-        )
+def event_lines(now: Now, last: int) -> Iterator[Text]:
+    """Events after number `last`, oldest first."""
+    new = [event for event in reversed(now.past) if event.number > last]
+    if new and last and new[0].number > last + 1:
+        yield styled("[dim]{} events in between stand in the journal[/]", new[0].number - last - 1)
     for event in new:
         yield line_of(event, now.calendar)
 
 
 def closing_line(now: Now) -> Text:
-    """How it stood when nobody looked any more."""
+    """The state at the end of the display."""
     symbol, letter, meaning = overall(now)
     status = " ".join(part for part in (symbol, letter, meaning) if part)
     return styled("{}: {}; {}", status, lead(now), link(now)[1])

@@ -1,4 +1,4 @@
-"""A moment as OpenMetrics text, for those who draw curves with other tools."""
+"""A moment as OpenMetrics text, for monitoring tools."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Labels = Mapping[str, str]
 
 
 def metrics(now: Now, age: float | None) -> str:
-    """Status of plant and modules, active findings, and what came.
+    """Status of plant and modules, active findings, and rows received.
 
     Source: OpenMetrics 1.0.0; a status is a StateSet, one of whose samples is 1.
     """
@@ -47,11 +47,11 @@ def _findings(now: Now, plant: Labels) -> Iterator[str]:
     """One series per active episode and quantity."""
     series: dict[tuple[str, ...], tuple[Labels, Episode]] = {}
     for e in now.active:
-        # Remarks are no names: each would be a series of its own.
+        # Other subjects are texts, each of which would become a separate series.
         subject = e.subject if e.kind in ("fault", "sensor", "regime") else ""
         own = {**plant, "kind": e.kind, "subject": subject, "module": e.module}
         own |= {"status": e.status, "unit": e.unit}
-        # Two episodes of the same name would be the same series twice: the worst stands first.
+        # Two episodes with the same labels would duplicate a series: the worst comes first.
         series.setdefault(tuple(own.values()), (own, e))
     quantities: tuple[tuple[str, str, Callable[[Episode], float]], ...] = (
         ("degree", "Degree of an active finding", lambda e: e.degree),
@@ -90,9 +90,9 @@ def _head(name: str, kind: str, text: str, unit: str = "") -> Iterator[str]:
 
 
 def _sample(name: str, labels: Labels, value: float) -> str:
-    told = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels.items())
+    pairs = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels.items())
     number = f"{float(value):.10g}".replace("nan", "NaN").replace("inf", "Inf")
-    return f"{name}{{{told}}} {number}"
+    return f"{name}{{{pairs}}} {number}"
 
 
 def _escaped(text: str) -> str:

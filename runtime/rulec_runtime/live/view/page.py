@@ -1,4 +1,4 @@
-"""Serves the page, its events, JSON and metrics; it shows, and takes nothing but acknowledgements.
+"""Serves the page, its events, JSON and metrics; accepts only acknowledgements.
 
 Needs the extra `page`.
 """
@@ -35,11 +35,10 @@ Acknowledge = Callable[[str, str], None]
 
 
 class Board:
-    """What all pages show, made once a moment however many look at it.
+    """The content of all pages, made once per moment for all viewers.
 
-    `state_of` gives the present moment; it is asked from several threads, and answers at once.
-
-    `seal` stands in the forms of the page.
+    `state_of` returns the present moment at once, in any thread. `seal` is for the forms of the
+    page.
     """
 
     def __init__(self, state_of: Callable[[], Now], seal: str) -> None:
@@ -51,27 +50,27 @@ class Board:
         self.closing = threading.Event()
 
     def now(self) -> tuple[Now, float | None]:
-        """The present moment, and how long ago its last row came, s."""
+        """The present moment, and the age of its last row, s."""
         now, clock = self._state_of(), steady()
         with self._lock:
             self._arrival.saw(now.rows, clock)
             return now, self._arrival.age(clock)
 
     def main(self, now: Now) -> str:
-        """HTML of all that changes, but for the connection."""
+        """HTML of everything that changes, except the connection."""
         with self._lock:
             if self._made is None or self._made[0] is not now:
                 self._made = (now, main_of(now, self._seal))
             return self._made[1]
 
     def watch(self) -> None:
-        """Look at the moment again and again, so that ages are right though nobody asks."""
+        """Update the age of the last row periodically, even without requests."""
         while not self.closing.wait(limits.TICK):
             self.now()
 
 
 class Page:
-    """A page that is served in a thread of its own, until it is closed."""
+    """A page that is served in its own thread until it is closed."""
 
     def __init__(
         self, server: uvicorn.Server, board: Board, bound: socket.socket, url: str
@@ -86,7 +85,7 @@ class Page:
             thread.start()
 
     def close(self) -> None:
-        """Send everybody away; returns when the port is free."""
+        """Close all connections; returns when the port is free."""
         self._board.closing.set()
         self._server.should_exit = True
         for thread in self._threads:
@@ -110,13 +109,13 @@ def serve(
 
     Parameters
     ----------
-    state_of : gives the present moment at once; called from threads of the server.
-    port : 0 takes any that is free; `Page.url` tells which.
-    token : needed where `host` is not loopback; every request must then show it.
-    acknowledge : takes the id of an episode and from where; called from a thread of the server.
+    state_of : returns the present moment at once; called from threads of the server.
+    port : 0 takes any free one; see `Page.url`.
+    token : required if `host` is not loopback; every request must then contain it.
+    acknowledge : takes the id of an episode and who acknowledges; called from a server thread.
 
-    Raises `PageRefused` where the page would be open to everybody, OSError where the port cannot
-    be had.
+    Raises `PageRefused` if the page would be open to everybody, OSError if the port is not
+    available.
     """
     gate = Gate(host, port, token)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -172,9 +171,8 @@ def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
         if not gate.is_own_form(request.headers, form.get("seal", ""), bearer):
             return PlainTextResponse("this form was not sent by the page\n", 403)
         now, _ = board.now()
-        known = {key_of(e.id): e.id for e in now.active}
-        known |= {e.id: e.id for e in now.active}
-        episode = known.get(form.get("episode", ""))
+        asked = form.get("episode", "")
+        episode = next((e.id for e in now.active if asked in (e.id, key_of(e.id))), None)
         if episode is None:
             return PlainTextResponse("there is no such episode any more\n", 404)
         client = request.client.host if request.client else ""
@@ -196,7 +194,7 @@ def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
 
 
 async def _form(request: Request) -> dict[str, str] | None:
-    """Fields of a form; None if it is too long, or none."""
+    """Fields of a form; None if it is too long or invalid."""
     body = b""
     with contextlib.suppress(ClientDisconnect):
         async for part in request.stream():
@@ -211,14 +209,14 @@ async def _form(request: Request) -> dict[str, str] | None:
 
 
 class Streams:
-    """Server-sent events: the page anew when something is new, and a heartbeat."""
+    """Server-sent events: the page after each change, and a heartbeat."""
 
     def __init__(self, board: Board) -> None:
         self.count = 0
         self._board = board
 
     async def one(self) -> AsyncIterator[str]:
-        """Events for one page, until it or the server goes."""
+        """Events for one page, until it or the server closes."""
         self.count += 1
         try:
             sent, seen, last = "", (), 0.0  # type: tuple[str, tuple[object, ...], float]
@@ -237,5 +235,5 @@ class Streams:
 
 
 def _event(name: str, data: object) -> str:
-    """One event; JSON has no line breaks that would end it."""
+    """One event; JSON contains no line breaks, which would end it."""
     return f"event: {name}\ndata: {json.dumps(data)}\n\n"

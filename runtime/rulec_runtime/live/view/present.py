@@ -1,4 +1,4 @@
-"""The present moment, for whoever looks at it: made anew when something has changed."""
+"""The present moment for all displays, updated after each change."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from rulec_runtime.report.wording import STATUS
 
 
 class Present:
-    """What is shown, at first what an earlier process remembered; may be read and acknowledged from
-    several threads."""
+    """The present moment, at first from the memory of an earlier process; for several threads."""
 
     def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
         self._lock = threading.Lock()
@@ -47,7 +46,7 @@ class Present:
         return self._now
 
     def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
-        """Take in what is remembered after some rows or a notice, and what is new."""
+        """Update after rows or a notice, with the events."""
         active = _active(memory)
         away = any(map(is_away, active))
         remarks = [event.text for event in events if event.episode.kind == "source"]
@@ -68,23 +67,23 @@ class Present:
             )
 
     def recall(self, events: Sequence[Event]) -> None:
-        """Events that an earlier process told, oldest first."""
+        """Add events of an earlier process, oldest first."""
         with self._lock:
             self._past.extendleft(events)
             self._now = replace(self._now, past=tuple(self._past))
 
     def acknowledge(self, episode: str, by: str) -> None:
-        """Somebody has taken note of an episode."""
+        """Mark an episode as acknowledged."""
         self.acknowledged(frozenset([episode]))
 
     def acknowledged(self, episodes: frozenset[str]) -> None:
-        """Of these episodes somebody has taken note, here or elsewhere."""
+        """Mark episodes as acknowledged, here or elsewhere."""
         with self._lock:
             known = self._now.acknowledged | episodes
             self._now = replace(self._now, acknowledged=known)
 
 
 def _active(memory: Memory) -> tuple[Episode, ...]:
-    """What has not ended, the worst first."""
+    """Active episodes, the worst first."""
     order, active = list(STATUS), [one for one in memory.episodes if one.active]
     return tuple(sorted(active, key=lambda one: (order.index(one.status), one.since)))

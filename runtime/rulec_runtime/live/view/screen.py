@@ -1,4 +1,4 @@
-"""The plant on a terminal: status and connection above, keys below, between them what is wrong."""
+"""The plant on a terminal: status and connection above, findings below, keys at the foot."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.segment import Segment
 from rich.style import Style
+from rich.text import Text
 
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view import blocks
@@ -24,8 +25,8 @@ PAGES: dict[str, View] = {"enter": "explanation", "past": "past", "help": "help"
 
 @dataclass(frozen=True)
 class ViewState:
-    """`selected` is the id of an episode, the first one if there is no such; `scroll` counts lines
-    beyond what must be seen."""
+    """`selected` is the id of an episode; an unknown id selects the first one. `scroll` counts
+    lines beyond the selection."""
 
     selected: str = ""
     view: View = "plant"
@@ -43,31 +44,31 @@ KEYS = {
 
 @dataclass(frozen=True)
 class Screen:
-    """A picture of `width` by `height` cells, never more; `age` is how long ago the last row came,
-    s; without `keys` the foot names none."""
+    """A picture of at most `width` by `height` cells; `age` is that of the last row, s; without
+    `keys` the foot names none."""
 
     now: Now
-    look: ViewState
+    state: ViewState
     width: int
     height: int
     age: float | None = None
     keys: bool = True
 
     def room(self, console: Console) -> int:
-        """How many lines there are to scroll."""
-        head, body, seen = self._parts(console, console.options)
-        return max(len(body) - self._first(seen, head) - self._space(head), 0)
+        """Number of lines to scroll."""
+        head, body, selection = self._parts(console, console.options)
+        return max(len(body) - self._first(selection, head) - self._space(head), 0)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        head, body, seen = self._parts(console, options)
+        head, body, selection = self._parts(console, options)
         space = self._space(head)
-        top = min(self._first(seen, head) + self.look.scroll, max(len(body) - space, 0))
+        top = min(self._first(selection, head) + self.state.scroll, max(len(body) - space, 0))
         part = body[top : top + space]
         left = len(body) - top - space
         if left > 0:
             part[-1:] = self._lines(console, options, styled("[dim]  ↓ {} more lines[/]", left + 1))
         part += [[Segment(" " * self.width)]] * (space - len(part))
-        keys = KEYS[self.look.view] if self.keys else "ctrl-c ends"
+        keys = KEYS[self.state.view] if self.keys else "ctrl-c ends"
         foot = self._lines(console, options, styled("[dim]{}[/]", keys))[:1]
         lines = [*head, *part, *foot][: self.height]
         for i, line in enumerate(lines):
@@ -78,46 +79,46 @@ class Screen:
     def _parts(
         self, console: Console, options: ConsoleOptions
     ) -> tuple[list[Line], list[Line], tuple[int, int]]:
-        """Lines of the head and of the body, and which of the latter must be seen."""
+        """Lines of the head and of the body, and the range of the selected ones in the body."""
         head = [
             line
             for part in blocks.head(self.now, self.age, self.width)
             for line in self._lines(console, options, part)
         ]
         head = [*head[: max(self.height - 2, 1)], [Segment("─" * self.width, Style(dim=True))]]
-        body, seen = self._laid_out(console, options, whole=True)
+        body, selection = self._laid_out(console, options, whole=True)
         if len(body) > self._space(head):
-            body, seen = self._laid_out(console, options, whole=False)
-        return head, body, seen
+            body, selection = self._laid_out(console, options, whole=False)
+        return head, body, selection
 
     def _laid_out(
         self, console: Console, options: ConsoleOptions, whole: bool
     ) -> tuple[list[Line], tuple[int, int]]:
         body: list[Line] = []
-        seen = (0, 0)
-        selected = place_of(self.look, self.now)
+        selection = (0, 0)
+        selected = place_of(self.state, self.now)
         for place, block in self._body(selected, whole):
             lines = self._lines(console, options, block)
             if place == selected:
-                seen = (len(body), len(body) + len(lines))
+                selection = (len(body), len(body) + len(lines))
             body += lines
-        return body, seen
+        return body, selection
 
     def _body(self, selected: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
-        """Blocks; with those of an episode its place among them, else -1."""
-        if self.look.view == "explanation" and self.now.active:
+        """Blocks, each with the index of its episode or -1."""
+        if self.state.view == "explanation" and self.now.active:
             yield -1, blocks.explanation_of(self.now, selected)
-        elif self.look.view == "past":
+        elif self.state.view == "past":
             yield -1, blocks.past(self.now)
-        elif self.look.view == "help":
-            yield -1, blocks.help_text()
+        elif self.state.view == "help":
+            yield -1, Text(blocks.HELP)
         else:
             yield from blocks.plant(self.now, selected, self.width, whole)
 
     def _lines(
         self, console: Console, options: ConsoleOptions, block: RenderableType
     ) -> list[Line]:
-        """Lines of full width. What is not shown as written is replaced before widths count."""
+        """Lines of full width. Hidden characters are replaced before widths are measured."""
         wide = options.update(width=self.width, height=None)
         lines = [
             [segment._replace(text=shown(segment.text)) for segment in line if not segment.control]
@@ -128,46 +129,34 @@ class Screen:
     def _space(self, head: list[Line]) -> int:
         return max(self.height - len(head) - 1, 1)
 
-    def _first(self, seen: tuple[int, int], head: list[Line]) -> int:
-        """First line of the body, so that what is selected can be seen."""
+    def _first(self, selection: tuple[int, int], head: list[Line]) -> int:
+        """First line of the body that makes the selection visible."""
         space = self._space(head) - 1
-        return min(max(seen[1] - space, 0), seen[0])
+        return min(max(selection[1] - space, 0), selection[0])
 
 
-def place_of(look: ViewState, now: Now) -> int:
-    """Which of the listed episodes is selected."""
+def place_of(state: ViewState, now: Now) -> int:
+    """Index of the selected episode among the listed ones."""
     ids = [episode.id for episode in listed(now)]
-    return ids.index(look.selected) if look.selected in ids else 0
+    return ids.index(state.selected) if state.selected in ids else 0
 
 
-def after(look: ViewState, key: str, now: Now, room: int) -> ViewState:
-    """The look after a key; `room` is how many lines there are to scroll."""
+def after(state: ViewState, key: str, now: Now, room: int) -> ViewState:
+    """The view state after a key; `room` is the number of lines to scroll."""
+    ids, at = [episode.id for episode in listed(now)], place_of(state, now)
     if key == "back":
-        return replace(look, view="plant", scroll=0)
+        return replace(state, view="plant", scroll=0)
     if key in PAGES:
         opened = PAGES[key]
         if opened == "explanation" and not now.active:
-            return look
-        return replace(look, view="plant" if look.view == opened else opened, scroll=0)
+            return state
+        return replace(state, view="plant" if state.view == opened else opened, scroll=0)
     if key == "down":
-        return _down(look, now, room)
+        if state.view == "plant" and at + 1 < len(ids):
+            return replace(state, selected=ids[at + 1], scroll=0)
+        return replace(state, scroll=min(state.scroll + 1, max(room, 0)))
     if key == "up":
-        return _up(look, now)
-    return look
-
-
-def _down(look: ViewState, now: Now, room: int) -> ViewState:
-    """The next episode; behind the last one, further down."""
-    ids = [episode.id for episode in listed(now)]
-    at = place_of(look, now)
-    if look.view == "plant" and at + 1 < len(ids):
-        return replace(look, selected=ids[at + 1], scroll=0)
-    return replace(look, scroll=min(look.scroll + 1, max(room, 0)))
-
-
-def _up(look: ViewState, now: Now) -> ViewState:
-    ids = [episode.id for episode in listed(now)]
-    at = place_of(look, now)
-    if look.scroll > 0 or look.view != "plant" or at == 0:
-        return replace(look, scroll=max(look.scroll - 1, 0))
-    return replace(look, selected=ids[at - 1])
+        if state.scroll > 0 or state.view != "plant" or at == 0:
+            return replace(state, scroll=max(state.scroll - 1, 0))
+        return replace(state, selected=ids[at - 1])
+    return state

@@ -1,4 +1,4 @@
-"""A connection to the page: who asks nothing makes room for those who do."""
+"""A connection to the page: idle connections make room for others."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rulec_runtime.live.view import limits
 class Visitor(H11Protocol):
     """A connection that must send each request in time.
 
-    Where its address has too many, or all have, the one gives way that has waited longest with its
-    request; so nobody is shut out by those who connect and say nothing, slowly.
+    If there are too many connections of its address, or in all, the one that has owed a request for
+    longest is closed. So slow or silent clients cannot shut others out.
     """
 
     _due: asyncio.TimerHandle | None = None
-    """When it is sent away, while it owes a request."""
+    """When it is closed, while it owes a request."""
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
@@ -31,7 +31,7 @@ class Visitor(H11Protocol):
         elif len(crowd) < limits.MOST_CONNECTIONS:
             return
         _, _, slowest = min((c._due.when(), id(c), c) for c in crowd if c._due is not None)
-        slowest.connections.discard(slowest)  # it counts no more, also before it has gone
+        slowest.connections.discard(slowest)  # no longer counted, even before it is closed
         slowest._end_wait()
         slowest.transport.abort()
 
@@ -44,7 +44,7 @@ class Visitor(H11Protocol):
         self._end_wait()
 
     def _wait(self) -> None:
-        """Does it owe a request, or the rest of one?"""
+        """Start or stop the timer, depending on whether it owes a request or the rest of one."""
         if self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
             self._end_wait()
         elif self._due is None:

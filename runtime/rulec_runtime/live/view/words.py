@@ -1,4 +1,4 @@
-"""What terminal and page say of one moment: the same words in both."""
+"""The words for one moment, shared by terminal and page."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from rulec_runtime.report.wording import (
 )
 
 NOTHING_YET = ("…", "", "nothing could be judged yet")
-"""In place of a status as long as there is none: nothing found is another matter."""
+"""Replaces the status before anything was judged, which differs from no findings."""
 
 UNKNOWN = "Deviation that nothing known explains"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """An episode that has not ended, in words.
+    """An active episode in words.
 
-    `size` is its degree with bounds and `share` lower bound, degree and upper bound as parts of
-    what it can be at most; both are empty where there is no degree. `finding` is what the
-    diagnosis says of it, where that is a fault.
+    `size` is the degree with bounds; `share` are lower bound, degree and upper bound as shares of
+    the possible range. Both are empty without a degree. `finding` is that of the diagnosis, for a
+    fault.
     """
 
     episode: Episode
@@ -54,18 +54,18 @@ class Card:
 
 
 def cards(now: Now) -> Iterator[Card]:
-    """Active episodes: findings, then what cannot be judged."""
+    """Cards of active episodes: findings first, then blind spots."""
     for episode in listed(now):
         yield _card(now, episode)
 
 
 def listed(now: Now) -> tuple[Episode, ...]:
-    """Active episodes in the order in which they are shown."""
+    """Active episodes in display order."""
     return tuple(sorted(now.active, key=lambda e: e.kind == "blind"))
 
 
 def finding_of(now: Now, episode: Episode) -> Finding | None:
-    """What the diagnosis says of an episode: its latest finding of the same name and time."""
+    """The latest finding of the diagnosis with the fault and time of an episode."""
     if episode.kind != "fault" or now.diagnosis is None:
         return None
     same = (
@@ -105,7 +105,7 @@ def _card(now: Now, episode: Episode) -> Card:
 
 
 def _share(episode: Episode, fault: FaultSpec | None) -> tuple[float, ...]:
-    """Lower bound, degree, upper bound between the least and the most that they can be."""
+    """Lower bound, degree and upper bound as shares of the possible range."""
     ends = (episode.lower, episode.degree, episode.upper)
     least = min(0.0, *ends)
     most = max(fault.scale if fault else 1.0, *ends)
@@ -116,14 +116,14 @@ def _share(episode: Episode, fault: FaultSpec | None) -> tuple[float, ...]:
 
 
 def _since(now: Now, episode: Episode) -> str:
-    """When it began and how long it has lasted; the date where it was another day."""
+    """When an episode began and how long it has lasted; with the date if on another day."""
     time = now.time if now.time is not None else episode.until
     began = moment(now.calendar, episode.since, time)
     return f"since {began} ({duration(max(time - episode.since, 0.0))})"
 
 
 def _others(ruleset: Ruleset | None, episode: Episode) -> str:
-    """What else it may be, with probabilities."""
+    """Alternatives with probabilities."""
     names = ruleset.fault_by_id if ruleset else {}
     return "; ".join(
         f"{titled(names[name]) if name in names else name} ({percent(p)})"
@@ -132,12 +132,12 @@ def _others(ruleset: Ruleset | None, episode: Episode) -> str:
 
 
 def symbol_of(letter: str) -> str:
-    """Shape of a letter of NE 107."""
+    """Symbol of a letter of NE 107."""
     return STATUS[letter][0] if letter in STATUS else "?"
 
 
 def overall(now: Now) -> tuple[str, str, str]:
-    """Symbol, letter and meaning of the whole."""
+    """Symbol, letter and meaning of the overall status."""
     if now.status == "ok" and not now.judged:
         return NOTHING_YET
     meaning = STATUS[now.status][1] if now.status in STATUS else ""
@@ -162,14 +162,14 @@ def lead(now: Now) -> str:
 
 
 def link(now: Now) -> tuple[str, str]:
-    """Symbol and words of the connection: whence rows come, and whether they do."""
+    """Symbol and words for the connection."""
     if now.connected:
         return "●", f"connected: {now.source}"
     return "✗", f"NOT CONNECTED: {now.source}"
 
 
 def latest(now: Now, age: float | None) -> str:
-    """When the last row was, and how long ago it came, `age` in s."""
+    """The time of the last row, and its `age`, s."""
     if now.time is None:
         return "no row yet"
     ago = f" ({duration(float(int(age)))} ago)" if age is not None else ""
@@ -188,7 +188,7 @@ def modules(now: Now) -> Iterator[tuple[str, str, str]]:
 
 
 def unjudged(now: Now) -> list[tuple[str, str]]:
-    """Remarks on what could not be judged, each with when; without those that are active."""
+    """Remarks on what could not be judged, each with its times; without active ones."""
     if now.diagnosis is None:
         return []
     known = {episode.text for episode in now.active if episode.kind == "blind"}
@@ -203,10 +203,9 @@ def unseen(now: Now) -> tuple[str, ...]:
 
 
 def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
-    """When, symbol and letter, what happened, and the words of an event."""
-    letter = event.episode.status
-    over = event.what in QUIET
-    badge = f"{symbol_of('ok')} ok" if over else f"{symbol_of(letter)} {letter}"
+    """Time, symbol and letter, kind of change, and text of an event."""
+    letter = "ok" if event.what in QUIET else event.episode.status
+    badge = f"{symbol_of(letter)} {letter}"
     return moment(now.calendar, event.time), badge, event.what, event.text
 
 
@@ -215,6 +214,6 @@ def _ruleset(now: Now) -> Ruleset | None:
 
 
 def news(now: Now) -> tuple[object, ...]:
-    """What an operator should see at once."""
+    """Everything whose change an operator should see at once."""
     latest = now.past[0].number if now.past else 0
     return latest, now.status, now.connected, now.remark, now.acknowledged, len(now.active)
