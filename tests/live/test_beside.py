@@ -17,10 +17,10 @@ from rulec_runtime.live.batches import judged
 from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, Update, follow, nothing_yet
+from rulec_runtime.live.full_update import evaluated
 from rulec_runtime.live.last_evaluation import Evaluation, PendingUpdate, UpdateUnderWay
 from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.update_process import UpdateProcess, read, written
-from rulec_runtime.live.whole import evaluated
 from rulec_runtime.recordings.recording import Recording
 
 from tests.live.test_agreement import LEAK, three_lines, with_faults

@@ -133,86 +133,74 @@ def quiet_option(parser: argparse.ArgumentParser) -> None:
 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     """Add the options of `diagnose`; `plant` is the name of its first argument."""
-    diagnose.add_argument("plant", metavar=plant)
-    diagnose.add_argument(
+    add = diagnose.add_argument
+    add("plant", metavar=plant)
+    add(
         "recording",
         metavar="RECORDING",
         help=f"{RECORDING}; or results of observers in the modules' controllers",
     )
-    diagnose.add_argument(
+    add(
         "--mode",
         choices=("default", "paper"),
         default="default",
         help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
     )
-    diagnose.add_argument(
-        "--trace", metavar="FILE.csv", help="one row per sample; - for standard output"
-    )
-    diagnose.add_argument(
-        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
-    )
-    diagnose.add_argument(
-        "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
-    )
+    add("--trace", metavar="FILE.csv", help="one row per sample; - for standard output")
+    add("--report", metavar="FILE.html", help="one page with pictures, to hand on")
+    add("--truth", metavar="FILE.csv", help="true degrees, which the report compares with")
     json_option(diagnose)
 
 
 def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     """Add the options of `watch`; `plant` is the name of its first argument."""
-    watch.add_argument("plant", metavar=plant)
-    watch.add_argument(
+    add = watch.add_argument
+    add("plant", metavar=plant)
+    add(
         "--source",
         metavar="SOURCE",
         required=True,
         help="a CSV file that grows, - for standard input, opc.tcp://HOST:PORT, mqtt://HOST",
     )
-    watch.add_argument(
-        "--map", metavar="MAP.yaml", help="which signal is which node or topic (OPC UA, MQTT)"
-    )
-    watch.add_argument(
-        "--state", metavar="FILE", help="what is remembered, to go on with after the process ended"
-    )
-    watch.add_argument(
+    add("--map", metavar="MAP.yaml", help="which signal is which node or topic (OPC UA, MQTT)")
+    add("--state", metavar="FILE", help="what is remembered, to go on with after the process ended")
+    add(
         "--journal",
         metavar="JOURNAL",
         help="keep events and state in one database: a file (SQLite), or postgresql+psycopg://...",
     )
-    watch.add_argument(
+    add(
         "--page",
         metavar="[HOST:]PORT",
         help="show it as a web page; beyond this machine with a token, from RULEC_TOKEN",
     )
-    watch.add_argument("--events", metavar="FILE.jsonl", help="put each event behind the others")
-    watch.add_argument(
+    add("--events", metavar="FILE.jsonl", help="put each event behind the others")
+    add(
         "--mqtt",
         metavar="URL",
         help="send events and status to a broker: mqtt://HOST or mqtts://HOST, with /TOPIC behind "
         "it in place of /rulec; user and password from RULEC_MQTT_USER, RULEC_MQTT_PASSWORD",
     )
-    watch.add_argument(
-        "--mqtt-ca", metavar="FILE", help="whom to trust for mqtts://, in place of the system's"
-    )
-    watch.add_argument(
+    add("--mqtt-ca", metavar="FILE", help="whom to trust for mqtts://, in place of the system's")
+    add(
         "--device-health",
         metavar="[HOST:]PORT",
         help="say by OPC UA how each module is (IDeviceHealthType); beyond this machine with "
         "certificates",
     )
-    watch.add_argument(
+    add(
         "--device-health-certificates",
         metavar="FOLDER",
         help="holds own.der, own.pem and a folder trusted with the certificates of clients",
     )
-    watch.add_argument(
+    add(
         "--waiting",
         metavar="FOLDER",
         help="where events wait while database or broker are gone or a disk is full (default: that "
         "of the journal's, the state's or the events' file)",
     )
-    watch.add_argument(
-        "--until-end", action="store_true", help="end where a file ends, instead of waiting"
-    )
-    watch.add_argument(
+    add("--until-end", action="store_true", help="end where a file ends, instead of waiting")
+    add(
         "--fail-on",
         metavar="LETTERS",
         default="",
@@ -227,14 +215,13 @@ def json_option(parser: argparse.ArgumentParser) -> None:
 
 def journal_options(journal: argparse.ArgumentParser) -> None:
     """Add the options of `journal`."""
-    journal.add_argument(
-        "journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE"
-    )
-    journal.add_argument("--plant", metavar="P", help="of one plant alone")
+    add = journal.add_argument
+    add("journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE")
+    add("--plant", metavar="P", help="of one plant alone")
     when = "seconds, or a date such as 2026-11-25T14:30 (UTC where it names no zone)"
-    journal.add_argument("--since", metavar="T", type=_time, help=f"from then on: {when}")
-    journal.add_argument("--until", metavar="T", type=_time, help="up to then")
-    journal.add_argument(
+    add("--since", metavar="T", type=_time, help=f"from then on: {when}")
+    add("--until", metavar="T", type=_time, help="up to then")
+    add(
         "--kind",
         metavar="K",
         type=_choice("fault", "sensor", "regime", "unknown", "blind", "source"),
@@ -242,13 +229,13 @@ def journal_options(journal: argparse.ArgumentParser) -> None:
         help="fault, sensor, regime, unknown, blind or source; several with commas",
     )
     letters = "letters of NE 107, such as F,C,S,M"
-    journal.add_argument("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)
-    journal.add_argument("--active", action="store_true", help="what has not ended alone")
-    journal.add_argument("--csv", metavar="FILE", help="a table; - for standard output")
+    add("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)
+    add("--active", action="store_true", help="what has not ended alone")
+    add("--csv", metavar="FILE", help="a table; - for standard output")
     json_option(journal)
-    journal.add_argument("--ack", metavar="EPISODE", help="take note of an episode; needs --by")
-    journal.add_argument("--by", metavar="NAME", help="who takes note")
-    journal.add_argument(
+    add("--ack", metavar="EPISODE", help="take note of an episode; needs --by")
+    add("--by", metavar="NAME", help="who takes note")
+    add(
         "--fail-on",
         metavar="S",
         type=_choice(*"FCSM"),

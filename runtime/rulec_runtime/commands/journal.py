@@ -57,7 +57,6 @@ def run(options: argparse.Namespace) -> int:
 def _acknowledge(
     journal: Any, options: argparse.Namespace, plants: tuple[str, ...], out: Console
 ) -> None:
-    """Acknowledge an episode of the only plant that has it."""
     having = [
         plant
         for plant in plants

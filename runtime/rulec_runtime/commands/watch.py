@@ -46,7 +46,6 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
 def _watch(
     what: Opened, ruleset: Ruleset, until_end: bool, background: BackgroundUpdates | None
 ) -> Memory:
-    """Judge rows as they come; returns the memory at the end."""
     memory, source, present = what.memory, what.source, what.present
     with suppress(KeyboardInterrupt):
         while not source.ended and not what.screen.quit:
@@ -78,7 +77,6 @@ def _watch(
 
 
 def _keep(what: Opened, ruleset: Ruleset, memory: Memory, news: Sequence[Event]) -> None:
-    """Pass events and memory to the sinks."""
     if what.sinks:
         data = state.to_bytes(ruleset, memory, getattr(what.source, "position", {}))
         for sink in what.sinks:

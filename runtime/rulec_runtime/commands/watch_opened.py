@@ -79,7 +79,6 @@ def opened(
 
 
 def _waiting(options: argparse.Namespace) -> Path | None:
-    """The folder for events that wait to be written, if one is named."""
     if options.waiting is not None and not Path(options.waiting).is_dir():
         raise RecordingRefused(f"--waiting {options.waiting}: there is no such folder")
     return Path(options.waiting) if options.waiting else None

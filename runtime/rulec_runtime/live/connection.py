@@ -99,7 +99,6 @@ def read_again(memory: Memory, rows: Rows) -> tuple[Memory, tuple[Event, ...]]:
 def _with(
     memory: Memory, episodes: tuple[Episode, ...], what: What, one: Episode, time: float
 ) -> tuple[Memory, tuple[Event, ...]]:
-    """Memory with these episodes, and one event."""
     number = memory.number + 1
     event = Event(number=number, time=time, what=what, text=one.text, episode=one)
     return replace(memory, episodes=episodes, number=number), (event,)

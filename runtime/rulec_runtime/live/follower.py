@@ -25,7 +25,7 @@ from rulec_runtime.live import limits
 from rulec_runtime.live.beside import BackgroundUpdates, Due, parts_due
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.full_update import horizon_of
+from rulec_runtime.live.full_update import evaluated, horizon_of
 from rulec_runtime.live.last_evaluation import Evaluation, LastEvaluation, UpdateUnderWay
 from rulec_runtime.live.memory import (
     Memory,
@@ -36,7 +36,6 @@ from rulec_runtime.live.memory import (
 )
 from rulec_runtime.live.partial_update import partial_update, settled_until
 from rulec_runtime.live.rows import Rows
-from rulec_runtime.live.whole import evaluated
 from rulec_runtime.recordings.mending import mended
 
 
@@ -196,7 +195,6 @@ def _is_due(memory: Memory, known: LastEvaluation) -> bool:
 def _begun_if_due(
     ruleset: Ruleset, memory: Memory, known: LastEvaluation, background: BackgroundUpdates, due: Due
 ) -> Memory:
-    """Start a background update if one is due."""
     headers = due.doubt or _is_due(memory, known)
     if not headers and not due.full:
         return memory

@@ -1,9 +1,13 @@
-"""A full update: the passes of a recording, over all rows and operating points in memory."""
+"""A full update: the passes of a recording, over all rows and operating points in memory.
+
+It is a function of memory alone, so that another process can run it. When memory is full, the older
+half of the rows becomes operating points.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +15,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
+from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import (
@@ -19,16 +24,25 @@ from rulec_runtime.diagnosis.steady.evaluated_points import (
     judgeable,
 )
 from rulec_runtime.diagnosis.steady.findings import Found, Period
+from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.live import limits
-from rulec_runtime.live.history import History, history_of, joined
+from rulec_runtime.live.history import History, history_of, joined, only, some
 from rulec_runtime.live.horizon import Horizon
+from rulec_runtime.live.last_evaluation import (
+    Evaluation,
+    LastEvaluation,
+    PartEvaluation,
+    due_after,
+)
+from rulec_runtime.live.levels import levels_of
+from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 
 
 @dataclass(frozen=True, kw_only=True)
-class FullUpdate:
-    """The result of a full update.
+class _FullUpdate:
+    """The result of the passes.
 
     Attributes
     ----------
@@ -46,10 +60,40 @@ class FullUpdate:
     found: tuple[Found, ...]
 
 
-def full_update(
+def evaluated(ruleset: Ruleset, memory: Memory, headers: bool = True) -> Evaluation:
+    """Judge the whole memory of a plant that settles, and find the rows that exceed it.
+
+    Without `headers`, headers are only checked if a column has already been reported to differ from
+    its header.
+    """
+    recent = memory.recent
+    conditions = {e.subject.rpartition(".")[2] for e in memory.episodes if e.kind == "sensor"}
+    misread = bool(conditions & {UNIT.name, SWAPPED.name})
+    # Otherwise only the first rows are checked: later a lasting fault looks the same.
+    headers = misread or (headers and memory.before is None)
+    diagnosis, judged = _full_update(ruleset, recent, memory.before, headers=headers)
+    known = None
+    signals = len(recent.values)
+    # Only if a full update takes longer than until the next row.
+    large = signals > limits.SMALL_PLANT or signals * len(recent) > limits.SEEN_AT_ONCE
+    if judged is not None and large:
+        known = _evaluation_after(ruleset, diagnosis, judged, memory.count)
+    cut, before = 0, memory.before
+    if len(recent) >= 2 * limits.KEPT_ROWS:
+        cut, before = _oldest(memory, judged, diagnosis)
+    return Evaluation(
+        diagnosis=diagnosis,
+        settled=None if judged is None else float(judged.whole.timeline.until[-1]),
+        known=known,
+        cut=cut,
+        before=before,
+    )
+
+
+def _full_update(
     ruleset: Ruleset, recent: Recording, before: History | None, *, headers: bool
-) -> tuple[Diagnosis, FullUpdate | None]:
-    """Judge a plant that settles by the whole memory; no `FullUpdate` if nothing settled.
+) -> tuple[Diagnosis, _FullUpdate | None]:
+    """Judge a plant that settles by the whole memory; no `_FullUpdate` if nothing settled.
 
     `headers`: whether to check for columns that do not match their headers.
     """
@@ -67,7 +111,7 @@ def full_update(
     samples, found = together(ruleset, whole.timeline, seen, each)
     found.not_judged.extend(unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
-    return diagnosis, FullUpdate(
+    return diagnosis, _FullUpdate(
         whole=whole,
         stretches=stretches,
         noise=noise,
@@ -75,6 +119,83 @@ def full_update(
         seen=tuple(seen),
         found=each,
     )
+
+
+def _evaluation_after(
+    ruleset: Ruleset, diagnosis: Diagnosis, judged: _FullUpdate, count: int
+) -> LastEvaluation:
+    """The evaluation after a full update with row number `count`."""
+    recording, whole = judged.health.recording, judged.whole
+    firsts, rows = judged.stretches.first, len(recording)
+    open_points = min(1, len(firsts))
+    behind = rows - int(firsts[-1]) if open_points else rows
+    chosen = np.arange(len(whole)) < len(whole) - open_points
+    settled = float(whole.timeline.until[-1])
+    parts = tuple(
+        PartEvaluation(
+            part=part,
+            closed=only(whole, part, chosen, behind),
+            found=found,
+            settled=settled,
+            due=due_after(whole, count),
+            followed=len(whole),
+        )
+        for part, found in zip(parts_of(ruleset), judged.found, strict=True)
+    )
+    levels = levels_of(ruleset, recording, judged.noise)
+    values = whole.points.values
+    level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
+    rested = np.full(len(level), float(whole.timeline.samples[-1]))
+    # A copy drops the cached properties of the recording, which nobody needs again.
+    health = replace(judged.health, recording=replace(recording))
+    return LastEvaluation(
+        diagnosis=diagnosis,
+        health=health,
+        noise=judged.noise,
+        count=count,
+        cut=count - behind,
+        parts=parts,
+        levels=levels.judged(np.ones(len(level), dtype=bool), level, rested),
+    )
+
+
+def _oldest(
+    memory: Memory, judged: _FullUpdate | None, diagnosis: Diagnosis
+) -> tuple[int, History | None]:
+    """How many rows exceed memory, and the operating points of all rows before the others."""
+    recent = memory.recent
+    cut = len(recent) - limits.KEPT_ROWS
+    if judged is None:
+        return cut, memory.before
+    # A stretch that continues after the cut stays whole.
+    firsts = judged.stretches.first
+    cut = int(firsts[firsts >= cut][0]) if (firsts >= cut).any() else cut
+    gone = np.ones(len(judged.whole), dtype=bool)
+    gone[len(gone) - len(firsts) :] = judged.stretches.last <= cut
+    gone &= ~_over(judged, diagnosis)
+    before = _thinned(some(judged.whole, gone))
+    timeline = replace(before.timeline, later=before.timeline.later - (len(recent) - cut))
+    return cut, replace(before, timeline=timeline)
+
+
+def _over(judged: _FullUpdate, diagnosis: Diagnosis) -> np.ndarray:
+    """Flags of points of faults that have ended, shape (n,); they are no reference."""
+    timeline = judged.whole.timeline
+    over: np.ndarray = np.any([part.isolation.deviating for part in judged.seen], axis=0)
+    for finding in diagnosis.findings:
+        if finding.active:
+            over &= (timeline.until < finding.since) | (timeline.since > finding.until)
+    over[-1:] = False
+    return over
+
+
+def _thinned(history: History) -> History:
+    """Drop every second point of the older half while there are too many."""
+    while len(history) > limits.MOST_POINTS:
+        keep = np.ones(len(history), dtype=bool)
+        keep[1 : len(history) // 2 : 2] = False
+        history = some(history, keep)
+    return history
 
 
 def unsettled(recording: Recording, whole: History) -> Iterator[Period]:

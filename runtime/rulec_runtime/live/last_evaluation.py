@@ -9,15 +9,13 @@ from typing import Protocol
 import numpy as np
 
 from rulec_runtime import limits as common
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
-from rulec_runtime.diagnosis.steady.parts import Part, parts_of
+from rulec_runtime.diagnosis.steady.parts import Part
 from rulec_runtime.live import limits
-from rulec_runtime.live.full_update import FullUpdate
-from rulec_runtime.live.history import History, only
-from rulec_runtime.live.levels import Levels, levels_of
+from rulec_runtime.live.history import History
+from rulec_runtime.live.levels import Levels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,44 +138,6 @@ class UpdateUnderWay:
     kept: int
     seen: frozenset[int] = frozenset()
     doubt: bool = False
-
-
-def evaluation_after(
-    ruleset: Ruleset, diagnosis: Diagnosis, judged: FullUpdate, count: int
-) -> LastEvaluation:
-    """The evaluation after a full update with row number `count`."""
-    recording, whole = judged.health.recording, judged.whole
-    firsts, rows = judged.stretches.first, len(recording)
-    open_points = min(1, len(firsts))
-    behind = rows - int(firsts[-1]) if open_points else rows
-    chosen = np.arange(len(whole)) < len(whole) - open_points
-    settled = float(whole.timeline.until[-1])
-    parts = tuple(
-        PartEvaluation(
-            part=part,
-            closed=only(whole, part, chosen, behind),
-            found=found,
-            settled=settled,
-            due=due_after(whole, count),
-            followed=len(whole),
-        )
-        for part, found in zip(parts_of(ruleset), judged.found, strict=True)
-    )
-    levels = levels_of(ruleset, recording, judged.noise)
-    values = whole.points.values
-    level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
-    rested = np.full(len(level), float(whole.timeline.samples[-1]))
-    # A copy drops the cached properties of the recording, which nobody needs again.
-    health = replace(judged.health, recording=replace(recording))
-    return LastEvaluation(
-        diagnosis=diagnosis,
-        health=health,
-        noise=judged.noise,
-        count=count,
-        cut=count - behind,
-        parts=parts,
-        levels=levels.judged(np.ones(len(level), dtype=bool), level, rested),
-    )
 
 
 def due_after(whole: History, count: int) -> float:

@@ -43,7 +43,7 @@ class Levels:
     same: Array
     lost: Array
 
-    def after(self, row: Array, far: float = limits.MOVED) -> tuple[Levels, np.ndarray, bool]:
+    def after(self, row: Array, far: float) -> tuple[Levels, np.ndarray, bool]:
         """Levels after one more row, shape (signals,), which readings have moved, and whether a
         sensor is odd: its reading is stuck, lost, or back. A reading has moved if it is off by
         `far` standard deviations."""

@@ -131,7 +131,6 @@ def _still_blind(diagnosis: Diagnosis, now: float) -> tuple[Blind, ...]:
 
 
 def _replaced(ruleset: Ruleset, before: Latest | None, new: Latest | None) -> Latest | None:
-    """The latest residuals, some of them replaced by new ones."""
     if before is None or new is None:
         return new or before
     found = {e.residual: e for e in (*before.residuals, *new.residuals)}

@@ -22,9 +22,9 @@ from typing import Any
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.live.full_update import evaluated
 from rulec_runtime.live.last_evaluation import Evaluation
 from rulec_runtime.live.memory import Memory
-from rulec_runtime.live.whole import evaluated
 from rulec_runtime.output.interrupts import interrupts_held
 
 ENDED = (EOFError, OSError)

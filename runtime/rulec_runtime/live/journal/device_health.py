@@ -125,11 +125,8 @@ class DeviceHealth:
             node = ua.NodeId(f"{kind}:{name}", own)
             thing = await folder.add_object(node, ua.QualifiedName(name, own))
             await thing.add_reference(interface, ua.ObjectIds.HasInterface, True, False)
-            health = await thing.add_variable(
-                ua.NodeId(f"{kind}:{name}.DeviceHealth", own),
-                ua.QualifiedName("DeviceHealth", devices),
-                ua.Variant(HEALTH["ok"], ua.VariantType.Int32),
-                datatype=ua.NodeId(_ENUMERATION, devices),
+            health = await _add_health(
+                thing, ua.NodeId(f"{kind}:{name}.DeviceHealth", own), devices
             )
             text = await thing.add_variable(
                 ua.NodeId(f"{kind}:{name}.Message", own), ua.QualifiedName("Message", own), ""
@@ -140,7 +137,6 @@ class DeviceHealth:
         await server.start()
 
     async def _secure(self, server: Any) -> None:
-        """Restrict connections and requests."""
         policies = [ua.SecurityPolicyType.NoSecurity]
         if self._security is not None:
             policies = [
@@ -182,8 +178,6 @@ class _Readers:
 
 
 class _ReadOnly:
-    """Allows requests that change nothing."""
-
     def __init__(self) -> None:
         changes = {
             ua.ObjectIds.WriteRequest_Encoding_DefaultBinary,
@@ -209,17 +203,20 @@ async def _device_types(server: Any, devices: int) -> Any:
     interface = await base.add_object_type(
         ua.NodeId(_INTERFACE, devices), ua.QualifiedName("IDeviceHealthType", devices)
     )
-    health = await interface.add_variable(
-        ua.NodeId(_HEALTH, devices),
-        ua.QualifiedName("DeviceHealth", devices),
-        ua.Variant(HEALTH["ok"], ua.VariantType.Int32),
-        datatype=ua.NodeId(_ENUMERATION, devices),
-    )
+    health = await _add_health(interface, ua.NodeId(_HEALTH, devices), devices)
     await health.set_modelling_rule(False)
     return interface
 
 
+async def _add_health(parent: Any, node: ua.NodeId, devices: int) -> Any:
+    return await parent.add_variable(
+        node,
+        ua.QualifiedName("DeviceHealth", devices),
+        ua.Variant(HEALTH["ok"], ua.VariantType.Int32),
+        datatype=ua.NodeId(_ENUMERATION, devices),
+    )
+
+
 def _content(file: Path) -> tuple[bytes, str]:
-    """A certificate or key, and its format."""
     content = bytes_of(file, limits.LARGEST_CERTIFICATE)
     return content, "pem" if content.lstrip().startswith(b"-----BEGIN") else "der"

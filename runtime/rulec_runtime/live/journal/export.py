@@ -57,7 +57,6 @@ def _noted(entry: Entry) -> dict[str, str | None]:
 
 
 def _cell(value: Any) -> str:
-    """A value as a cell on one line, empty for None."""
     if value is None:
         return ""
     if isinstance(value, bool):

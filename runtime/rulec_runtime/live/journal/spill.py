@@ -104,7 +104,6 @@ def _write(file: Path, data: dict[str, Any]) -> None:
 
 
 def _read(file: Path, plant: str, what: str, content: Callable[[Any], T]) -> T | None:
-    """The content of a file of ours; None if there is no file."""
     try:
         data = read_json(file)
         if data["digest"] != digest_of(data):

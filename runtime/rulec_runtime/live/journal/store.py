@@ -122,7 +122,12 @@ class Journal:
             self._keep(connection, plant, [record_of(event, dated) for event in events])
             if state is not None:
                 number = max((e.number for e in events), default=_last(connection, plant))
-                _save(connection, plant, Saved(number, state, clock(connection)))
+                row = {"number": number, "state": state, "saved": clock(connection)}
+                statement = insert(connection, STATES).values(plant=plant, **row)
+                newer = STATES.c.number <= number
+                connection.execute(
+                    statement.on_conflict_do_update(index_elements=["plant"], set_=row, where=newer)
+                )
 
     def _keep(self, connection: sa.Connection, plant: str, records: list[Record]) -> None:
         new: dict[int, Record] = {}
@@ -241,13 +246,3 @@ class Journal:
 def _last(connection: sa.Connection, plant: str) -> int:
     query = sa.select(sa.func.max(EVENTS.c.number)).where(EVENTS.c.plant == plant)
     return int(connection.execute(query).scalar() or 0)
-
-
-def _save(connection: sa.Connection, plant: str, saved: Saved) -> None:
-    row = {"number": saved.number, "state": saved.state, "saved": saved.at}
-    statement = insert(connection, STATES).values(plant=plant, **row)
-    connection.execute(
-        statement.on_conflict_do_update(
-            index_elements=["plant"], set_=row, where=STATES.c.number <= saved.number
-        )
-    )

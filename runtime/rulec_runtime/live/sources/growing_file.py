@@ -139,7 +139,6 @@ class GrowingFile(TextSource):
             return [*found, self._refusal(refused)]
 
     def _open(self, path: Path) -> BinaryIO:
-        """Start a file with its header."""
         self.close()
         self._file = file = opened(path, buffering=0)
         self._head, self._replaced, self.ended, self._refused = None, None, False, False

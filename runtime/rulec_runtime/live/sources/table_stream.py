@@ -264,7 +264,6 @@ class TextSource:
         return notice("refused", self._clock.now, str(why))
 
     def _too_long(self) -> list[Rows | Notice]:
-        """A notice of dropped lines."""
         if not self._cutter.too_long:
             return []
         self._cutter.too_long = 0

@@ -121,7 +121,6 @@ def explanation_of(now: Now, place: int) -> RenderableType:
 
 
 def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType:
-    """An episode, with its lines aligned below the title."""
     letter = card.episode.status
     mark = styled(
         "{} [bold {}]{} {}[/]", ">" if selected else " ", _colour(letter), card.symbol, letter

@@ -156,7 +156,6 @@ def _card(now: Now, card: Card, seal: str) -> str:
 
 
 def _note(card: Card, seal: str) -> str:
-    """A note that the episode is acknowledged, or a button to do so."""
     if card.acknowledged:
         return '<p class="soft noted">✓ acknowledged</p>'
     key = key_of(card.episode.id)
@@ -169,7 +168,6 @@ def _note(card: Card, seal: str) -> str:
 
 
 def _gauge(share: tuple[float, ...]) -> str:
-    """The degree as a bar with its bounds as a band."""
     if not share:
         return ""
     low, at, high = (100.0 * part for part in share)
@@ -208,7 +206,6 @@ def _residual(bar: Bar) -> str:
 
 
 def _blind(now: Now, active: list[Card], seal: str) -> str:
-    """Present and past blind spots, and faults that no reading shows."""
     parts = [
         f'<div class="blind is-C"><p>{mark(c.episode.status)} {safe(c.title)} '
         f'<span class="soft">{safe(c.since)}</span></p>{_note(c, seal)}</div>'

@@ -113,7 +113,6 @@ class LiveScreen:
             raise failure
 
     def _run(self) -> None:
-        """Handle keys, and draw what they and rows change."""
         drawn = 0.0
         try:
             while not self._closing.is_set():

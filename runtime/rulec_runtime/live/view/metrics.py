@@ -44,7 +44,6 @@ def metrics(now: Now, age: float | None) -> str:
 
 
 def _findings(now: Now, plant: Labels) -> Iterator[str]:
-    """One series per active episode and quantity."""
     series: dict[tuple[str, ...], tuple[Labels, Episode]] = {}
     for e in now.active:
         # Other subjects are texts, each of which would become a separate series.

@@ -123,7 +123,6 @@ def _since(now: Now, episode: Episode) -> str:
 
 
 def _others(ruleset: Ruleset | None, episode: Episode) -> str:
-    """Alternatives with probabilities."""
     names = ruleset.fault_by_id if ruleset else {}
     return "; ".join(
         f"{titled(names[name]) if name in names else name} ({percent(p)})"
