@@ -21,11 +21,7 @@ from rulec_runtime.live.horizon import Horizon, episodes_of
 
 
 def changes(
-    ruleset: Ruleset,
-    known: Sequence[Episode],
-    diagnosis: Diagnosis,
-    horizon: Horizon,
-    number: int,
+    ruleset: Ruleset, known: Sequence[Episode], diagnosis: Diagnosis, horizon: Horizon, number: int
 ) -> tuple[tuple[Episode, ...], tuple[Event, ...]]:
     """The current episodes, and events for what is new.
 

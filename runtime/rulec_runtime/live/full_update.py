@@ -28,12 +28,7 @@ from rulec_runtime.diagnosis.steady.parts import parts_of
 from rulec_runtime.live import limits
 from rulec_runtime.live.history import History, history_of, joined, only, some
 from rulec_runtime.live.horizon import Horizon
-from rulec_runtime.live.last_evaluation import (
-    Evaluation,
-    LastEvaluation,
-    PartEvaluation,
-    due_after,
-)
+from rulec_runtime.live.last_evaluation import Evaluation, LastEvaluation, PartEvaluation, due_after
 from rulec_runtime.live.levels import levels_of
 from rulec_runtime.live.memory import Memory
 from rulec_runtime.recordings.recording import Recording
@@ -112,12 +107,7 @@ def _full_update(
     found.not_judged.extend(unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
     return diagnosis, _FullUpdate(
-        whole=whole,
-        stretches=stretches,
-        noise=noise,
-        health=health,
-        seen=tuple(seen),
-        found=each,
+        whole=whole, stretches=stretches, noise=noise, health=health, seen=tuple(seen), found=each
     )
 
 

@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.blind import Blind
-from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, joined
+from rulec_runtime.diagnosis.diagnose import assembled, joined
 from rulec_runtime.diagnosis.steady.courses import found_again, found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
@@ -55,7 +54,11 @@ def partial_update(
         "default",
         judged=known.diagnosis.judged,
         found=replace(joined(each, latest), regimes=known.diagnosis.regimes),
-        blind=_still_blind(known.diagnosis, float(recent.time[-1])),
+        # Active blind periods continue: a reading that goes or comes causes a full update.
+        blind=tuple(
+            replace(b, until=float(recent.time[-1])) if b.active else b
+            for b in known.diagnosis.blind
+        ),
     )
     return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
 
@@ -123,11 +126,6 @@ def _going_on(found: Found, settled: float, now: float) -> Found:
         for periods in (found.unknown, found.not_judged)
     )
     return Found(found.findings, unknown, blind)
-
-
-def _still_blind(diagnosis: Diagnosis, now: float) -> tuple[Blind, ...]:
-    """Active blind periods continue: a reading that goes or comes causes a full update."""
-    return tuple(replace(b, until=now) if b.active else b for b in diagnosis.blind)
 
 
 def _replaced(ruleset: Ruleset, before: Latest | None, new: Latest | None) -> Latest | None:

@@ -117,11 +117,7 @@ def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, An
         for one in text["episodes"]
     )
     return Memory(
-        recent=recent,
-        before=before,
-        count=text["count"],
-        episodes=episodes,
-        number=text["number"],
+        recent=recent, before=before, count=text["count"], episodes=episodes, number=text["number"]
     )
 
 

@@ -90,13 +90,15 @@ def main_of(now: Now, seal: str) -> str:
         for name, title, one in modules(now)
     )
     below = "" if _sentence(meaning) == lead(now) else safe(_sentence(meaning))
+    events = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
+    past = f'<ol class="events">{events}</ol>' if events else ""
     return (
         f'<div class="status">{_badge(symbol, letter, "badge")}<p role="status">'
         f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
         f'<div class="sides"><div>{told}{_residuals(now)}</div>'
         f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
         f"{_section('Cannot be judged', _blind(now, blind, seal))}"
-        f"{_section('Past events', _past(now))}</div></div>"
+        f"{_section('Past events', past)}</div></div>"
     )
 
 
@@ -221,11 +223,6 @@ def _blind(now: Now, active: list[Card], seal: str) -> str:
     if unseen(now):
         parts.append(f'<p class="soft">No reading shows: {safe(", ".join(unseen(now)))}</p>')
     return "".join(parts)
-
-
-def _past(now: Now) -> str:
-    rows = "".join(_event(now, event) for event in now.past[:LATEST_EVENTS])
-    return f'<ol class="events">{rows}</ol>' if rows else ""
 
 
 def _event(now: Now, event: Event) -> str:

@@ -122,7 +122,9 @@ class LiveScreen:
                 due = self._changed.is_set() or steady() - drawn >= TICK
                 if pressed or due:
                     self._changed.clear()
-                    self._draw()
+                    picture = self._picture()
+                    if picture is not None and self._live is not None:
+                        self._live.update(picture, refresh=True)
                     drawn = steady()
         except BaseException as error:  # raised by `show`, in the main thread
             self._failure = error
@@ -145,11 +147,6 @@ class LiveScreen:
         width, height = self._console.size
         age = self._arrival.age(steady())
         return Screen(self._now, self._state, width, height, age, self._keys.there)
-
-    def _draw(self) -> None:
-        picture = self._picture()
-        if picture is not None and self._live is not None:
-            self._live.update(picture, refresh=True)
 
 
 def event_lines(now: Now, last: int) -> Iterator[Text]:

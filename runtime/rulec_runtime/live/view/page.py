@@ -99,11 +99,7 @@ def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
 
 
 def serve(
-    state_of: Callable[[], Now],
-    host: str,
-    port: int,
-    token: str | None,
-    acknowledge: Acknowledge,
+    state_of: Callable[[], Now], host: str, port: int, token: str | None, acknowledge: Acknowledge
 ) -> Page:
     """Serve the page until it is closed.
 

@@ -15,14 +15,7 @@ from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import moment
 from rulec_runtime.report.blindness import told_else
 from rulec_runtime.report.text import bounds, counted, degree, percent
-from rulec_runtime.report.wording import (
-    SHOWN,
-    STATUS,
-    actions,
-    headline,
-    remarks_of,
-    titled,
-)
+from rulec_runtime.report.wording import SHOWN, STATUS, actions, headline, remarks_of, titled
 
 NOTHING_YET = ("…", "", "nothing could be judged yet")
 """Replaces the status before anything was judged, which differs from no findings."""
