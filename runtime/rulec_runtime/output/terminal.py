@@ -137,15 +137,16 @@ def plain(tell: Story, width: int = limits.STORY_WIDTH) -> str:
     return file.getvalue().strip("\n")
 
 
-def with_styles(tell: Story, width: int = limits.STORY_WIDTH) -> Text:
+def with_styles(tell: Story, width: int) -> Text:
     """The story as one styled text, for another console."""
     file = io.StringIO()
     tell(Terminal(file=file, width=width, force_terminal=True, color_system="standard"))
     return Text.from_ansi(file.getvalue().strip("\n"), no_wrap=True)
 
 
-def as_html(tell: Story, width: int = limits.STORY_WIDTH) -> str:
+def as_html(tell: Story) -> str:
     """The story for a notebook; data is shown as text."""
-    console = Terminal(file=io.StringIO(), width=width, record=True, force_terminal=True)
+    file = io.StringIO()
+    console = Terminal(file=file, width=limits.STORY_WIDTH, record=True, force_terminal=True)
     tell(console)
     return console.export_html(inline_styles=True, code_format=_FRAME)

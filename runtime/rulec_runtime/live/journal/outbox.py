@@ -49,14 +49,13 @@ class Outbox:
         plant: str,
         say: Callable[[str], None],
         *,
-        dated: bool = True,
-        file: Path | None = None,
+        file: Path | None,
         clock: Callable[[], float] = steady,
     ) -> None:
         self._sink, self._plant, self._say = sink, plant, say
         self.file, self._clock = file, clock
-        left = Pending(dated=dated) if file is None else waiting(file, plant)
-        self.dated = left.dated if left.events else dated
+        left = Pending() if file is None else waiting(file, plant)
+        self.dated = left.dated or not left.events
         """Whether times are s since 1970; a source may know that only from its first rows on."""
         self._events: list[Event] = list(left.events)
         self._state = left.state
@@ -114,12 +113,12 @@ class Outbox:
             self._changes += 1
             self._changed.notify_all()
 
-    def settle(self, patience: float = limits.BUSY) -> None:
+    def settle(self) -> None:
         """Wait until everything is written, or the sink fails."""
         with self._changed:
             self._changed.wait_for(
                 lambda: self._idle() or self._trouble is not None or self._refused is not None,
-                patience,
+                limits.BUSY,
             )
 
     def start(self) -> None:
@@ -127,17 +126,17 @@ class Outbox:
         self._thread = Thread(target=self._run, name="journal", daemon=True)
         self._thread.start()
 
-    def close(self, patience: float = limits.BUSY) -> int:
-        """Write what waits as far as possible within so many seconds; returns the number of events
+    def close(self) -> int:
+        """Write what waits as far as possible within `limits.BUSY`; returns the number of events
         that are still pending."""
         with self._changed:
             self._due, self._wait = self._clock(), limits.FIRST_RETRY
-            self._ends = self._due + patience
+            self._ends = self._due + limits.BUSY
             self._changed.notify_all()
         if self._thread is None:
             self._run()
         else:
-            self._thread.join(patience + limits.CONNECT)
+            self._thread.join(limits.BUSY + limits.CONNECT)
         return self.pending
 
     def step(self) -> float:

@@ -32,7 +32,7 @@ class OpcUa:
     dated = True
 
     def __init__(
-        self, source: SourceMap, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
+        self, source: SourceMap, ruleset: Ruleset, resume: Mapping[str, Any] | None
     ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
         place_of = {c.signal.id: c.server for c in source.channels}

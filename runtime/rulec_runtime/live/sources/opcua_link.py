@@ -78,8 +78,6 @@ class Link:
             self._alive = False
             try:
                 await self._session()
-            except asyncio.CancelledError:
-                raise
             except SourceRefused as error:
                 if not self.answered.is_set():
                     self.refused = str(error)

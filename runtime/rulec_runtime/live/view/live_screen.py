@@ -19,7 +19,7 @@ from rulec_runtime.live.view.keys import Keys
 from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.screen import Screen, ViewState, after, place_of
 from rulec_runtime.live.view.words import lead, link, listed, news, overall
-from rulec_runtime.output.terminal import styled, terminal
+from rulec_runtime.output.terminal import styled
 
 
 def who() -> str:
@@ -40,12 +40,12 @@ class LiveScreen:
     def __init__(
         self,
         acknowledge: Callable[[str, str], None],
-        console: Console | None = None,
+        console: Console,
         keys: Keys | None = None,
         told: int = 0,
     ) -> None:
         self._acknowledge = acknowledge
-        self._console = console or terminal()
+        self._console = console
         self._keys = keys or Keys()
         self._told = told
         self._state = ViewState()
