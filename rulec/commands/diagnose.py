@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rulec_runtime.commands.destinations import check_outputs, progress_of
-from rulec_runtime.commands.diagnose import told
+from rulec_runtime.commands.diagnose import show_results
 
 from rulec.api.diagnose import diagnose
 
@@ -21,4 +21,4 @@ def run(options: argparse.Namespace) -> int:
             limits=options.limits,
             truth=options.truth,
         )
-        return told(options, found.judged, progress)
+        return show_results(options, found.judged, progress)

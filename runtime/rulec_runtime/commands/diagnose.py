@@ -32,14 +32,16 @@ def run(options: argparse.Namespace) -> int:
         file = Path(options.recording)
         if holds_results(file, ruleset):
             found = judged_results(file, ruleset, options.mode, options.truth is not None)
-            return told(options, found, progress)
+            return show_results(options, found, progress)
         recording = read_recording(file, ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
         name = file.resolve().name
-        return told(options, judged(recording, ruleset, name, options.mode, truth), progress)
+        return show_results(
+            options, judged(recording, ruleset, name, options.mode, truth), progress
+        )
 
 
-def told(options: argparse.Namespace, found: Judged, progress: Progress) -> int:
+def show_results(options: argparse.Namespace, found: Judged, progress: Progress) -> int:
     """Print the diagnosis and write the requested files; returns the exit code."""
     trace = page = ""
     if options.trace or options.report:

@@ -54,8 +54,8 @@ def opened(
     waiting = folder or (None if journal is None else journal.folder)
     files = kept_files(options.events, options.state, ruleset.plant, waiting, stack, unwritten)
     memory, position = _restored(ruleset, files, journal)
-    beside = None if files is None else files.folder
-    sinks = sinks_of(options, ruleset, waiting or beside, stack)
+    own = None if files is None else files.folder
+    sinks = sinks_of(options, ruleset, waiting or own, stack)
     map_path = Path(options.map) if options.map else None
     source: Source = open_source(options.source, ruleset, map_path, position or None)
     stack.callback(source.close)

@@ -157,7 +157,7 @@ def _partial(ruleset: Ruleset, memory: Memory, known: LastEvaluation, places: li
         return Update(replace(memory, known=known), (), diagnosis)
     known = partial_update(ruleset, memory.recent, known, places, memory.count)
     if (running := memory.under_way) is not None:
-        running = replace(running, seen=running.seen.union(places))
+        running = replace(running, updated=running.updated.union(places))
     memory = replace(memory, known=known, under_way=running)
     return _update(ruleset, memory, known.diagnosis, settled_until(known.parts))
 
@@ -176,7 +176,7 @@ def _taken_in(
         return _full(ruleset, memory)
     known, due = parts_due(found.known, memory, memory.count - running.count)
     due = replace(due, doubt=due.doubt or running.doubt)
-    if places := sorted(running.seen.union(due.places)):
+    if places := sorted(running.updated.union(due.places)):
         known = partial_update(ruleset, memory.recent, known, places, memory.count)
         update = _update(ruleset, memory, known.diagnosis, settled_until(known.parts))
     else:

@@ -44,14 +44,14 @@ class _FullUpdate:
     whole : all operating points in memory.
     stretches : settled stretches of the latest rows; `noise` of readings within them, SI.
     health : of the sensors.
-    seen, found : per part of the plant, the evaluated points and the findings.
+    evaluated_parts, found : per part of the plant, the evaluated points and the findings.
     """
 
     whole: History
     stretches: Stretches
     noise: Mapping[str, float]
     health: Health
-    seen: tuple[EvaluatedPoints, ...]
+    evaluated_parts: tuple[EvaluatedPoints, ...]
     found: tuple[Found, ...]
 
 
@@ -101,13 +101,18 @@ def _full_update(
         since, until = float(recording.time[0]), float(recording.time[-1])
         found = Found([], [], [Period(since, until, restless(len(recording)))])
         return assembled(health, ruleset, "default", judged=0, found=found), None
-    seen = evaluate_points(ruleset, whole.points, whole.halves, "default")
-    each = tuple(found_of(whole.timeline, ruleset, part) for part in seen)
-    samples, found = together(ruleset, whole.timeline, seen, each)
+    evaluated_parts = evaluate_points(ruleset, whole.points, whole.halves, "default")
+    each = tuple(found_of(whole.timeline, ruleset, part) for part in evaluated_parts)
+    samples, found = together(ruleset, whole.timeline, evaluated_parts, each)
     found.not_judged.extend(unsettled(recording, whole))
     diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
     return diagnosis, _FullUpdate(
-        whole=whole, stretches=stretches, noise=noise, health=health, seen=tuple(seen), found=each
+        whole=whole,
+        stretches=stretches,
+        noise=noise,
+        health=health,
+        evaluated_parts=tuple(evaluated_parts),
+        found=each,
     )
 
 
@@ -118,13 +123,13 @@ def _evaluation_after(
     recording, whole = judged.health.recording, judged.whole
     firsts, rows = judged.stretches.first, len(recording)
     open_points = min(1, len(firsts))
-    behind = rows - int(firsts[-1]) if open_points else rows
+    open_rows = rows - int(firsts[-1]) if open_points else rows
     chosen = np.arange(len(whole)) < len(whole) - open_points
     settled = float(whole.timeline.until[-1])
     parts = tuple(
         PartEvaluation(
             part=part,
-            closed=only(whole, part, chosen, behind),
+            closed=only(whole, part, chosen, open_rows),
             found=found,
             settled=settled,
             due=due_after(whole, count),
@@ -132,10 +137,6 @@ def _evaluation_after(
         )
         for part, found in zip(parts_of(ruleset), judged.found, strict=True)
     )
-    levels = levels_of(ruleset, recording, judged.noise)
-    values = whole.points.values
-    level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
-    rested = np.full(len(level), float(whole.timeline.samples[-1]))
     # A copy drops the cached properties of the recording, which nobody needs again.
     health = replace(judged.health, recording=replace(recording))
     return LastEvaluation(
@@ -143,9 +144,9 @@ def _evaluation_after(
         health=health,
         noise=judged.noise,
         count=count,
-        cut=count - behind,
+        cut=count - open_rows,
         parts=parts,
-        levels=levels.judged(np.ones(len(level), dtype=bool), level, rested),
+        levels=levels_of(ruleset, recording, judged.noise).judged(whole),
     )
 
 
@@ -171,7 +172,7 @@ def _oldest(
 def _over(judged: _FullUpdate, diagnosis: Diagnosis) -> np.ndarray:
     """Flags of points of faults that have ended, shape (n,); they are no reference."""
     timeline = judged.whole.timeline
-    over: np.ndarray = np.any([part.isolation.deviating for part in judged.seen], axis=0)
+    over: np.ndarray = np.any([part.isolation.deviating for part in judged.evaluated_parts], axis=0)
     for finding in diagnosis.findings:
         if finding.active:
             over &= (timeline.until < finding.since) | (timeline.since > finding.until)

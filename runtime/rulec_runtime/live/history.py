@@ -42,14 +42,14 @@ def history_of(
     )
 
 
-def joined(before: History, recording: Recording, behind: History) -> History:
+def joined(before: History, recording: Recording, after: History) -> History:
     """Stretches of dropped rows, then those of the recording that continues them.
 
     A signal that one of them lacks has no reading there.
     """
     if not len(before):
-        return behind
-    old, new = before.points, behind.points
+        return after
+    old, new = before.points, after.points
     both = one_after_the_other([old, new])
     points = replace(
         both,
@@ -57,15 +57,15 @@ def joined(before: History, recording: Recording, behind: History) -> History:
         lag={n: part for n, part in both.lag.items() if part.any()},
     )
     first = replace(before.timeline, later=before.timeline.later + len(recording))
-    second = behind.timeline
+    second = after.timeline
     pairs = zip(_columns(first), _columns(second), strict=True)
     timeline = Timeline(*(np.concatenate(pair) for pair in pairs))
     if len(second):
         pause = second.since[0] - first.until[-1]
         timeline.paused[len(first)] = pause > long_pause(recording.time)
     halves = Halves(
-        np.concatenate([before.halves.apart, behind.halves.apart], axis=1),
-        np.concatenate([before.halves.excess, behind.halves.excess]),
+        np.concatenate([before.halves.apart, after.halves.apart], axis=1),
+        np.concatenate([before.halves.excess, after.halves.excess]),
     )
     return History(points, halves, timeline)
 
@@ -89,11 +89,11 @@ def _columns(timeline: Timeline) -> list[np.ndarray]:
     return [getattr(timeline, field.name) for field in fields(timeline)]
 
 
-def only(history: History, part: Part, chosen: np.ndarray, behind: int) -> History:
-    """Some of the stretches, by flags, for a part of the plant, without the last `behind` rows."""
+def only(history: History, part: Part, chosen: np.ndarray, open_rows: int) -> History:
+    """Some of the stretches, by flags, for a part of the plant, without the last `open_rows`."""
     kept = some(history, chosen)
     return History(
         kept.points.of(part.ruleset.observed),
         Halves(kept.halves.apart[part.observers], kept.halves.excess),
-        replace(kept.timeline, later=kept.timeline.later - behind),
+        replace(kept.timeline, later=kept.timeline.later - open_rows),
     )

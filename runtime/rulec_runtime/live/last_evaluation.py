@@ -39,7 +39,7 @@ class PartEvaluation:
     due: float
     followed: int
 
-    def seen_again(self, whole: History, found: Found, count: int) -> PartEvaluation:
+    def after_update(self, whole: History, found: Found, count: int) -> PartEvaluation:
         """The evaluation after a partial update with row number `count`. The next one is due when
         the last stretch is twice as long, or with the next row if the part is not settled."""
         timeline = whole.timeline
@@ -129,14 +129,14 @@ class UpdateUnderWay:
     ----------
     asked : the update.
     count : rows that had come; `kept` is how many of them were in memory.
-    seen : indices of the parts that have had a partial update since.
+    updated : indices of the parts that have had a partial update since.
     doubt : whether a sensor has come into doubt since, so that another update is due.
     """
 
     asked: PendingUpdate
     count: int
     kept: int
-    seen: frozenset[int] = frozenset()
+    updated: frozenset[int] = frozenset()
     doubt: bool = False
 
 

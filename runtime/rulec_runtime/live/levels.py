@@ -11,6 +11,7 @@ from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
+from rulec_runtime.live.history import History
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
 
@@ -82,13 +83,15 @@ class Levels:
             odd |= odd_now
         return levels, moved, odd
 
-    def judged(self, chosen: np.ndarray, level: Array, rested: Array) -> Levels:
-        """Levels after some of the signals, by flags, have been judged."""
-        known = chosen & np.isfinite(level)
+    def judged(self, history: History) -> Levels:
+        """Levels after the signals of a history have been judged at its last operating point."""
+        values = history.points.values
+        level = np.array([values[n][-1] if n in values else np.nan for n in self.names])
+        known = np.isfinite(level)
         return replace(
             self,
             level=np.where(known, level, self.level),
-            rested=np.where(known, rested, self.rested),
+            rested=np.where(known, float(history.timeline.samples[-1]), self.rested),
             total=np.where(known, 0.0, self.total),
             rows=np.where(known, 0.0, self.rows),
         )

@@ -93,8 +93,8 @@ def reference_and_latest(recent: Recording, episodes: tuple[Episode, ...]) -> Re
     first = np.arange(max(sound - kept // 2, 0), sound) if sound < n - kept else np.arange(0)
     chosen = np.concatenate([first, np.arange(n - kept, n)])
     rows = _chosen(recent, chosen.astype(int))
-    behind = np.arange(len(chosen)) >= len(first)
-    return replace(rows, segment=np.where(behind, rows.segment.max() + 1, rows.segment))
+    latest = np.arange(len(chosen)) >= len(first)
+    return replace(rows, segment=np.where(latest, rows.segment.max() + 1, rows.segment))
 
 
 def _chosen(recent: Recording, chosen: np.ndarray) -> Recording:

@@ -38,10 +38,7 @@ def partial_update(
         parts[place], whole, residuals = _judged(ruleset, recent, known, parts[place], count)
         if len(whole):
             latest = _replaced(ruleset, latest, residuals)
-            values = whole.points.values
-            level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
-            rested = np.full(len(level), float(whole.timeline.samples[-1]))
-            levels = levels.judged(np.isfinite(level), level, rested)
+            levels = levels.judged(whole)
     now = settled_until(parts)
     each = [
         one.found if place in moved else _going_on(one.found, settled, now)
@@ -80,20 +77,20 @@ def _judged(
     points = history_of(tail, own, stretches, noise)
     whole = joined_history(one.closed, tail, points)
     if not len(whole):
-        return one.seen_again(whole, Found([], [], []), count), whole, None
-    seen = evaluate_points(own, whole.points, whole.halves, "default")
+        return one.after_update(whole, Found([], [], []), count), whole, None
+    evaluated = evaluate_points(own, whole.points, whole.halves, "default")
     enough = len(whole) > limits.FOLLOWED_AGAIN * one.followed
     each = (
         found_of(whole.timeline, own, part)
         if enough
         else found_again(whole.timeline, own, part, one.found)
-        for part in seen
+        for part in evaluated
     )
     found = joined(each, None)
     found.not_judged.extend(unsettled(tail, whole))
-    again = one.seen_again(whole, found, count)
+    again = one.after_update(whole, found, count)
     again = replace(again, followed=len(whole)) if enough else again
-    return again, whole, latest_of(own, whole.timeline, seen)
+    return again, whole, latest_of(own, whole.timeline, evaluated)
 
 
 def _latest_rows(recent: Recording, known: LastEvaluation, own: Ruleset, count: int) -> Recording:

@@ -97,7 +97,7 @@ def _started() -> _Running:
 class RemoteUpdate:
     """A full update in the process."""
 
-    looks: UpdateProcess
+    process: UpdateProcess
     ruleset: Ruleset
     memory: Memory
     headers: bool
@@ -120,7 +120,7 @@ class RemoteUpdate:
     def drop(self) -> None:
         """Kill the process, so that nothing waits for this update."""
         if not self.answer.done():
-            self.looks.close()
+            self.process.close()
 
 
 def _answer(ours: Connection, parts: list[bytes]) -> bytes:

@@ -99,7 +99,7 @@ def _file(path: Path, make: bool) -> sa.Engine:
 def prepared(engine: sa.Engine, place: str) -> None:
     """Switch a file that is a journal to WAL mode, in which readers never wait."""
     if engine.dialect.name == "sqlite":
-        with told(place), engine.connect() as connection:
+        with translated(place), engine.connect() as connection:
             driver: Any = connection.connection
             driver.execute("PRAGMA journal_mode=WAL").fetchall()
 
@@ -153,7 +153,7 @@ def _server(url: sa.URL) -> tuple[sa.Engine, str]:
 
 
 @contextmanager
-def told(place: str) -> Iterator[None]:
+def translated(place: str) -> Iterator[None]:
     """Translate database errors: `JournalTrouble` may pass, `JournalRefused` is permanent."""
     try:
         yield

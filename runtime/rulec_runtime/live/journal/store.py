@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.database import READING, engine_of, prepared, told
+from rulec_runtime.live.journal.database import READING, engine_of, prepared, translated
 from rulec_runtime.live.journal.form import (
     Entry,
     Record,
@@ -87,7 +87,7 @@ class Journal:
 
     @contextmanager
     def _begun(self, reading: bool) -> Iterator[sa.Connection]:
-        with told(self.place), self._engine.connect() as plain:
+        with translated(self.place), self._engine.connect() as plain:
             connection = plain.execution_options(**READING) if reading else plain
             with connection.begin():
                 yield connection

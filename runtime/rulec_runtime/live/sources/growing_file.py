@@ -190,9 +190,9 @@ class GrowingFile(TextSource):
         if now - self._replaced < limits.LINGER:
             return []
         if self._head is None:
-            told = self._read_head(ended=True)
+            notices = self._read_head(ended=True)
             if self._head is not None:
-                return told
+                return notices
         if not there:
             return self._lost("was taken away; its successor is waited for")
         found: list[Rows | Notice] = []

@@ -69,8 +69,8 @@ class RowClock:
         if late:
             text = f"not later than {self._shown(before[-1])}"
             found += self._tell(late, ("is", "are"), text, "late")
-        behind = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
-        self._late = int(usable[behind + 1 :].sum()) + (0 if kept.any() else self._late)
+        last = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
+        self._late = int(usable[last + 1 :].sum()) + (0 if kept.any() else self._late)
         if kept.any():
             times = time[kept]
             steps = np.diff(times)

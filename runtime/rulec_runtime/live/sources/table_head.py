@@ -55,7 +55,7 @@ class HeadSearch:
         titles = self._titles or self._search.so_far()
         return self._head(titles, ended=True) if titles else None
 
-    def behind(self, head: TableHead) -> list[str]:
+    def below(self, head: TableHead) -> list[str]:
         """The lines so far below the head."""
         return self._lines[head.end :]
 

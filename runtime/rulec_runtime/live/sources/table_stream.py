@@ -93,7 +93,7 @@ class TableStream:
         """Rows of further lines, without line ends; the first lines may be the head. Raises
         `RecordingRefused` as `begin` does."""
         if self._header is None:
-            lines = self._behind_head(lines)
+            lines = self._after_head(lines)
         if self._header is None:
             return []
         cells = [row for line in lines if any(row := cells_of(line, self._separator))]
@@ -111,13 +111,13 @@ class TableStream:
         if head is None:
             return []
         self.begin(head)
-        return self.feed(self._search.behind(head))
+        return self.feed(self._search.below(head))
 
-    def _behind_head(self, lines: Sequence[str]) -> list[str]:
+    def _after_head(self, lines: Sequence[str]) -> list[str]:
         for at, line in enumerate(lines):
             if head := self._search.add(line):
                 self.begin(head)
-                return [*self._search.behind(head), *lines[at + 1 :]]
+                return [*self._search.below(head), *lines[at + 1 :]]
         return []
 
     def _rows(self, header: Header, rows: list[list[str]]) -> list[Rows | Notice]:

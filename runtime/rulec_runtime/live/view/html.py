@@ -84,7 +84,7 @@ def main_of(now: Now, seal: str) -> str:
     found = list(cards(now))
     findings = [card for card in found if card.episode.kind != "blind"]
     blind = [card for card in found if card.episode.kind == "blind"]
-    told = "".join(_card(now, card, seal) for card in findings)
+    sections = "".join(_card(now, card, seal) for card in findings)
     chips = "".join(
         f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{mark(one)}</li>'
         for name, title, one in modules(now)
@@ -95,7 +95,7 @@ def main_of(now: Now, seal: str) -> str:
     return (
         f'<div class="status">{_badge(symbol, letter, "badge")}<p role="status">'
         f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
-        f'<div class="sides"><div>{told}{_residuals(now)}</div>'
+        f'<div class="sides"><div>{sections}{_residuals(now)}</div>'
         f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
         f"{_section('Cannot be judged', _blind(now, blind, seal))}"
         f"{_section('Past events', past)}</div></div>"
@@ -135,8 +135,8 @@ def _card(now: Now, card: Card, seal: str) -> str:
     if card.size:
         degree, _, ends = card.size.partition(" (")
         about = f", {card.meaning}" if card.meaning else ""
-        told = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
-        rows.append(("Degree", told + _gauge(card.share)))
+        text = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
+        rows.append(("Degree", text + _gauge(card.share)))
     if episode.grows:
         rows.append(("Growth", safe(episode.grows)))
     rows.append(("Seen", safe(card.since)))
