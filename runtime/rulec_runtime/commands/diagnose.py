@@ -35,10 +35,8 @@ def run(options: argparse.Namespace) -> int:
             return show_results(options, found, progress)
         recording = read_recording(file, ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
-        name = file.resolve().name
-        return show_results(
-            options, judged(recording, ruleset, name, options.mode, truth), progress
-        )
+        found = judged(recording, ruleset, file.resolve().name, options.mode, truth)
+        return show_results(options, found, progress)
 
 
 def show_results(options: argparse.Namespace, found: Judged, progress: Progress) -> int:

@@ -52,14 +52,13 @@ class ReplayedSource:
 
     def take(self, seconds: float) -> list[Rows | Notice]:
         found = more = self._source.take(seconds)
-        while more and (newest := _newest(found)) is not None and newest < self._until:
+        while more:
+            times = [float(p.time[-1]) for p in found if isinstance(p, Rows)]
+            if max(times, default=float("inf")) >= self._until:
+                break
             more = self._source.take(0.0)
             found = [*found, *more]
         return found
 
     def close(self) -> None:
         self._source.close()
-
-
-def _newest(parts: Sequence[Rows | Notice]) -> float | None:
-    return max((float(p.time[-1]) for p in parts if isinstance(p, Rows)), default=None)
