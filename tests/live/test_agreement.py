@@ -53,7 +53,7 @@ def updates(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
 
 def by_rows(rules: Ruleset, recording: Recording, known: int) -> list[Event]:
     """A block of rows, and what is told of those that come one by one."""
-    memory, events = nothing_yet(rules, False), list[Event]()
+    memory, events = nothing_yet(False), list[Event]()
     for first, last in [(0, known), *((row, row + 1) for row in range(known, len(recording)))]:
         for told in follow(rules, memory, part_of(recording, first, last)):
             memory = told.memory

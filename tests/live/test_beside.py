@@ -64,7 +64,7 @@ def row_by_row(
     recording: Recording, first: int, looks: BackgroundUpdates | None, last: int | None = None
 ) -> Iterator[Update]:
     """A block of rows, and then one by one."""
-    rules, memory = three_lines(), nothing_yet(three_lines(), False)
+    rules, memory = three_lines(), nothing_yet(False)
     rows = range(first, last or len(recording))
     for low, high in [(0, first), *((row, row + 1) for row in rows)]:
         for told in follow(rules, memory, part_of(recording, low, high), looks):
@@ -104,7 +104,7 @@ def test_blocks_of_rows_tell_the_same_as_ever() -> None:
     rules, recording = three_lines(), with_faults([LEAK])
     told: list[list[Event]] = []
     for looks in (None, SlowLooks(2)):
-        memory, events = nothing_yet(rules, False), list[Event]()
+        memory, events = nothing_yet(False), list[Event]()
         for first in range(0, len(recording), 80):
             for one in follow(rules, memory, part_of(recording, first, first + 80), looks):
                 memory = one.memory

@@ -34,7 +34,7 @@ class Recorded:
 def test_what_was_told_is_told_no_more(tmp_path: Path) -> None:
     """Names that were told too early row by row; told at once, the same rows give other names."""
     rules, recording = recording_of("abc", "swapped.csv")
-    early = nothing_yet(rules, False)
+    early = nothing_yet(False)
     kept = state.to_bytes(rules, early, {})
     memory, told = early, []
     for row in range(10):

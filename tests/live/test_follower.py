@@ -36,7 +36,7 @@ def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
 def followed(
     rules: Ruleset, recording: Recording, step: int, memory: Memory | None = None
 ) -> tuple[Memory, list[Event], Diagnosis]:
-    memory = memory or nothing_yet(rules, False)
+    memory = memory or nothing_yet(False)
     events: list[Event] = []
     for first in range(0, len(recording), step):
         for told in follow(rules, memory, part_of(recording, first, first + step)):
@@ -141,7 +141,7 @@ def test_what_is_remembered_survives_as_bytes() -> None:
 
 def test_states_that_are_none_are_refused() -> None:
     rules = compiled("abc")
-    data = state.to_bytes(rules, nothing_yet(rules, True), {})
+    data = state.to_bytes(rules, nothing_yet(True), {})
     assert state.from_bytes(rules, data, "x")[0].count == 0
     with pytest.raises(RecordingRefused, match="of another ruleset"):
         state.from_bytes(compiled("mixing-rig"), data, "x")
@@ -152,7 +152,7 @@ def test_states_that_are_none_are_refused() -> None:
 
 
 def test_readings_that_stay_away_are_an_alarm() -> None:
-    memory = nothing_yet(compiled("abc"), False)
+    memory = nothing_yet(False)
     told = []
     for notice in (
         Notice("connected", 0.0, "server: 7 of 7 signals"),
@@ -182,7 +182,7 @@ def test_a_signal_without_readings_is_a_check_of_function_of_its_module() -> Non
     def rows(first: float, dp: np.ndarray) -> Rows:
         return Rows(np.array([first, first + 1.0]), {"A.dp": dp, "A.n": some})
 
-    memory, told = nothing_yet(rules, False), list[Event]()
+    memory, told = nothing_yet(False), list[Event]()
     for came in (
         rows(0.0, nan),
         Notice("stale", 1.0, "A.dp: an array", signal="A.dp"),
@@ -209,7 +209,7 @@ def test_a_plant_that_stores_is_followed() -> None:
     rules = compiled("cascaded-tanks")
     time = np.arange(60.0)
     level = {n: np.full(60, rules.signal_by_id[n].reference) for n in sorted(rules.read)}
-    memory = nothing_yet(rules, False)
+    memory = nothing_yet(False)
     for first in (0, 30):
         part = slice(first, first + 30)
         rows = Rows(time[part], {n: v[part] for n, v in level.items()})
@@ -228,7 +228,7 @@ def followed_to(
     recording: Recording, ends: Sequence[int]
 ) -> tuple[Memory, list[tuple[int, Event]], list[Diagnosis]]:
     """Looks at so many rows each: events of faults with the rows that there were, and diagnoses."""
-    rules, memory = plant("cascaded-tanks"), nothing_yet(plant("cascaded-tanks"), False)
+    rules, memory = plant("cascaded-tanks"), nothing_yet(False)
     events, seen = [], []
     for first, last in pairwise([0, *ends]):
         for told in follow(rules, memory, part_of(recording, first, last)):

@@ -213,7 +213,7 @@ def test_the_watch_says_the_same() -> None:
     """Same faults, reason and reading as of the whole recording, from one function."""
     rules = compiled("abc")
     recording = gone(_longer(run_of(), 3), "A.dp", slice(100, None))
-    memory, texts = nothing_yet(rules, False), set[str]()
+    memory, texts = nothing_yet(False), set[str]()
     for low in range(0, len(recording), 10):
         part = slice(low, low + 10)
         rows = Rows(recording.time[part], {n: v[part] for n, v in recording.values.items()})

@@ -261,7 +261,7 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
     rules = said_of(listed(), {named: "common", other: "rare"})
     whole = only(leaking, rules)
     events, diagnosis = [], None
-    for said in follow(rules, nothing_yet(rules, False), Rows(leaking.time, leaking.values)):
+    for said in follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)):
         events += [e.episode for e in said.events if e.episode.kind == "fault"]
         diagnosis = said.diagnosis
     assert diagnosis is not None

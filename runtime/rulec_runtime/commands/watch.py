@@ -52,7 +52,7 @@ def _watch(
             came = source.take(limits.WAIT)
             if not memory.count:
                 # A source knows only from its first rows on whether its times are dates.
-                recent = nothing_yet(ruleset, source.dated).recent
+                recent = nothing_yet(source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
             for updated, events, diagnosis in judged(ruleset, memory, came, background):

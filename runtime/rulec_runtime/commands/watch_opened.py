@@ -93,7 +93,7 @@ def _restored(
         saved.append(kept)
     found = [state.from_bytes(ruleset, *one) for one in saved]
     latest = max(found, key=lambda one: (one[0].number, one[0].count), default=None)
-    return (nothing_yet(ruleset, False), {}) if latest is None else latest
+    return (nothing_yet(False), {}) if latest is None else latest
 
 
 def _page(where: str, present: Present, acknowledge: Acknowledge, stack: ExitStack) -> str:

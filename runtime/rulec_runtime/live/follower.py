@@ -72,7 +72,7 @@ def warm_up(ruleset: Ruleset) -> None:
     values = {
         name: np.full(rows, ruleset.signal_by_id[name].reference) for name in ruleset.observed
     }
-    for _ in follow(ruleset, nothing_yet(ruleset, False), Rows(np.arange(float(rows)), values)):
+    for _ in follow(ruleset, nothing_yet(False), Rows(np.arange(float(rows)), values)):
         pass
 
 

@@ -41,7 +41,7 @@ class Memory:
     under_way: UpdateUnderWay | None = None
 
 
-def nothing_yet(ruleset: Ruleset, dated: bool) -> Memory:
+def nothing_yet(dated: bool) -> Memory:
     """Memory before the first row; `dated` if times are seconds since 1970 in UTC."""
     return Memory(
         recent=Recording(

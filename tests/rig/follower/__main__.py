@@ -22,7 +22,7 @@ BLOCKS = 8
 
 def costs_of(ruleset: Ruleset, recording: Recording, step: int) -> Iterator[float]:
     """Processor time of each block of rows, s: other work on the machine disturbs a clock more."""
-    memory = nothing_yet(ruleset, False)
+    memory = nothing_yet(False)
     for first in range(0, len(recording), step):
         begin = time.process_time()
         for told in follow(ruleset, memory, part_of(recording, first, first + step)):

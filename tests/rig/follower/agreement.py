@@ -30,7 +30,7 @@ class Followed:
 
 def followed(ruleset: Ruleset, recording: Recording, step: int) -> Followed:
     """Follow a recording until it ends."""
-    memory, events = nothing_yet(ruleset, False), list[Event]()
+    memory, events = nothing_yet(False), list[Event]()
     for first in range(0, len(recording), step):
         for told in follow(ruleset, memory, part_of(recording, first, first + step)):
             memory = told.memory

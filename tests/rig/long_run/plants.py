@@ -102,7 +102,7 @@ def asked(rig: str, columns: Columns) -> Form:
 def watched(rig: str, columns: Columns) -> Form:
     """What a watch says when the recording has been played through it to its end."""
     rules, recording = ruleset(rig), given(rig, columns)
-    memory, diagnosis = nothing_yet(rules, False), None
+    memory, diagnosis = nothing_yet(False), None
     for low in range(0, len(recording), BLOCK):
         part = {name: v[low : low + BLOCK] for name, v in recording.values.items()}
         for told in follow(rules, memory, Rows(recording.time[low : low + BLOCK], part)):
