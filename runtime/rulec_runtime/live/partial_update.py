@@ -35,7 +35,7 @@ def partial_update(
     latest = known.diagnosis.latest
     settled = settled_until(parts)
     for place in moved:
-        parts[place], whole, residuals = _judged(ruleset, recent, known, parts[place], count)
+        parts[place], whole, residuals = _judged(recent, known, parts[place], count)
         if len(whole):
             latest = _replaced(ruleset, latest, residuals)
             levels = levels.judged(whole)
@@ -66,7 +66,7 @@ def settled_until(parts: Sequence[PartEvaluation]) -> float:
 
 
 def _judged(
-    ruleset: Ruleset, recent: Recording, known: LastEvaluation, one: PartEvaluation, count: int
+    recent: Recording, known: LastEvaluation, one: PartEvaluation, count: int
 ) -> tuple[PartEvaluation, History, Latest | None]:
     """The evaluation of a part by its latest rows, its operating points, and the residuals at the
     last of them."""

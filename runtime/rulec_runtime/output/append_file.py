@@ -35,7 +35,7 @@ class Appended:
             raise
 
     def lines(self, longest: int) -> Iterator[bytes]:
-        """All whole lines without their ends, up to the first that is too long, truncated."""
+        """All whole lines without their ends; a line that is too long is cut and ends them."""
         with opened(self.path) as file:
             while line := file.readline(longest + 2):
                 if len(line) > longest + 1:
