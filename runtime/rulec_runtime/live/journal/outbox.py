@@ -113,12 +113,12 @@ class Outbox:
             self._changes += 1
             self._changed.notify_all()
 
-    def settle(self) -> None:
+    def settle(self, patience: float = limits.BUSY) -> None:
         """Wait until everything is written, or the sink fails."""
         with self._changed:
             self._changed.wait_for(
                 lambda: self._idle() or self._trouble is not None or self._refused is not None,
-                limits.BUSY,
+                patience,
             )
 
     def start(self) -> None:
@@ -126,17 +126,17 @@ class Outbox:
         self._thread = Thread(target=self._run, name="journal", daemon=True)
         self._thread.start()
 
-    def close(self) -> int:
-        """Write what waits as far as possible within `limits.BUSY`; returns the number of events
+    def close(self, patience: float = limits.BUSY) -> int:
+        """Write what waits as far as possible within so many seconds; returns the number of events
         that are still pending."""
         with self._changed:
             self._due, self._wait = self._clock(), limits.FIRST_RETRY
-            self._ends = self._due + limits.BUSY
+            self._ends = self._due + patience
             self._changed.notify_all()
         if self._thread is None:
             self._run()
         else:
-            self._thread.join(limits.BUSY + limits.CONNECT)
+            self._thread.join(patience + limits.CONNECT)
         return self.pending
 
     def step(self) -> float:
