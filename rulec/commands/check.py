@@ -1,4 +1,4 @@
-"""`rulec check`: all mistakes in knowledge and plant files, with place and remedy."""
+"""`rulec check`: all mistakes in knowledge files and plant files, with place and remedy."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check files and folders, and a recording of the plant among them.
+    """Check files and folders, and any recordings of the plant among them.
 
-    Exit code 1 if there is any mistake, or if nothing in the recording can be judged.
+    The exit code is 1 if there is a mistake, or if nothing in a recording can be judged.
     """
     recordings = [path for path in map(Path, options.paths) if is_recording(path)]
     paths = [path for path in map(Path, options.paths) if path not in recordings]
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int:
-    """Propose a column map; exit code 1 if something has to be answered first."""
+    """Propose a column map; the exit code is 1 if the user must answer a question first."""
     from rulec.commands.column_map import proposed
 
     map_ = proposed(recording, ruleset_of_plant(plant))
@@ -79,7 +79,7 @@ def _write_map(options: argparse.Namespace, plant: Path, recording: Path) -> int
 
 
 def is_recording(path: Path) -> bool:
-    """Is it none of the files that are checked, or a folder with recordings and without YAML?"""
+    """Whether a path is a recording: a file other than YAML, or a folder of recordings alone."""
     place = place_of(path)[0]
     if place.is_dir():
         return any(is_called_recording(f) for f in place.iterdir()) and not yaml_files_in(place)
@@ -101,7 +101,7 @@ def _tell(
 
 
 def _collected(paths: list[Path]) -> list[Diagnostic]:
-    """What is found in files; of a plant without mistakes it is known from an earlier start."""
+    """Diagnostics of the files; the cache remembers a plant without any."""
     if len(paths) != 1 or len(plants := _plants_in(paths[0])) != 1:
         return _compared(paths)
     found: list[Diagnostic] = []
@@ -115,7 +115,7 @@ def _collected(paths: list[Path]) -> list[Diagnostic]:
 
 
 def _plants_in(path: Path) -> list[Path]:
-    """The plant file of a folder; several where others lie further down."""
+    """The plant file of a folder, and any further down."""
     if path.is_dir() and (path / PLANT).is_file():
         return [
             path / PLANT,

@@ -1,4 +1,4 @@
-"""Mistakes and doubts in files of knowledge and of plants, and in what belongs to them."""
+"""Mistakes and doubts in knowledge files and plant files."""
 
 from __future__ import annotations
 
@@ -14,32 +14,30 @@ from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.passes.derive_residuals import derive_residuals
-from rulec.passes.link import Network, link
+from rulec.passes.link import link
 from rulec.passes.observed_modules import seen_through_states
 from rulec.passes.put_balances import dynamics_of
 
-_LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
-
 
 def collect(paths: list[Path]) -> list[Diagnostic]:
-    """All diagnostics of the given files, sorted by place; doubts only where nothing is wrong."""
+    """All diagnostics of the given files, sorted by place; doubts only if there is no mistake."""
     sources, plants, found = read_files(paths)
-    # A file that cannot be read may hold what others then seem to lack.
-    muted = _LACKING if found else ()
+    # Others may seem to lack what an unreadable file holds.
+    muted = ("KB031", "KB047", "KB056", "KB065", "KB070") if found else ()
     meaning: list[Diagnostic] = []
     doubts: list[Diagnostic] = []
     for part in sources:
-        meaning += _told_by(partial(_knowledge_doubts, part), doubts)
+        meaning += _mistakes(partial(_knowledge_doubts, part), doubts)
     for plant in plants:
-        meaning += _told_by(partial(_plant_doubts, plant), doubts)
+        meaning += _mistakes(partial(_plant_doubts, plant), doubts)
     mistakes = {*found, *(d for d in meaning if d.code not in muted)}
     return sorted(mistakes or {*doubts})
 
 
-def _told_by(
+def _mistakes(
     step: Callable[[], Iterable[Diagnostic]], doubts: list[Diagnostic]
 ) -> Sequence[Diagnostic]:
-    """Mistakes for which a step refuses; else it adds its doubts."""
+    """The mistakes for which a step refuses; without any, the step adds its doubts."""
     try:
         doubts += step()
     except Refused as refused:
@@ -59,15 +57,12 @@ def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
     if network.stores:
         dynamics_of(network, {name: [] for name in plant.modules})
     doubts = [*doubts_of_plant(document, plant)]
-    if unchecked := _unchecked(network):
-        types = check_knowledge(read_all(Path(document.path))).modules.values()
-        doubts += doubts_of_redundancy(document, plant, unchecked, types)
-    return doubts
-
-
-def _unchecked(network: Network) -> list[str]:
-    """Modules with faults and an estimate that stands in no residual and moves no stored thing."""
     used = {o.split(".")[0] for r in derive_residuals(network) for _, o in r.terms}
     used |= seen_through_states(network) if network.stores else set()
+    # Modules with faults whose estimates occur in no residual and move nothing that is stored.
     modules = network.plant.modules.values()
-    return [m.name for m in modules if m.type.observers and m.type.faults and m.name not in used]
+    unused = [m for m in modules if m.type.observers and m.type.faults and m.name not in used]
+    if unused:
+        types = check_knowledge(read_all(Path(document.path))).modules.values()
+        doubts += doubts_of_redundancy(document, plant, [m.name for m in unused], types)
+    return doubts

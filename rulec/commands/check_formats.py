@@ -1,4 +1,4 @@
-"""Mistakes and doubts for programs: JSON, and SARIF as editors and CI servers read it."""
+"""Mistakes and doubts for programs: as JSON, and as SARIF for editors and CI servers."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from urllib.parse import quote
 
 from rulec.language.diagnostics import Diagnostic, Place
 
-SARIF = "2.1.0"
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
 def json_form(found: Sequence[Diagnostic]) -> list[dict[str, Any]]:
-    """Each with its place, lines and columns from 1."""
+    """Each diagnostic with its place; lines and columns count from 1."""
     return [
         {
             "code": one.code,
@@ -29,7 +28,7 @@ def json_form(found: Sequence[Diagnostic]) -> list[dict[str, Any]]:
 
 
 def sarif_form(found: Sequence[Diagnostic], version: str) -> dict[str, Any]:
-    """A log with one run; mistakes are errors, doubts are warnings."""
+    """A log with one run. Mistakes are errors, doubts are warnings."""
     driver = {
         "name": "rulec",
         "version": version or "0",
@@ -40,7 +39,7 @@ def sarif_form(found: Sequence[Diagnostic], version: str) -> dict[str, Any]:
         "columnKind": "unicodeCodePoints",
         "results": [_result(one) for one in found],
     }
-    return {"$schema": SCHEMA, "version": SARIF, "runs": [run]}
+    return {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
 
 
 def _result(one: Diagnostic) -> dict[str, Any]:

@@ -24,7 +24,8 @@ def run(options: argparse.Namespace) -> int:
         plant = plant.relative_to(Path.cwd())
     if options.live:
         return run_live(options, plant, out)
-    recording = _example(plant / "examples")
+    truth = min((plant / "examples").glob("*.truth.csv"))
+    recording = truth.with_name(truth.name.replace(".truth", ""))
     out.rule("1. compile: from module files to a fault-symptom matrix")
     out.print(f"$ rulec matrix {plant}")
     ruleset = ruleset_of_plant(plant)
@@ -33,9 +34,3 @@ def run(options: argparse.Namespace) -> int:
     out.print(f"$ rulec diagnose {plant} {recording}")
     explain(out, diagnose(read_recording(recording, ruleset), ruleset))
     return 0
-
-
-def _example(folder: Path) -> Path:
-    """The recording that has its truth beside it."""
-    truth = sorted(folder.glob("*.truth.csv"))[0]
-    return truth.with_name(truth.name.replace(".truth", ""))

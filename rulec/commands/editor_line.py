@@ -13,31 +13,27 @@ MARK = "yaml-language-server:"
 
 
 def schemas(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Files and texts of all schemas, as they come to stand in a folder."""
+    """Paths below a folder, and texts, of all schemas."""
     for file in sorted((shipped(KB) / SCHEMA).glob("*.json")):
         yield folder / SCHEMA / file.name, file.read_text(encoding="utf-8")
 
 
 def schema_near(file: Path, kind: str) -> Path | None:
-    """The nearest schema of a kind, in a folder `schema` or `kb/schema` upwards."""
+    """The nearest schema of a kind: in `schema` or `kb/schema` of a folder above the file."""
     for folder in Path(os.path.abspath(file)).parents:
         for place in (folder, folder / KB):
-            schema = place / SCHEMA / _name(kind)
+            schema = place / SCHEMA / f"{kind}.schema.json"
             if schema.is_file():
                 return schema
     return None
 
 
 def target(file: Path, folder: Path, kind: str) -> str:
-    """Path of a schema in a folder, as a file names it."""
-    schema = os.path.abspath(folder / SCHEMA / _name(kind))
+    """Path of the schema of a kind in a folder, relative to a file."""
+    schema = os.path.abspath(folder / SCHEMA / f"{kind}.schema.json")
     return Path(os.path.relpath(schema, os.path.abspath(file.parent))).as_posix()
 
 
 def line(to: str) -> str:
-    """The line, which stands at the top of a file."""
+    """The first line of a file, which leads to a schema."""
     return f"# {MARK} $schema={to}"
-
-
-def _name(kind: str) -> str:
-    return f"{kind}.schema.json"

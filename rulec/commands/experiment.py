@@ -17,7 +17,7 @@ from rulec.api.experiment import experiment
 
 
 def run(options: argparse.Namespace) -> int:
-    """Plan, tell, and write the input file."""
+    """Plan, report, and write the input file."""
     check_outputs(options)
     with progress_of(options, "planning the experiment"):
         found = experiment(

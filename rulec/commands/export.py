@@ -23,7 +23,7 @@ WIRING, RESULTS = "wiring.csv", "results.csv"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write code and its wiring; with a recording also what the code says of it."""
+    """Write the code and its wiring; with a recording, also the results of the code on it."""
     out = console(options)
     ruleset = ruleset_of(options.plant)
     folder = Path(options.output)

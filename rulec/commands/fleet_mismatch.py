@@ -31,7 +31,7 @@ SHOWN = 20
 
 
 def run(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
-    """Ask what is not asked yet, write the table, tell what was found."""
+    """Ask about the open plant-days, write the table, report what was found."""
     _check(Path(options.fleet), fleet)
     tasks = tasks_of(fleet)
     answers = Answers(fleet.results, fleet.plant_key, fleet.day_key)
@@ -68,7 +68,10 @@ def run(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
 def asked(
     engine: Engine, tasks: Sequence[Task], fleet: Fleet
 ) -> Iterator[tuple[Task, dict[str, Any]]]:
-    """Answers as they come, in their JSON form; a plant-day at which processes died says so."""
+    """Answers as they arrive, in JSON form.
+
+    If processes died at a plant-day, its answer says so.
+    """
     calls = [Call((task, fleet.judged_by[task.ruleset])) for task in tasks]
 
     def died(_: int) -> dict[str, Any]:
@@ -79,7 +82,7 @@ def asked(
 
 
 def _check(file: Path, fleet: Fleet) -> None:
-    """A model is asked for its physics, which no ruleset holds, and by its own column map."""
+    """Refuse rulesets, which hold no physics, and column titles of the fleet."""
     for place in sorted(set(fleet.judged_by.values())):
         if not Path(place).is_dir() and Path(place).suffix == ".json":
             raise Refusal(

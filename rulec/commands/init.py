@@ -19,12 +19,8 @@ from rulec.language.document import parse_document
 from rulec.language.schema import kind_of
 
 FOLDER = Path(__file__).resolve().parent.parent / "skeletons"
-INSIDE = {"kb": "module"}
-"""Skeletons that hold another one, in the package."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,60}")
-_TEXT = ".txt"
-"""Ending of a skeleton of Python code, which is no module of this package."""
 
 
 class InitRefused(Refusal):
@@ -55,10 +51,10 @@ def run(options: argparse.Namespace) -> int:
 def skeleton(
     kind: str, name: str, folder: Path, like: str | None = None
 ) -> Iterator[tuple[Path, str]]:
-    """Files and texts of a skeleton, with the schemas where an editor would find none; a plant
-    `like` a shipped one begins with its file.
+    """Files and texts of a skeleton, with the schemas if an editor would find none.
 
-    Raises `InitRefused` where the name is not one that other files could use, or `like` no plant.
+    With `like`, a plant begins as a copy of that shipped one. Raises `InitRefused` if other files
+    could not use the name, or if `like` is no shipped plant.
     """
     if not _NAME.fullmatch(name):
         hint = "a letter, then at most 60 letters, digits, _ and -"
@@ -71,8 +67,8 @@ def skeleton(
         if kind != "plant":
             raise InitRefused(f"--like names a plant to begin with; a {kind} has none")
         texts[folder / "plant.yaml"] = _like(like, name)
-    if kind in INSIDE:
-        texts |= _filled(INSIDE[kind], knowledge, {**slots, "NAME": f"{name}-example"})
+    if kind == "kb":
+        texts |= _filled("module", knowledge, {**slots, "NAME": f"{name}-example"})
     kinds = {file: _kind(text) for file, text in texts.items() if file.suffix == ".yaml"}
     bare = False
     for file, one in kinds.items():
@@ -91,11 +87,12 @@ def _filled(kind: str, folder: Path, slots: dict[str, str]) -> Iterator[tuple[Pa
         inside, text = file.relative_to(root).as_posix(), file.read_text(encoding="utf-8")
         for slot, value in slots.items():
             inside, text = inside.replace(slot, value), text.replace(slot, value)
-        yield folder / inside.removesuffix(_TEXT), text
+        # Python code ends in .txt, as it is no module of this package.
+        yield folder / inside.removesuffix(".txt"), text
 
 
 def _like(like: str, name: str) -> str:
-    """File of a shipped plant with another name. Those with a README need no other file."""
+    """The file of a shipped plant under another name. Those with a README need no other file."""
     readmes = sorted(shipped("plants").glob("*/README.md"))
     known = {file.parent.name: file.parent for file in readmes}
     if like not in known:

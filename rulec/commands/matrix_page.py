@@ -1,4 +1,4 @@
-"""The page of a fault-symptom matrix: how much can be told apart, the matrix, and what is alike."""
+"""The page of a fault-symptom matrix: which faults can be told apart, and what each one moves."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ from rulec.limits import MOST_RULES
 
 SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
 
-SAME = "coincide"
-"""Kind of a group whose members do the same at any degree."""
-
 
 def matrix_page(
     ruleset: Ruleset, made: Made | None = None, stores: Mapping[str, Any] | None = None
@@ -30,15 +27,15 @@ def matrix_page(
 
     Parameters
     ----------
-    stores : of a plant that stores, how faults change readings that balances predict, as in
-        JSON.
+    stores : for a plant that stores, how faults change the readings that balances predict, as
+        JSON data.
     """
     sections = []
     if stores is not None:
         sections.append(section("What each fault does to readings", _of_stores(stores)))
     if ruleset.residuals:
-        told = left_out(ruleset)
-        note = f'<p class="key">{safe(told)}</p>' if told else ""
+        omitted = left_out(ruleset)
+        note = f'<p class="key">{safe(omitted)}</p>' if omitted else ""
         shown = matrix_of(ruleset, Named(), whole=True)
         sections.append(section("What each fault does", shown + note))
     if ruleset.unobserved:
@@ -56,14 +53,14 @@ def matrix_page(
 
 
 def left_out(ruleset: Ruleset) -> str:
-    """What the matrix of a long plant does not show; empty where it shows all."""
+    """What the matrix of a long plant omits; empty if it shows everything."""
     if max(map(len, ruleset.cells_of_fault.values()), default=0) < MOST_RULES:
         return ""
     return f"a fault has the {MOST_RULES} residuals that tell it first; it may move others as well"
 
 
 def _of_stores(stores: Mapping[str, Any]) -> str:
-    """Signs by which faults change readings; what acts alike has the same mark."""
+    """The signs by which faults change readings; faults that act alike have the same mark."""
     marks = dict(zip(ascii_lowercase, stores["alike"], strict=False))
     head = "".join(f'<th scope="col">{safe(name)}</th>' for name in stores["readings"])
     rows = []
@@ -82,7 +79,7 @@ def _of_stores(stores: Mapping[str, Any]) -> str:
 
 def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:
     """Whether all faults can be told apart."""
-    same = {name for g in ruleset.ambiguous if g.kind == SAME for name in g.faults}
+    same = {name for g in ruleset.ambiguous if g.kind == "coincide" for name in g.faults}
     same |= {name for names in (stores["alike"] if stores else ()) for name in names}
     count = len(ruleset.faults)
     if same:
@@ -93,7 +90,6 @@ def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:
 
 
 def _meaning(ruleset: Ruleset) -> str:
-    """How many groups are alike, and what is not seen at all."""
     groups, unseen = len(marked(ruleset)), len(ruleset.unobserved)
     parts = [f"{counted(groups, 'group')} of faults that are alike"] if groups else []
     parts += [f"{counted(unseen, 'fault')} without any trace"] if unseen else []

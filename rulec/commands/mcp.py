@@ -1,7 +1,7 @@
-"""`rulec mcp`: agents ask by the Model Context Protocol, on standard input and output.
+"""`rulec mcp`: serve agents by the Model Context Protocol, on standard input and output.
 
-Read-only: every tool reads files and says something, none writes. Files lie in one folder, or in
-those that `RULEC_FILES` names. Results are those of `import rulec`.
+Every tool reads files and answers; none writes. Files must lie in one folder, or in those that
+`RULEC_FILES` names. The results are those of `import rulec`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from typing import Any
 from rulec_runtime.output.open_file import FOLDERS, is_below, is_named
 from rulec_runtime.output.refusal import Misused, Refusal, to_install
 from rulec_runtime.recordings.given import place_of
-
-LACKING = f"to serve agents, install what it needs: {to_install('mcp', 'rulec')}"
 
 ABOUT = """\
 Fault diagnosis of modular hydraulic plants. A plant is a folder with a plant.yaml, a recording a
@@ -35,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
 def server(folder: Path) -> Any:
     """A server of the official SDK, whose tools read files of a folder.
 
-    Raises `Refusal` where the SDK is not installed, `Misused` where there is no such folder.
+    Raises `Refusal` if the SDK is not installed, `Misused` if there is no such folder.
     """
     try:
         from mcp.server import MCPServer
@@ -44,7 +42,9 @@ def server(folder: Path) -> Any:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "mcp":
             raise
-        raise Refusal(LACKING) from None
+        raise Refusal(
+            f"to serve agents, install what it needs: {to_install('mcp', 'rulec')}"
+        ) from None
     if not folder.is_dir():
         raise Misused(f"{folder}: there is no such folder to serve")
     made = MCPServer("rulec", instructions=ABOUT, log_level="ERROR")
@@ -53,14 +53,14 @@ def server(folder: Path) -> Any:
         desk.knowledge, desk.check, desk.matrix, desk.diagnose, desk.explain, desk.mismatch
     ):  # fmt: skip
         made.add_tool(
-            _told(tool, ToolError),
+            _with_refusals(tool, ToolError),
             annotations=ToolAnnotations(read_only_hint=True, open_world_hint=False),
         )
     return made
 
 
-def _told(tool: Callable[..., Any], error: type[Exception]) -> Callable[..., Any]:
-    """A tool whose refusals reach the agent; all else is a bug of ours, and says nothing."""
+def _with_refusals(tool: Callable[..., Any], error: type[Exception]) -> Callable[..., Any]:
+    """A tool whose refusals reach the agent. Any other exception is a bug, and stays hidden."""
 
     @functools.wraps(tool)
     def called(*given: Any, **named: Any) -> Any:
@@ -75,13 +75,13 @@ def _told(tool: Callable[..., Any], error: type[Exception]) -> Callable[..., Any
 
 
 class Desk:
-    """What agents can ask about the files of a folder. Docstrings of methods reach them."""
+    """What agents can ask about the files of a folder. They read the docstrings of its methods."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def _path(self, text: str) -> Path:
-        """A path that may be read; a table of a file may stand behind #."""
+        """A path that may be read; ``#`` may precede the name of a table in the file."""
         path = self._folder / text
         place = place_of(path)[0]
         if not (is_below(place, self._folder) or is_named(place)):

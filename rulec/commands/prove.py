@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -28,7 +27,7 @@ SUITE, RIGS = "rulec.prove", "rulec.prove.real"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Start the suite with the same options; a blind test of a recording needs none of it."""
+    """Start the suite with the same options; a blind test of a recording needs no suite."""
     if options.blind:
         return _blind(options)
     suite = RIGS if options.real or options.make_rigs else SUITE
@@ -36,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _blind(options: argparse.Namespace) -> int:
-    # The suite lies above the commands, so it is started by its name.
+    # The suite lies above the commands, so it is loaded by name.
     blind = import_module(f"{SUITE}.blind")
     drawn = [name for name in ("hard", "production", "contacts", "only") if getattr(options, name)]
     if drawn:
@@ -58,34 +57,24 @@ def _blind(options: argparse.Namespace) -> int:
 def _waited_for(asked: Sequence[str]) -> int:
     """Exit code of the suite.
 
-    It is a session of its own, so an interrupt reaches this process alone. The pipe to it is its
-    lifeline: it ends its workers and itself when this end is closed, be it by a signal, here, or
-    because this process was killed.
+    The suite has a session of its own, so an interrupt reaches this process alone. The pipe to it
+    is its lifeline: it ends its workers and itself when this end closes, be it by a signal, here,
+    or because this process was killed.
     """
-    with (
-        subprocess.Popen(asked, stdin=subprocess.PIPE, start_new_session=True) as suite,
-        _ended_by(signal.SIGTERM),
-    ):
+    with subprocess.Popen(asked, stdin=subprocess.PIPE, start_new_session=True) as suite:
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             return suite.wait()
         except KeyboardInterrupt:
             assert suite.stdin is not None
             suite.stdin.close()
             return suite.wait()
-
-
-@contextlib.contextmanager
-def _ended_by(number: signal.Signals) -> Iterator[None]:
-    """A signal in here is an interrupt."""
-    before = signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(number, before)
+        finally:
+            signal.signal(signal.SIGTERM, before)
 
 
 def words_of(options: argparse.Namespace) -> list[str]:
-    """The options as words again."""
+    """The options as words of a command line."""
     flags = ("quick", "final", "hard", "production", "contacts", "hidden_names", "quiet")
     words = [f"--{name.replace('_', '-')}" for name in flags if getattr(options, name)]
     own = ("seed", "real", "only", "limit", "rounds")

@@ -1,4 +1,4 @@
-"""What `rulec check` tells of a recording: on the terminal, and as data."""
+"""What `rulec check` reports about a recording: on the terminal, and as JSON data."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rulec.commands.recording_facts import Facts, Lack, Reading
 _WHOLE, _PART = "[green]✓[/] {}: {} of {}", "[yellow]![/] {}: {} of {}"
 
 SHOWN = 4
-"""Names of a list that are shown; the others are counted."""
+"""Names shown from a list; the others are counted."""
 
 
 def tell(out: Console, name: str, facts: Facts) -> None:
-    """Columns, what runs and what does not, how much is settled, what a mismatch could find."""
+    """Print the columns, what can run, how much is settled, and what a mismatch could find."""
     out.print(
         styled("{}: {} over {}", name, plural(facts.rows, "row", "rows"), duration(facts.seconds))
     )
@@ -33,7 +33,7 @@ def tell(out: Console, name: str, facts: Facts) -> None:
 
 
 def json_form(facts: Facts) -> dict[str, Any]:
-    """All facts as JSON data; readings that are not there are null."""
+    """All facts as JSON data; missing readings are null."""
     data = asdict(facts)
     for part in data["readings"]:
         for key in ("low", "middle", "high"):
@@ -43,34 +43,27 @@ def json_form(facts: Facts) -> dict[str, Any]:
 
 def _columns(readings: Sequence[Reading]) -> Table:
     table = Table(box=None, pad_edge=False)
-    for title in ("", "signal", "column"):
-        table.add_column(title)
-    for title in ("lowest", "median", "highest"):
-        table.add_column(title, justify="right")
-    table.add_column("")
+    for title in ("", "signal", "column", "lowest", "median", "highest", ""):
+        number = title in ("lowest", "median", "highest")
+        table.add_column(title, justify="right" if number else "left")
     for one in readings:
         if not one.title and not one.used:
             continue  # nothing reads it
         shown = [f"{v:.4g}" if math.isfinite(v) else "" for v in (one.low, one.middle, one.high)]
-        cells = [one.signal, one.title or "-", *shown]
-        table.add_row(_mark(one), *map(Text, cells), Text(_said(one)))
+        cells = [one.signal, one.title or "-", *shown, _remark(one)]
+        mark = "[red]-[/]" if not one.title else "[yellow]![/]" if one.odd else "[green]✓[/]"
+        table.add_row(styled(mark), *map(Text, cells))
     return table
 
 
-def _mark(one: Reading) -> Text:
-    if not one.title:
-        return styled("[red]-[/]")
-    return styled("[yellow]![/]") if one.odd else styled("[green]✓[/]")
-
-
-def _said(one: Reading) -> str:
+def _remark(one: Reading) -> str:
     if not one.title:
         return "not in the recording"
     return "; ".join(one.odd) or one.unit + ("" if one.used else ", read by no equation")
 
 
 def _lines(facts: Facts) -> Iterator[Text]:
-    # Where something is missing, the reader of the recording names them.
+    # If a column is missing, the reader of the recording already names the strangers.
     if facts.strangers and not any(one.used and not one.title for one in facts.readings):
         yield styled("columns that belong to no signal: {}", _some(facts.strangers))
     for note in facts.notes:
@@ -91,8 +84,7 @@ def _lines(facts: Facts) -> Iterator[Text]:
         yield styled("  no trace of {}", _some(facts.blind))
     for lack in facts.lacks:
         yield styled("  without {} ({}): {}", lack.signal, lack.why, _without(lack))
-    told = "rulec mismatch could find {} of {} effects, each at its place"
-    yield styled(told, *facts.effects)
+    yield styled("rulec mismatch could find {} of {} effects, each at its place", *facts.effects)
     for quantity, names in facts.unread.items():
         yield styled("  with a sensor for {} also {}", quantity, _some(names))
 

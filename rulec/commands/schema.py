@@ -1,4 +1,4 @@
-"""`rulec schema`: schemas of all kinds of files, and the line by which an editor finds them."""
+"""`rulec schema`: write the schemas of all file kinds, and the line that leads editors to them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LINE = re.compile(rf"^#\s*{MARK}\s*\$schema=(\S+)\s*$", re.MULTILINE)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the schemas below a folder, and the line into files there that lead to none."""
+    """Write the schemas below a folder, and the line into every file there that leads to none."""
     folder, out = Path(options.folder), console(options)
     files = dict(schemas(folder))
     (folder / SCHEMA).mkdir(parents=True, exist_ok=True)
@@ -29,30 +29,18 @@ def run(options: argparse.Namespace) -> int:
         write_text(file, text)
     out.print(styled("[green]✓[/] {}: {} schemas", folder / SCHEMA, len(files)), soft_wrap=True)
     for file in yaml_files_in(folder):
-        kind = _kind(file)
+        document, _ = read_document(file)
+        kind = None if document is None else kind_of(document)
         if kind is None:
             continue
-        raw = bytes_of(file, MAX_FILE_BYTES)
-        text = raw.decode("utf-8-sig")
+        text = bytes_of(file, MAX_FILE_BYTES).decode("utf-8-sig")
         found = _LINE.search(text)
-        if found and _leads(file, found[1]):
+        # A schema at another address is the author's business.
+        if found and (":" in found[1] or (file.parent / found[1]).is_file()):
             continue
         to = line(target(file, folder, kind))
-        changed = text.replace(found[0].strip(), to, 1) if found else f"{to}{_ending(text)}{text}"
+        ending = "\r\n" if "\r\n" in text else "\n"
+        changed = text.replace(found[0].strip(), to, 1) if found else f"{to}{ending}{text}"
         write_data(file, changed.encode())
         out.print(styled("[green]✓[/] {}: {}", file, to), soft_wrap=True)
     return 0
-
-
-def _kind(file: Path) -> str | None:
-    document, _ = read_document(file)
-    return None if document is None else kind_of(document)
-
-
-def _leads(file: Path, to: str) -> bool:
-    """Does a line lead to a schema? One elsewhere in the world is the author's business."""
-    return ":" in to or (file.parent / to).is_file()
-
-
-def _ending(text: str) -> str:
-    return "\r\n" if "\r\n" in text else "\n"

@@ -1,4 +1,4 @@
-"""`rulec simulate`: the recording that a plant should have made, with faults if asked for."""
+"""`rulec simulate`: the recording that a plant should have made, with faults on request."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rulec.api.simulate import parse_fault, simulate
 
 
 def run(options: argparse.Namespace) -> int:
-    """Predict, write, say what is in it and what is not."""
+    """Predict, write, and report what was predicted."""
     faults = [parse_fault(text) for text in options.fault]
     _check_target(options.inputs, options.output)
     with progress_of(options, "simulating"):
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_target(inputs: str, output: str) -> None:
-    """What was measured is not overwritten; a folder goes to a folder, a file to a file."""
+    """Refuse to overwrite the inputs; a folder goes to a folder, a file to a file."""
     source, target = place_of(Path(inputs))[0], Path(output)
     if target.suffix.lower() in OTHERS:
         raise Misused(f"-o {target}: recordings are written as CSV; name it .csv or .csv.gz")

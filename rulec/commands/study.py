@@ -21,7 +21,7 @@ from rulec.api.study import JUDGING, study
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulate, judge, count, and say what it means."""
+    """Simulate, judge, count, and report what it means."""
     degrees = degrees_of(options.degrees)
     check_outputs(options)
     with ExitStack() as until_done:
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def degrees_of(text: str) -> list[float]:
-    """Degrees as given; `Misused` where they are no numbers."""
+    """The degrees of an option; raises `Misused` if they are not numbers."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
