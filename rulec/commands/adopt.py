@@ -11,7 +11,7 @@ from rulec.api.adopt import adopt
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the plant, and summarise."""
+    """Write the plant and print a summary."""
     if options.output == STANDARD_OUTPUT:
         raise Misused("-o -: a plant is a folder; give its name")
     with progress_of(options, "writing the plant and trying it out"):

@@ -18,9 +18,9 @@ from rulec.api.calibrate import calibrate
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, write the calibration file, show how good it is.
+    """Fit, write the calibration file, and show how good it is.
 
-    Where a value is not believed, no file is written without `--force`, and the exit code is 1.
+    If a value is not believable, no file is written without `--force`, and the exit code is 1.
     """
     check_outputs(options)
     if options.learn is not None:

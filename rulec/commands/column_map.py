@@ -1,4 +1,4 @@
-"""A column map for a recording, proposed from what stands in it."""
+"""A column map for a recording, proposed from its content."""
 
 from __future__ import annotations
 
@@ -31,17 +31,11 @@ from rulec.language.yaml_text import flow
 
 _WORD = re.compile(r"[A-Za-z]+|\d+")
 
-_KEYS = {"time_factor": "unit"}
-"""What a field of a form is called in a column map, where it has another name."""
-
-AS_USUAL = ["tag", "time", "value"]
-"""Titles of a long table of which nothing needs to be said."""
-
 
 @dataclass(frozen=True)
 class Proposal:
-    """Text of a column map; `assumed` is what was taken because it is likely, `asked` what only a
-    person can answer, both in words."""
+    """Text of a column map. `assumed` are likely choices, `asked` questions that only a person can
+    answer, both in words."""
 
     text: str
     assumed: tuple[str, ...]
@@ -49,8 +43,10 @@ class Proposal:
 
 
 def proposed(path: Path, ruleset: Ruleset) -> Proposal:
-    """A column map for the first file of a recording. Raises `RecordingRefused` where it holds no
-    table."""
+    """A column map for the first file of a recording.
+
+    Raises `RecordingRefused` if it holds no table.
+    """
     path = files_of(path)[0]
     form, assumed, asked = form_of(ruleset), list[str](), list[str]()
     unanswered = set[str]()
@@ -62,10 +58,12 @@ def proposed(path: Path, ruleset: Ruleset) -> Proposal:
             form = replace(form, **unclear.choices[0])
             (assumed if unclear.likely else asked).append(str(unclear))
             if not unclear.likely:
-                unanswered |= {_KEYS.get(key, key) for key in unclear.choices[0]}
+                # A column map has its own name for this field of the form.
+                choices = unclear.choices[0]
+                unanswered |= {"unit" if key == "time_factor" else key for key in choices}
     else:
         raise RecordingRefused(f"{path}: it can be read in too many ways; {asked[0]}")
-    # What nobody answered does not stand there, so that the file is refused until somebody does.
+    # The map omits open questions, so the file is refused until somebody answers them.
     found = replace(
         found,
         file={key: value for key, value in found.file.items() if key not in unanswered},
@@ -76,7 +74,10 @@ def proposed(path: Path, ruleset: Ruleset) -> Proposal:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a file shows: its form, its time, which columns are which signals, and the others."""
+    """Content of a file: its form, its time, title and unit per signal, and other titles.
+
+    The file names no unit for the signals in `bare`.
+    """
 
     file: Mapping[str, Any]
     time: Mapping[str, Any]
@@ -94,50 +95,50 @@ def _found(path: Path, ruleset: Ruleset, form: FileForm) -> _Found:
         signal = _signal_of(title, ruleset)
         if signal is None or signal.id in columns:
             continue
-        told = parts_of(title)[1] or unit or _in_brackets(title)
-        read = told if told and parse_unit(told, ruleset.units) is not None else signal.unit
-        columns[signal.id] = title, read
-        bare |= set() if told else {signal.id}
+        stated = parts_of(title)[1] or unit or _in_brackets(title)
+        known = stated and parse_unit(stated, ruleset.units) is not None
+        columns[signal.id] = title, stated if known else signal.unit
+        bare |= set() if stated else {signal.id}
     with opened_table(path, form) as table:
         places = places_of(path, table.titles, form)
         time = _time(path, table, places, form, ruleset)
         file = {**_layout(path, table, places, form), **_numbers(path, table, places, form)}
-    told = time.get("from", "")
-    several = isinstance(told, list)
-    known = replace(
+    of_time = time.get("from", "")
+    several = isinstance(of_time, list)
+    mapped = replace(
         ruleset,
         columns=tuple(
             ColumnMap(name, title, *_conversion(unit, ruleset))
             for name, (title, unit) in columns.items()
         ),
-        time_column=FileForm(time=tuple(told)).time_title if several else told,
-        file=replace(form, time=tuple(told)) if several else form,
+        time_column=FileForm(time=tuple(of_time)).time_title if several else of_time,
+        file=replace(form, time=tuple(of_time)) if several else form,
     )
-    missing = sorted(_sentinels(read_file(path, known, []), known))
+    missing = sorted(_sentinels(read_file(path, mapped, []), mapped))
     if missing:
         file["missing"] = [int(x) if x == int(x) else x for x in missing]
-    times = {*told} if several else {told}
+    times = {*of_time} if several else {of_time}
     taken = {title for title, _ in columns.values()} | times
     return _Found(file, time, columns, frozenset(bare), tuple(t for t in titles if t not in taken))
 
 
 def _signal_of(title: str, ruleset: Ruleset) -> SignalSpec | None:
-    """The one signal whose name stands in a title: word for word, in any case."""
-    for column in ruleset.columns:
-        if column.column in (title, parts_of(title)[0]):
-            return ruleset.signal_by_id[column.signal]
+    """The one signal whose name occurs in a title: word for word, in any case."""
     name = parts_of(title)[0]
+    for column in ruleset.columns:
+        if column.column in (title, name):
+            return ruleset.signal_by_id[column.signal]
     if name in ruleset.signal_by_id:
         return ruleset.signal_by_id[name]
     words = _words(name)
-    held = [s for s in ruleset.signals if _holds(words, _words(s.id))]
-    most = max((len(_words(s.id)) for s in held), default=0)
-    longest = [s for s in held if len(_words(s.id)) == most]
+    occurring = [s for s in ruleset.signals if _holds(words, _words(s.id))]
+    most = max((len(_words(s.id)) for s in occurring), default=0)
+    longest = [s for s in occurring if len(_words(s.id)) == most]
     return longest[0] if len(longest) == 1 else None
 
 
 def _in_brackets(title: str) -> str:
-    """A unit in round brackets at the end of a title; empty where there is none."""
+    """A unit in round brackets at the end of a title; empty if there is none."""
     text = title.strip()
     return text[text.rfind("(") + 1 : -1].strip() if text.endswith(")") and "(" in text else ""
 
@@ -159,7 +160,7 @@ def _conversion(unit: str, ruleset: Ruleset) -> tuple[float, float]:
 def _time(
     path: Path, table: Sheet, places: Places, form: FileForm, ruleset: Ruleset
 ) -> dict[str, Any]:
-    """What a column map says of the time."""
+    """The entry of a column map for the time."""
     at = places.time or ((places.pairs[0].time,) if places.pairs else ())
     if not at:
         return {}
@@ -174,7 +175,7 @@ def _time(
         factor = _conversion(unit, ruleset)[0] if unit else 0.0
         counting = counting_of(path, numbers, titles[0], factor, form, [])
         if counting in (*COUNTINGS, SPREADSHEET) and counting.unit not in ruleset.units:
-            return found  # no unit of a plant: the file says enough
+            return found  # not a unit of a plant, and the file is clear without it
         if counting is not None:
             return found | {"unit": counting.unit, "since": counting.since}
         return found | {"unit": unit or "s"}
@@ -184,11 +185,12 @@ def _time(
 
 
 def _layout(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, Any]:
-    """What a column map says of columns that are neither time nor signal."""
+    """The entries of a column map for columns that are neither time nor signal."""
     found: dict[str, Any] = {}
     beside = [*(places.quality_of or {}).values(), *(p.quality for p in places.pairs)]
     qualities = [i for i in dict.fromkeys((places.quality, *beside)) if i >= 0]
-    if places.layout == "long" and [t.strip() for t in table.titles] != AS_USUAL:
+    usual = [t.strip() for t in table.titles] == ["tag", "time", "value"]
+    if places.layout == "long" and not usual:
         found = {"layout": "long", "tag": table.titles[places.tag].strip()}
         found["value"] = table.titles[places.value].strip()
     elif places.layout == "pairs":
@@ -209,7 +211,7 @@ def _shown(good: Sequence[str]) -> str | list[Any]:
 
 
 def _numbers(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[str, str]:
-    """Signs in numbers that another program might read otherwise."""
+    """The signs in numbers that another program might read differently."""
     aside = {*places.time, places.tag, places.quality, places.unit}
     at = (
         [places.value]
@@ -226,7 +228,7 @@ def _numbers(path: Path, table: Sheet, places: Places, form: FileForm) -> dict[s
 
 
 def _sentinels(read: RecordingFile, ruleset: Ruleset) -> Iterator[float]:
-    """Numbers that come again and again, as far outside a sensor's range as it is wide."""
+    """Numbers that recur, farther outside a sensor's range than the range is wide."""
     for target in read.header.targets:
         signal = ruleset.signal_by_id[target.signal]
         low, high = signal.ends
@@ -239,11 +241,11 @@ def _sentinels(read: RecordingFile, ruleset: Ruleset) -> Iterator[float]:
 
 
 def _text(path: Path, ruleset: Ruleset, found: _Found, asked: Sequence[str]) -> str:
-    said = [f"# Proposed by rulec check from {path.name}: look at each line before you use it."]
-    said += [f"# To be answered first: {one.partition(': ')[2]}" for one in asked]
+    lines = [f"# Proposed by rulec check from {path.name}: look at each line before you use it."]
+    lines += [f"# To be answered first: {one.partition(': ')[2]}" for one in asked]
     if found.file:
-        said.append(f"file: {flow(found.file)}")
-    said.append("columns:")
+        lines.append(f"file: {flow(found.file)}")
+    lines.append("columns:")
     entries = {"time": flow(found.time)} if found.time else {}
     notes = {}
     for signal in ruleset.signals:
@@ -253,8 +255,8 @@ def _text(path: Path, ruleset: Ruleset, found: _Found, asked: Sequence[str]) -> 
             if signal.id in found.bare:
                 notes[signal.id] = "  # the file names no unit"
     width = max(map(len, entries), default=0) + 1
-    said += [f"  {f'{n}:':<{width}} {e}{notes.get(n, '')}" for n, e in entries.items()]
+    lines += [f"  {f'{n}:':<{width}} {e}{notes.get(n, '')}" for n, e in entries.items()]
     lacking = [s for s in ruleset.signals if s.id not in found.columns and s.id in ruleset.read]
-    said += [f"  # {s.id}: {{from: ..., unit: {flow(s.unit)}}}" for s in lacking]
-    said += [f"# no signal: {title}" for title in found.others]
-    return "\n".join(said) + "\n"
+    lines += [f"  # {s.id}: {{from: ..., unit: {flow(s.unit)}}}" for s in lacking]
+    lines += [f"# no signal: {title}" for title in found.others]
+    return "\n".join(lines) + "\n"

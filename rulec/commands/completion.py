@@ -1,4 +1,4 @@
-"""`rulec completion`: what makes a shell complete commands, options and names of files."""
+"""`rulec completion`: a script that makes a shell complete commands, options and file names."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import argparse
 from argcomplete.shell_integration import shellcode
 from rulec_runtime.output.terminal import write_document
 
-COMMAND = "rulec"
-
 
 def run(options: argparse.Namespace) -> int:
-    """Write a script for a shell to standard output; the shell is to read it when it starts."""
-    write_document(f"{shellcode([COMMAND], shell=options.shell).strip()}\n")
+    """Write the script to standard output; the shell must read it when it starts."""
+    write_document(f"{shellcode(['rulec'], shell=options.shell).strip()}\n")
     return 0

@@ -1,4 +1,4 @@
-"""`rulec demo --live`: a whole plant on one machine, and what was found in it."""
+"""`rulec demo --live`: a whole plant on one machine, and the faults found in it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.api.simulate import parse_fault, simulate
 from rulec.demo import limits
-from rulec.demo.beside import Process, Servers, servers, watch, write_map
+from rulec.demo.beside import servers, watch, write_map
 from rulec.demo.compare import matched, tell
 from rulec.demo.stage import planted, write_inputs
 from rulec.passes.compile_cache import ruleset_of_plant
@@ -29,7 +29,7 @@ from rulec.simulation.prediction import Injected
 
 
 def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
-    """Servers of all modules play a simulated recording, and `rulec watch` finds its faults."""
+    """Let servers of all modules play a simulated recording, and `rulec watch` find its faults."""
     for package in ("asyncua", "sqlalchemy", "starlette", "uvicorn"):
         if find_spec(package) is None:
             raise SourceRefused(f"demo --live needs '{package}': {to_install('watch', 'rulec')}")
@@ -48,23 +48,23 @@ def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
 
 
 def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injected]]:
-    """The ruleset, and the recording that is played, as files; what is planted in it."""
+    """Write the ruleset and the recording to play as files; returns the ruleset and the faults."""
     out.rule("1. simulate: a recording with faults, which the modules' servers play")
-    told = planted()
+    texts = planted()
     out.print("$ rulec simulate abc.json inputs.csv -o played.csv --noise 1 \\")
-    for text in told:
-        out.print(f"    --fault {text}" + (" \\" if text != told[-1] else ""))
+    for text in texts:
+        out.print(f"    --fault {text}" + (" \\" if text != texts[-1] else ""))
     ruleset = ruleset_of_plant(plant)
     write_text(place / "abc.json", ruleset.to_json())
     write_inputs(plant / "examples", place / "inputs.csv")
-    faults = [parse_fault(text) for text in told]
+    faults = [parse_fault(text) for text in texts]
     played = simulate(place / "abc.json", place / "inputs.csv", faults=faults, noise=limits.NOISE)
     played.write(place / "played.csv")
     return ruleset, faults
 
 
 def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float | None:
-    """Play to the end, or until somebody ends the watch; time of the first row, s since 1970."""
+    """Play to the end, or until the watch ends; returns the time of the first row, s since 1970."""
     out.rule("2. watch: one OPC UA server per module, and the diagnosis beside them")
     with ExitStack() as stack:
         playing = stack.enter_context(servers(place / "played.csv", step))
@@ -82,17 +82,12 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
         if out.is_terminal:
             time.sleep(limits.READ_FIRST)
         watching = stack.enter_context(watch(place, ["abc.json", "--source", "opcua", *arguments]))
-        return _played(playing, watching, limits.ROWS * step)
-
-
-def _played(playing: Servers, watching: Process, seconds: float) -> float | None:
-    """Wait for the first row, then for the last one, or for the end of the watch."""
-    began = None
-    with suppress(KeyboardInterrupt):
-        began = playing.told("began", limits.STARTING, watching)
-        if began is not None:
-            playing.told("ended", seconds + limits.STARTING, watching)
-    return began
+        began = None
+        with suppress(KeyboardInterrupt):
+            began = playing.told("began", limits.STARTING, watching)
+            if began is not None:
+                playing.told("ended", limits.ROWS * step + limits.STARTING, watching)
+        return began
 
 
 def _compared(

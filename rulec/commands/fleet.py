@@ -1,4 +1,4 @@
-"""`rulec fleet`: judge many plants on many days, and say which need attention first."""
+"""`rulec fleet`: judge many plants on many days, and rank those that need attention."""
 
 from __future__ import annotations
 
@@ -40,13 +40,15 @@ SHOWN = 10
 
 
 def run(options: argparse.Namespace) -> int:
-    """Judge what is not done yet, write tables and ranking."""
+    """Judge the open plant-days, write tables and ranking."""
     check_outputs(options)
     engine = chosen(options.engine, options.jobs, options.scheduler)
     results = None if options.results is None else Path(options.results).resolve()
     fleet = read_fleet(Path(options.fleet), ruleset_of, results)
     if "://" in fleet.recordings:
-        note_aside(options, f"{fleet.name}: recordings come from {_host(fleet.recordings)}")
+        address = urlsplit(fleet.recordings)  # may hold a password
+        host = f"{address.scheme}://{address.hostname or ''}"
+        note_aside(options, f"{fleet.name}: recordings come from {host}")
     if options.mismatch:
         from rulec.commands import fleet_mismatch
 
@@ -73,12 +75,6 @@ def run(options: argparse.Namespace) -> int:
     _show(console(options), plants, trends, page)
     write_json(options, _form(fleet, plants, rows, trends))
     return 0
-
-
-def _host(address: str) -> str:
-    """Scheme and host of an address, without a password in it."""
-    parts = urlsplit(address)
-    return f"{parts.scheme}://{parts.hostname or ''}"
 
 
 def _counted(tasks: Sequence[Task]) -> str:

@@ -24,9 +24,9 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,60}")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, say how well the law holds, write the module type.
+    """Fit, report how well the law holds, write the module type.
 
-    Where the law leaves the tolerance, no file is written without `--force`; exit code 1.
+    If the law leaves the tolerance, no file is written without `--force`, and the exit code is 1.
     """
     check_outputs(options)
     file, target = Path(options.file), Path(options.output)
@@ -55,11 +55,9 @@ def _tell(out: Console, fitted: FittedCurve, target: str, written: bool) -> None
     for title in ("law", "gives", "points", "off by", "at most", "at", "tolerance"):
         table.add_column(title, justify="left" if title in ("law", "gives") else "right")
     for one in fitted.laws:
-        at = _shown(fitted, one)
-        shares = (one.scatter, one.largest)
-        texts = [f"{100 * share:.2g} %" for share in shares]
-        limit = f"{100 * one.tolerance.share:g} %"
-        table.add_row(one.law.name, one.reading, str(one.points), *texts, at, limit)
+        shares = [f"{100 * share:.2g} %" for share in (one.scatter, one.largest)]
+        row = (one.law.name, one.reading, str(one.points), *shares, _place(fitted, one))
+        table.add_row(*row, f"{100 * one.tolerance.share:g} %")
     out.print(table)
     for note in fitted.points.notes:
         out.print(styled("[dim]note: {}[/]", note), soft_wrap=True)
@@ -76,8 +74,8 @@ def _tell(out: Console, fitted: FittedCurve, target: str, written: bool) -> None
     out.print(styled("next: rulec check {}", target), soft_wrap=True)
 
 
-def _shown(fitted: FittedCurve, one: Compared) -> str:
-    """Where a law is off most, in the unit of the type."""
+def _place(fitted: FittedCurve, one: Compared) -> str:
+    """Where the error of a law is largest, in the unit of the type."""
     signal = fitted.kind.signals.get(one.reading)
     if signal is None:
         return f"{3600 * one.at:.3g} m3/h"
@@ -85,7 +83,7 @@ def _shown(fitted: FittedCurve, one: Compared) -> str:
 
 
 def machine_form(fitted: FittedCurve, source: str) -> dict[str, Any]:
-    """What was found, for programs; parameters in the units of the type."""
+    """The result as JSON data; parameters in the units of the type."""
     parameters = fitted.kind.parameters
     return {
         "type": fitted.kind.name,

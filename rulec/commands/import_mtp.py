@@ -22,7 +22,7 @@ from rulec.mtp.refused import MtpRefused, Oddity
 
 
 def run(options: argparse.Namespace) -> int:
-    """Import all files that can be read; exit code 1 if any cannot."""
+    """Import all files that can be read; the exit code is 1 if any cannot."""
     target = Path(options.output)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise MtpRefused(f"{target} is not empty; name a new folder")
@@ -42,13 +42,18 @@ def run(options: argparse.Namespace) -> int:
             file = target / name
             file.parent.mkdir(parents=True, exist_ok=True)
             write_text(file, text)
-        _tell_next(out, modules, target)
+        count = plural(len(modules), "module", "modules")
+        where = f"{count} in {target}/modules, their nodes in {target}/map.yaml"
+        out.print(styled("[green]✓[/] {}", where), soft_wrap=True)
+        out.print("What to do next:")
+        for number, step in enumerate(_steps(modules, target), 1):
+            out.print(one_line(f"  {number}. {step}"), soft_wrap=True)
     write_json(options, machine_form(modules, refused))
     return 1 if refused else 0
 
 
 def _table(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Table:
-    """What was found of what is there, a row per module."""
+    """How much was imported, a row per module."""
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     table.add_column("file", overflow="fold")
     for title in ("tags", "units", "online", "nodes", "services", "signals"):
@@ -70,7 +75,7 @@ def _table(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> 
 
 
 def _tell_odd(out: Console, module: Imported) -> None:
-    """What a person should look at, the first few of each kind."""
+    """Print the first few oddities of each kind, which a person should check."""
     kinds: dict[str, list[Oddity]] = {}
     for oddity in module.odd:
         kinds.setdefault(oddity.kind, []).append(oddity)
@@ -81,15 +86,6 @@ def _tell_odd(out: Console, module: Imported) -> None:
             out.print(one_line(text), soft_wrap=True)
         if len(found) > MOST_TOLD:
             out.print(f"  and {len(found) - MOST_TOLD} more of this kind (--json has all)")
-
-
-def _tell_next(out: Console, modules: Sequence[Imported], target: Path) -> None:
-    count = plural(len(modules), "module", "modules")
-    where = f"{count} in {target}/modules, their nodes in {target}/map.yaml"
-    out.print(styled("[green]✓[/] {}", where), soft_wrap=True)
-    out.print("What to do next:")
-    for number, step in enumerate(_steps(modules, target), 1):
-        out.print(one_line(f"  {number}. {step}"), soft_wrap=True)
 
 
 def _steps(modules: Sequence[Imported], target: Path) -> Iterator[str]:

@@ -25,11 +25,11 @@ from rulec.commands.matrix_page import left_out, matrix_page
 from rulec.passes.compile_cache import kept_of_plant, ruleset_of_plant
 from rulec.study.without import Without, show_without, without_each
 
-if TYPE_CHECKING:  # what separates pairs is loaded where it is asked for
+if TYPE_CHECKING:  # loaded on request
     from rulec.separation.pairs import Separated
 
 NARROW = 7
-"""Characters a column of the matrix takes."""
+"""Width of a column of the matrix, characters."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
     if options.limits is not None and not options.separate:
         raise Misused("--limits are limits of --separate; give both")
     check_outputs(options)
-    ruleset = ruleset_of_plant(Path(options.plant))
-    stores = _of_stores(ruleset, Path(options.plant))
-    without = _without(ruleset, Path(options.plant))
+    plant = Path(options.plant)
+    ruleset = ruleset_of_plant(plant)
+    stores, without = _of_stores(ruleset, plant), _without(ruleset, plant)
     pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
         if pairs is None:
@@ -50,8 +50,7 @@ def run(options: argparse.Namespace) -> int:
 
             show_separated(console(options), ruleset, pairs)
     if options.report:
-        page = matrix_page(ruleset, made_now("rulec"), stores)
-        write_to(options.report, page)
+        write_to(options.report, matrix_page(ruleset, made_now("rulec"), stores))
         console(options).print(styled("[dim]report: {}[/]", options.report))
     more = {}
     if pairs is not None:
@@ -63,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
-    """Pairs that are alike, each with the step that separates it best."""
+    """Pairs of faults that are alike, each with the step that separates it best."""
     from rulec.separation.allowed import allowed_of
     from rulec.separation.pairs import separate_pairs
     from rulec.simulation.equations import SimulationRefused
@@ -81,9 +80,9 @@ def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
 
 
 def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The matrix as JSON data; rows are faults, columns residuals.
+    """The matrix as JSON data; rows are faults, columns are residuals.
 
-    Of a plant that stores, `stores` has the same for readings that balances predict.
+    For a plant that stores, `stores` holds the same for the readings that balances predict.
     """
     units = [fault.unit for fault in ruleset.faults]
     return {
@@ -92,9 +91,7 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
         "residuals": [r.id for r in ruleset.residuals],
         "faults": [f.id for f in ruleset.faults],
         **({"units": [unit or "1" for unit in units]} if any(units) else {}),
-        "signs": _dense(ruleset, lambda c: c.sign),
-        "gains": _dense(ruleset, lambda c: c.gain),
-        "detectable": _dense(ruleset, lambda c: c.detectable, None),
+        **_cells(ruleset, ruleset.faults),
         "ambiguous": [list(g.faults) for g in ruleset.ambiguous],
         "ambiguities": [
             {
@@ -120,19 +117,31 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
 
 
 def _unlisted(ruleset: Ruleset) -> dict[str, Any]:
-    """Rows of errors that a reading may have whatever its module lists, as those of faults."""
-    faults = ruleset.unlisted
+    """The matrix of the sensor errors that no module lists."""
     return {
-        "faults": [f.id for f in faults],
-        "units": [f.unit or "1" for f in faults],
-        "signs": _dense(ruleset, lambda c: c.sign, faults=faults),
-        "gains": _dense(ruleset, lambda c: c.gain, faults=faults),
-        "detectable": _dense(ruleset, lambda c: c.detectable, None, faults),
+        "faults": [f.id for f in ruleset.unlisted],
+        "units": [f.unit or "1" for f in ruleset.unlisted],
+        **_cells(ruleset, ruleset.unlisted),
     }
 
 
+def _cells(ruleset: Ruleset, faults: Sequence[FaultSpec]) -> dict[str, list[list[Any]]]:
+    """Dense matrices, a row per fault and a column per residual."""
+    column = {r.id: i for i, r in enumerate(ruleset.residuals)}
+    matrices: dict[str, list[list[Any]]] = {"signs": [], "gains": [], "detectable": []}
+    for fault in faults:
+        rows: list[list[Any]] = [[absent] * len(column) for absent in (0, 0, None)]
+        for cell in ruleset.cells_of_fault[fault.id]:
+            values = (cell.sign, cell.gain, cell.detectable)
+            for row, value in zip(rows, values, strict=True):
+                row[column[cell.residual]] = value
+        for matrix, row in zip(matrices.values(), rows, strict=True):
+            matrix.append(row)
+    return matrices
+
+
 def _without(ruleset: Ruleset, plant: Path) -> Without:
-    """What each sensor is needed for; kept where that takes longer than to look it up."""
+    """What each sensor is needed for; cached if that takes longer than to look it up."""
     if ruleset.dynamics is None and len(ruleset.observers) <= limits.NEAREST_ESTIMATES:
         return without_each(ruleset)
     found: Without = kept_of_plant(plant, "without", lambda: without_each(ruleset))
@@ -140,15 +149,15 @@ def _without(ruleset: Ruleset, plant: Path) -> Without:
 
 
 def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:
-    """How faults change readings that balances predict, as JSON data of a `Signature`.
+    """How faults change the readings that balances predict, as JSON data of a `Signature`.
 
-    None where nothing is stored, or where the balances cannot be followed.
+    None if nothing is stored, or if the balances cannot be integrated.
     """
     if ruleset.dynamics is None:
         return None
 
     def followed() -> Mapping[str, Any]:
-        # The integrator takes a second to load, and plants that store nothing do without it.
+        # The integrator takes a second to load, and plants that store nothing do not need it.
         from rulec.simulation.signature import signature_of
 
         found = signature_of(ruleset)
@@ -159,7 +168,6 @@ def _of_stores(ruleset: Ruleset, plant: Path) -> Mapping[str, Any] | None:
 
 
 def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
-    """Readings that balances predict, and the sign by which each fault changes them."""
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
     for reading in stores["readings"]:
@@ -172,19 +180,6 @@ def _show_stores(out: Console, stores: Mapping[str, Any]) -> None:
     out.print(styled("[dim]{}[/]", legend))
     for group in stores["alike"]:
         out.print(f"  {', '.join(group)}: act alike on all readings")
-
-
-def _dense(
-    ruleset: Ruleset, value: Any, absent: Any = 0, faults: Sequence[FaultSpec] | None = None
-) -> list[list[Any]]:
-    column = {r.id: i for i, r in enumerate(ruleset.residuals)}
-    rows = []
-    for fault in ruleset.faults if faults is None else faults:
-        row = [absent] * len(column)
-        for cell in ruleset.cells_of_fault[fault.id]:
-            row[column[cell.residual]] = value(cell)
-        rows.append(row)
-    return rows
 
 
 def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> None:
@@ -207,8 +202,8 @@ def show(out: Console, ruleset: Ruleset, stores: Mapping[str, Any] | None = None
     if ruleset.unlisted:
         legend += f"; ± {ANY_ERROR}"
     out.print(styled("[dim]{}[/]", legend))
-    if told := left_out(ruleset):
-        out.print(styled("[dim]{}[/]", told))
+    if omitted := left_out(ruleset):
+        out.print(styled("[dim]{}[/]", omitted))
     _show_ambiguous(out, ruleset)
     for name in ruleset.unobserved:
         out.print(styled("[yellow]![/] {}: no residual sees it", name))
@@ -236,7 +231,7 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
 
 @functools.cache
 def _signed(rises: bool, degree: str) -> Text:
-    """Few differ, in a large matrix: a mark takes longer to style than to find."""
+    """A mark; cached, as few differ in a large matrix and styling takes long."""
     colour, sign = ("green", "+") if rises else ("red", "-")
     return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, degree)
 
@@ -258,5 +253,4 @@ def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
     costs = {(s.module, s.signal): s.cost for g in ruleset.ambiguous for s in g.sensors}
     if costs:
         each = ", ".join(f"{m}.{s} {cost:g}" for (m, s), cost in costs.items())
-        told = "\n[bold]Sensors that would help[/], with their relative cost: {}"
-        out.print(styled(told, each))
+        out.print(styled("\n[bold]Sensors that would help[/], with their relative cost: {}", each))

@@ -1,4 +1,4 @@
-"""`rulec mismatch`: tell where simulation and recording differ, and what physics is left out."""
+"""`rulec mismatch`: report where simulation and recording differ, and which physics is left out."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from rulec.mismatch.answer.json_form import hidden_csv
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compare; a mismatch is a result, so the exit code is 0, but `UNSURE` where the verdict
-    is `unsure`: a script must not take that for sound."""
+    """Compare. A mismatch is a result, so the exit code is 0; for the verdict `unsure` it is
+    `UNSURE`, as a script must not take that for sound."""
     heldout = periods_of(options.heldout)
     folder_of(options.plant)
     check_outputs(options)
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def periods_of(texts: Sequence[str]) -> Periods:
-    """Held-out periods in s; `Misused` with a message for a bad one.
+    """Held-out periods, s; raises `Misused` for a bad one.
 
     >>> periods_of(["0:60", "120:180.5"])
     ((0.0, 60.0), (120.0, 180.5))
@@ -80,7 +80,7 @@ def periods_of(texts: Sequence[str]) -> Periods:
 
 
 def _write_hidden(out: Console, options: argparse.Namespace, found: MismatchResult) -> str | None:
-    """Write the course of a hidden driver beside the JSON; the name of its file."""
+    """Write the course of a hidden driver beside the JSON file; returns the name of its file."""
     hidden = found.found.hidden
     if hidden is None or options.json in (None, STANDARD_OUTPUT):
         return None

@@ -1,8 +1,8 @@
-"""What a recording lets the tool find in a plant, before anything is judged."""
+"""What a recording allows the tool to find in a plant, before anything is judged."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Set
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """An effect that fits a place of the plant: estimates that it reaches, readings it follows."""
+    """An effect that fits a place of the plant: estimates that it moves, readings that it needs."""
 
     name: str
     observers: tuple[str, ...]
@@ -37,7 +37,7 @@ class Explanation:
 class Sought:
     """What a search could look for in a plant, whatever the recording.
 
-    `unread` are quantities that no sensor of the plant reads, each with the effects that follow it.
+    `unread` are quantities that no sensor of the plant reads, each with the effects driven by it.
     """
 
     effects: tuple[Explanation, ...]
@@ -45,9 +45,9 @@ class Sought:
 
 
 def sought_in(plant: Path) -> Sought:
-    """What a search could look for in a plant; known from an earlier start where nothing changed.
+    """What a search could look for in a plant; cached while nothing changes.
 
-    Raises `Refused` with all mistakes in it.
+    Raises `Refused` with all mistakes in the plant.
     """
 
     def sought() -> dict[str, object]:
@@ -68,7 +68,7 @@ def sought_in(plant: Path) -> Sought:
 
 
 def sought_of(matches: Matches) -> Sought:
-    """What a search could look for, of all that fits some place."""
+    """What a search could look for, from all effects that fit some place."""
     unread: dict[str, set[str]] = {}
     for missing in matches.missing:
         unread.setdefault(missing.quantity, set()).add(missing.name)
@@ -83,7 +83,7 @@ def sought_of(matches: Matches) -> Sought:
 
 
 def _needs(candidate: Candidate) -> set[str]:
-    """Readings that drive it."""
+    """Readings that drive a candidate."""
     from rulec.knowledge.fluid import reading_of
 
     drivers = [*candidate.drivers.values(), *(u.driver for u in candidate.unknowns if u.driver)]
@@ -92,10 +92,10 @@ def _needs(candidate: Candidate) -> set[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A signal and its column; `title` is empty where none is there.
+    """A signal and its column; `title` is empty if it has none.
 
-    `low`, `middle`, `high` are its smallest, median and largest reading in its own unit, NaN where
-    it has none; `odd` says what is wrong with it. `used`: some equation reads it.
+    `low`, `middle`, `high` are its smallest, median and largest reading in its own unit, NaN if it
+    has none. `odd` says what is wrong with it, `used` whether some equation reads it.
     """
 
     signal: str
@@ -110,7 +110,7 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True)
 class Lack:
-    """A reading that is not there, or is none: what cannot run without it, by name."""
+    """A reading that is missing or unusable, and what cannot run without it, by name."""
 
     signal: str
     why: str
@@ -123,10 +123,10 @@ class Lack:
 class Facts:
     """What is known before anything runs.
 
-    `estimates`, `comparisons`, `faults` and `effects` are (how many can run or be found, of how
-    many); `blind` are faults that leave no trace in what is there. `settled` is the share of rows
-    in settled stretches, None where the plant stores and is judged while it moves. `unread` are
-    quantities that no sensor of the plant reads, each with the effects that follow it.
+    `estimates`, `comparisons`, `faults` and `effects` are pairs: how many can run or be found, and
+    how many there are. `blind` are faults that leave no trace in this recording. `settled` is the
+    share of rows in settled stretches, None if the plant stores and is judged while it moves.
+    `unread` is as in `Sought`.
     """
 
     rows: int
@@ -146,22 +146,28 @@ class Facts:
 
     @property
     def judges_something(self) -> bool:
-        """Can any fault be found?"""
+        """Whether any fault can be found."""
         return self.faults[0] > 0
 
 
 def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
-    """Read a recording and see what it is good for; raises `RecordingRefused`."""
+    """Read a recording and find what it is good for; raises `RecordingRefused`."""
     recording = read_recording(path, ruleset)
     health = examine(recording, ruleset)
     usable = {name for name, v in health.recording.values.items() if np.isfinite(v).any()}
     titles, strangers = _headers(path, ruleset)
     running = {o.id for o in ruleset.observers if set(o.signals) <= usable}
     compared = {r.id for r in ruleset.residuals if {t.observer for t in r.terms} <= running}
-    seen = {cell.fault for cell in ruleset.cells if cell.residual in compared}
-    balances = _followed(ruleset, usable)
-    if balances and ruleset.dynamics is not None:
-        seen |= set(ruleset.dynamics.faults)
+    visible = {cell.fault for cell in ruleset.cells if cell.residual in compared}
+    dynamics = ruleset.dynamics
+    # Balances can be integrated, and something can be compared with them.
+    balances = (
+        dynamics is not None
+        and usable.issuperset(dynamics.inputs)
+        and not usable.isdisjoint(dynamics.outputs)
+    )
+    if balances and dynamics is not None:
+        visible |= set(dynamics.faults)
     faults = [f.id for f in ruleset.faults]
     terms = {t.observer for r in ruleset.residuals if r.id in compared for t in r.terms}
     reached = [e for e in sought.effects if balances or terms.intersection(e.observers)]
@@ -175,8 +181,8 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
         notes=recording.notes,
         estimates=(len(running), len(ruleset.observers)),
         comparisons=(len(compared), len(ruleset.residuals)),
-        faults=(len(seen), len(faults)),
-        blind=tuple(f for f in faults if f not in seen),
+        faults=(len(visible), len(faults)),
+        blind=tuple(f for f in faults if f not in visible),
         settled=settled,
         stretches=stretches,
         effects=(len(found), len(sought.effects)),
@@ -185,23 +191,15 @@ def facts_of(path: Path, ruleset: Ruleset, sought: Sought) -> Facts:
     )
 
 
-def _followed(ruleset: Ruleset, usable: Set[str]) -> bool:
-    """Can the balances of what stores be followed, and something be compared with them?"""
-    dynamics = ruleset.dynamics
-    if dynamics is None:
-        return False
-    return usable >= {*dynamics.inputs} and any(name in usable for name in dynamics.outputs)
-
-
 def _lacks(
     ruleset: Ruleset, usable: Collection[str], health: Health, effects: Collection[Explanation]
 ) -> Iterator[Lack]:
-    """Signals that something reads and that have no reading, with what waits for each."""
+    """Signals that something needs and that have no reading."""
+    terms = {r.id: {t.observer for t in r.terms} for r in ruleset.residuals}
     for signal in ruleset.signals:
         if signal.id in usable:
             continue
         estimates = tuple(o.id for o in ruleset.observers if signal.id in o.signals)
-        terms = {r.id: {t.observer for t in r.terms} for r in ruleset.residuals}
         driven = sorted({e.name for e in effects if signal.id in e.needs})
         if signal.id in ruleset.read or driven:
             yield Lack(
@@ -248,7 +246,7 @@ def _reading(
 
 
 def _far_off(signal: SignalSpec, middle: float) -> Iterator[str]:
-    """A doubt about the unit of a reading, by the typical one; none where zero is arbitrary."""
+    """A doubt about the unit of a reading far from the typical one; none if zero is arbitrary."""
     if signal.offset or not signal.reference or not middle:
         return
     ratio = abs(middle / signal.reference)
@@ -261,7 +259,7 @@ def _far_off(signal: SignalSpec, middle: float) -> Iterator[str]:
 
 
 def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Title of the column of each signal, and columns that belong to none."""
+    """The column title of each signal, and the columns that belong to no signal."""
     titles: dict[str, str] = {}
     strangers: dict[str, None] = {}
     for file in files_of(path):

@@ -1,4 +1,4 @@
-"""`rulec show`: what a compiler pass made, in readable form."""
+"""`rulec show`: the result of a compiler pass, in readable form."""
 
 from __future__ import annotations
 
@@ -19,32 +19,29 @@ def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     plant = None if options.plant is None else Path(options.plant)
     out = console(options)
-    for line in _told(options.step, plant):
+    for line in _lines(options.step, plant):
         out.print(line, soft_wrap=True)
     return 0
 
 
-def _told(step: str, plant: Path | None) -> Iterable[str]:
-    """Lines to print; those about a plant are known from an earlier start."""
+def _lines(step: str, plant: Path | None) -> Iterable[str]:
+    """Lines to print; those about a plant are cached."""
     if step == KNOWLEDGE:
         from rulec.commands.show_knowledge import listing  # reads YAML
 
         return listing(plant)
     if plant is None or not step.isidentifier():
-        return _asked(step, plant)()
+        return _printer(step, plant)()
+    # Lines name places of files relative to the working folder.
+    here = hashlib.sha256(str(Path.cwd()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
     lines: Iterable[str] = kept_of_plant(
-        plant, f"shown-{step}-{_here()}", lambda: list(_asked(step, plant)())
+        plant, f"shown-{step}-{here}", lambda: list(_printer(step, plant)())
     )
     return lines
 
 
-def _here() -> str:
-    """The working folder, from which places of files are told, as a part of a name."""
-    return hashlib.sha256(str(Path.cwd()).encode("utf-8", "surrogateescape")).hexdigest()[:12]
-
-
-def _asked(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:
-    """What tells about a step, by its name or a word of it; `Misused` where there is none."""
+def _printer(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:
+    """What gives the lines of a step, by its name or a word of it; raises `Misused` for others."""
     from rulec.commands.show_steps import STEPS, lines_of  # loads the compiler
     from rulec.language.diagnostics import did_you_mean
 
@@ -57,8 +54,7 @@ def _asked(asked: str, plant: Path | None) -> Callable[[], Iterable[str]]:
         )
     if step not in STEPS:
         hint = did_you_mean(step, [*STEPS, KNOWLEDGE])
-        what = f"there is no pass '{step}'"
-        raise Misused(f"{what}; {hint}; 'rulec show passes' lists all of them")
+        raise Misused(f"there is no pass '{step}'; {hint}; 'rulec show passes' lists all of them")
     if plant is None:
         raise Misused(f"which plant? give rulec show {step} PLANT")
     return lambda: lines_of(step, plant)

@@ -1,4 +1,4 @@
-"""What each compiler pass made, in readable equations, and effects matched to places."""
+"""The result of each compiler pass in readable equations, and effects matched to places."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rulec.passes.types import Compilation
 
 _FIELDS = {step.__name__: field for field, step in PASSES.items()}
 STEPS = (*_FIELDS, match_effects.__name__)
-"""What can be shown, in order."""
+"""All steps that can be shown, in order."""
 
 
 def lines_of(step: str, plant: Path) -> Iterator[str]:
-    """Lines about what a step made of a plant; raises `Refused` with all mistakes in it."""
+    """Lines about the result of a step; raises `Refused` with all mistakes in the plant."""
     if step == match_effects.__name__:
         yield from _matches(open_builder(plant)[1].matches)
     else:
