@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
-from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.mending import mended
-from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import number
 
 from rulec.api.frames import Columns, parts_of
@@ -21,7 +18,7 @@ from rulec.api.mismatch import MismatchResult
 from rulec.api.reread import Reread, reread
 from rulec.api.result import Result
 from rulec.effects.made_from import AGAIN
-from rulec.effects.repair import AdoptRefused, Proven, Reported, why_refused
+from rulec.effects.repair import AdoptRefused, Proven, why_refused
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
 from rulec.simulation.equations import SimulationRefused
@@ -37,10 +34,10 @@ class AdoptResult(Result):
     Attributes
     ----------
     plant : the folder.
-    adoption : types of all modules, and what was taken.
-    proven : what was found of the same plant before it was written.
+    adoption : types of all modules, and the adopted explanations.
+    proven : what the analysis found about the same plant before it was written.
 
-    Table: `errors`, held-out errors of what the new plant predicts.
+    Table: `errors`, held-out errors of the predictions of the new plant.
     """
 
     plant: Path
@@ -51,7 +48,7 @@ class AdoptResult(Result):
         return f"<AdoptResult {self.plant}: {len(self.adoption.taken)} explanations>"
 
     def to_dict(self) -> dict[str, Any]:
-        """What was taken, what was not and why, and held-out errors in their units."""
+        """What was adopted, what was not and why, and held-out errors in their units."""
         return {
             "plant": self.plant.as_posix(),
             "taken": [
@@ -66,7 +63,7 @@ class AdoptResult(Result):
         }
 
     def tell(self, out: Console) -> None:
-        """Print what was taken, what not, and how good the new plant is."""
+        """Print what was adopted, what was not, and how good the new plant is."""
         for candidate in self.adoption.taken:
             kind = self.adoption.instances[candidate.module].type
             what = f"{candidate.module}: {candidate.title}, in {kind.name} version {kind.version}"
@@ -76,8 +73,15 @@ class AdoptResult(Result):
             out.print(styled("[yellow]![/] not adopted: {}: {}", name, reason))
         if not self.adoption.taken:
             out.print("values only: no equation was changed")
-        for line in _errors(self.proven.reported, bool(self.adoption.taken)):
-            out.print(line, soft_wrap=True)
+        for part in self.proven.reported:
+            if part.points and math.isfinite(part.own):
+                unit = "" if part.unit == "1" else f" {part.unit}"
+                than = f", recalibrated alone by {number(part.recalibrated)}{unit}"
+                out.print(
+                    f"simulated on {part.points} held-out samples, {part.signal} is off by "
+                    f"{number(part.own)}{unit}{than * bool(self.adoption.taken)}",
+                    soft_wrap=True,
+                )
         out.print(styled("[green]✓[/] {}: a plant like any other", self.plant))
 
     def _reported(self) -> Columns:
@@ -95,13 +99,13 @@ def adopt(
     Parameters
     ----------
     mismatch : what `rulec.mismatch` returned, or a JSON file of `rulec mismatch`.
-    folder : new folder, to be used as a plant.
-    recalibrated : write the plain model with recalibrated values alone.
+    folder : new folder, for use as a plant.
+    recalibrated : write only the plain model with recalibrated values.
 
     Raises
     ------
     AdoptRefused
-        Nothing may be written, files have changed since, or what was written does not hold.
+        Nothing may be written, files have changed since, or the new plant fails its test.
 
     Examples
     --------
@@ -137,9 +141,9 @@ def adopt(
 
 
 def _try_out(plant: Path, source: Reread) -> None:
-    """Compile a plant, simulate the recordings, and compare with the errors reported.
+    """Compile a plant, simulate the recordings, and compare with the reported errors.
 
-    Raises `AdoptRefused` where it does not hold.
+    Raises `AdoptRefused` if they do not agree.
     """
     from rulec.passes.pipeline import compile_plant
 
@@ -148,11 +152,10 @@ def _try_out(plant: Path, source: Reread) -> None:
     except Refused as error:
         why = f"what was to be written does not compile: {error.briefly}"
         raise AdoptRefused(why) from None
-    if source.proven.checks:
-        _check_errors(ruleset, source.recording(ruleset), source.proven)
-
-
-def _check_errors(ruleset: Ruleset, readings: Recording, proven: Proven) -> None:
+    proven = source.proven
+    if not proven.checks:
+        return
+    readings = source.recording(ruleset)
     lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
     if lacking:
         raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
@@ -172,17 +175,3 @@ def _check_errors(ruleset: Ruleset, readings: Recording, proven: Proven) -> None
                 f"is off by {number(off)} {unit}, and {number(reported)} {unit} was found in the "
                 f"analysis; {AGAIN}"
             )
-
-
-def _errors(reported: Sequence[Reported], amended: bool) -> list[str]:
-    """Errors of the new plant on held-out samples."""
-    lines = []
-    for part in reported:
-        if part.points and math.isfinite(part.own):
-            unit = "" if part.unit == "1" else f" {part.unit}"
-            than = f", recalibrated alone by {number(part.recalibrated)}{unit}" * amended
-            lines.append(
-                f"simulated on {part.points} held-out samples, {part.signal} is off by "
-                f"{number(part.own)}{unit}{than}"
-            )
-    return lines

@@ -48,10 +48,10 @@ class CalibrateResult(Result):
         return HEADER + yaml.safe_dump(self._form, sort_keys=False, width=100)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of the calibration file, and what the recording told.
+        """The content of the calibration file, and what the recording determined.
 
         `untold` are the parameters that it left as in the data sheet, `moved` the others, `strain`
-        those far from it. `notes` are remarks.
+        those far from the sheet. `notes` are remarks.
         """
         return {
             **self._form,
@@ -63,13 +63,13 @@ class CalibrateResult(Result):
 
     @property
     def unbelievable(self) -> tuple[str, ...]:
-        """Parameters too far from their data sheets to be believed."""
+        """Parameters too far from their data sheets to be credible."""
         return tuple(strain.parameter for strain in self.found.unbelievable)
 
     def write(self, file: str | Path, *, force: bool = False) -> None:
-        """Write the calibration file; the plant file names it under `calibration`.
+        """Write the calibration file, which the plant file names under `calibration`.
 
-        Raises `CalibrationRefused` where a value is not believed, unless `force` is set.
+        Raises `CalibrationRefused` if a value is not credible, unless `force` is set.
         """
         from rulec.calibration.fit import CalibrationRefused
 
@@ -79,9 +79,9 @@ class CalibrateResult(Result):
         write_text(Path(file), self.text)
 
     def tell(self, out: Console, name: str | None = None, *, forced: bool = False) -> None:
-        """Print how good the calibration is; `name` is what it is called, such as its file.
+        """Print how good the calibration is, under a `name` such as that of its file.
 
-        `forced`: it is written though a value is not believed.
+        `forced`: it is written although a value is not credible.
         """
         from rulec.calibration.story import tell
 
@@ -112,7 +112,7 @@ def calibrate(plant: Plant, recording: Recorded) -> CalibrateResult:
     Parameters
     ----------
     plant : folder with a plant.yaml, or that file.
-    recording : path, data frame or mapping of arrays of shape (n,); units as titles say.
+    recording : path, data frame or mapping of arrays of shape (n,); units as in the titles.
 
     Raises
     ------

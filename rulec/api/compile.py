@@ -24,7 +24,7 @@ class CompileResult(Result):
     Attributes
     ----------
     path : of the plant, as given.
-    ruleset : all that a diagnosis needs; SI.
+    ruleset : everything that a diagnosis needs; SI.
 
     Tables: `rules` (how each fault moves each residual) and `faults`.
     """
@@ -37,7 +37,7 @@ class CompileResult(Result):
 
     @property
     def counts(self) -> str:
-        """How many parts the ruleset has, in words."""
+        """The numbers of modules, residuals, faults and rules, in words."""
         rules = self.ruleset
         return (
             f"{len(rules.modules)} modules, {len(rules.residuals)} residuals, "
@@ -53,15 +53,14 @@ class CompileResult(Result):
         write_text(Path(file), self.ruleset.to_json())
 
     def tell(self, out: Console, name: str | None = None) -> None:
-        """Print what was made; `name` is what it is called, such as its file."""
+        """Print what was compiled, under a `name` such as that of its file."""
         out.print(styled("[green]✓[/] {}: {}", name or self.ruleset.plant, self.counts))
-        told = "[yellow]![/] {} leaves no trace in any residual; it needs a further sensor"
+        doubt = "[yellow]![/] {} leaves no trace in any residual; it needs a further sensor"
         for fault in self.ruleset.unobserved:
-            out.print(styled(told, fault))
+            out.print(styled(doubt, fault))
 
     def _rules(self) -> Columns:
-        names = ("fault", "residual", "sign", "gain", "detectable")
-        return parts_of(names, self.ruleset.cells)
+        return parts_of(("fault", "residual", "sign", "gain", "detectable"), self.ruleset.cells)
 
     def _faults(self) -> Columns:
         faults = self.ruleset.faults
@@ -81,7 +80,7 @@ def compile(plant: AnyPath) -> CompileResult:
     Raises
     ------
     Refused
-        Files have mistakes; the message shows each with its place and remedy, `diagnostics` holds
+        Files have mistakes. The message shows each with its place and remedy; `diagnostics` holds
         them.
 
     Examples

@@ -47,10 +47,10 @@ _COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnoseResult(PageResult):
-    """A recording and what it says of the plant.
+    """The diagnosis of a recording.
 
-    Tables: `findings` (a row each; times in s), and `samples` (a row per sample: verdict, and per
-    fault degree with bounds).
+    Tables: `findings` (a row each; times in s), and `samples` (a row per sample: verdict, and the
+    degree of each fault with its bounds).
     """
 
     judged: Judged
@@ -61,7 +61,7 @@ class DiagnoseResult(PageResult):
 
     @property
     def diagnosis(self) -> Diagnosis:
-        """All that was found; SI."""
+        """The whole diagnosis; SI."""
         return self.judged.diagnosis
 
     @property
@@ -76,7 +76,7 @@ class DiagnoseResult(PageResult):
 
     @property
     def blind(self) -> tuple[Blind, ...]:
-        """Faults that could not be seen because readings are not there."""
+        """Faults that could not be detected because readings are missing."""
         return self.diagnosis.blind
 
     def to_dict(self) -> dict[str, Any]:
@@ -120,12 +120,12 @@ def diagnose(
     Parameters
     ----------
     plant : folder, plant.yaml, ruleset file, or what `rulec.compile` returned.
-    recording : path, data frame or mapping of arrays of shape (n,); units as titles say. A path
+    recording : path, data frame or mapping of arrays of shape (n,); units as in the titles. A path
         may hold results of modules instead.
-    mode : ``default`` compares whole signatures with their uncertainties, ``paper`` takes
+    mode : ``default`` compares whole signatures with their uncertainties, ``paper`` applies
         Eqs. 17-19 of the seed paper as printed.
     limits : file that says how far set points may be changed to tell faults apart.
-    truth : file with true degrees, which the page compares with.
+    truth : file with true degrees, for comparison on the page.
 
     Raises
     ------
@@ -156,8 +156,7 @@ def diagnose(
 
 
 def with_steps(diagnosis: Diagnosis, limits: Path | None) -> Diagnosis:
-    """A diagnosis with a step for each finding that may be something else; what it takes is loaded
-    only then."""
+    """Add a step to each ambiguous finding; the code that proposes steps is loaded only then."""
     if limits is None and not any(f.alternatives for f in diagnosis.findings):
         return diagnosis
     from rulec.separation.allowed import allowed_of

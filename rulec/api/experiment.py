@@ -23,14 +23,12 @@ from rulec.mismatch.refused import ExperimentRefused
 if TYPE_CHECKING:
     from rulec.mismatch.experiment.result import Experiment
 
-HOUR = 3600.0
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentResult(PageResult):
-    """Steps to run, and what each explanation foretells of them.
+    """Steps to run, and what each explanation predicts for them.
 
-    Tables: `steps` (a row per step and input), and `readings` (what to expect there).
+    Tables: `steps` (a row per step and input), and `readings` (the predictions).
     """
 
     found: Experiment
@@ -40,20 +38,19 @@ class ExperimentResult(PageResult):
         return f"<ExperimentResult {self.ruleset.plant}: {len(self.found.steps)} steps>"
 
     def to_dict(self) -> dict[str, Any]:
-        """The experiment as `rulec experiment --json` writes it; units of the signals, times in
-        s."""
+        """The experiment as `rulec experiment --json` writes it; times in s."""
         from rulec.mismatch.experiment.result import experiment_form
 
         return experiment_form(self.found, self.ruleset)
 
     def inputs_csv(self) -> str:
-        """A recording of what is to be set, for `rulec.simulate`; a header alone without steps."""
+        """The set points as a recording for `rulec.simulate`; only a header if there is no step."""
         from rulec.mismatch.experiment.result import inputs_csv
 
         return inputs_csv(self.found, self.ruleset)
 
     def write_inputs(self, file: AnyPath) -> None:
-        """Write that recording."""
+        """Write the set points as a recording."""
         write_text(Path(file), self.inputs_csv())
 
     def page(self) -> str:
@@ -95,13 +92,13 @@ def experiment(
     steps: int = 18,
     limits: AnyPath | None = None,
 ) -> ExperimentResult:
-    """Plan the set points that tell apart what a mismatch leaves open, and test what stands alone.
+    """Plan set points that tell apart what a mismatch leaves open, and test a sole explanation.
 
     Parameters
     ----------
     mismatch : what `rulec.mismatch` returned, or a JSON file of `rulec mismatch`.
-    hours : longest experiment.
-    steps : most steps.
+    hours : longest duration of the experiment.
+    steps : largest number of steps.
     limits : file that says how far, how fast and at what cost set points may be changed.
 
     Raises
@@ -119,7 +116,7 @@ def experiment(
     from rulec.mismatch.experiment.result import standing_of
 
     source = reread(mismatch, recalibrated=True)
-    standing = standing_of(source.data, source.file)
+    explanations = standing_of(source.data, source.file)
     source.check_basis(ExperimentRefused)
     if why := why_refused(source.proven.edits, ""):
         raise ExperimentRefused(f"nothing is written: {why}")
@@ -133,9 +130,9 @@ def experiment(
         recording,
         ruleset,
         source.builder,
-        standing,
+        explanations,
         steps,
-        HOUR * hours,
+        3600.0 * hours,
         given=None if limits is None else read_limits(Path(limits), ruleset),
     )
     return ExperimentResult(found=found, ruleset=ruleset)

@@ -1,6 +1,6 @@
-"""Data frames in and out, of whatever library: pandas, polars, pyarrow.
+"""Data frames of pandas, polars and pyarrow as input and output.
 
-Only narwhals is asked; a library is loaded where one of its frames is given or wanted.
+All access goes through narwhals; a library is loaded only for its own frames.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Columns = Mapping[str, Sequence[Any] | np.ndarray]
 Backend: TypeAlias = Literal["pandas", "polars", "pyarrow"]
 
 BACKENDS: tuple[Backend, ...] = ("pandas", "polars", "pyarrow")
-"""Libraries that results become frames of; of those installed the first one is taken."""
+"""Libraries for frames of results; the first that is installed is the default."""
 
 
 class FrameRefused(Refusal):
-    """No library for data frames is installed, or not the one asked for."""
+    """No library for data frames is installed, or not the requested one."""
 
 
 def columns_of(data: Any, name: str) -> tuple[dict[str, Cells], bool]:
-    """Columns of a data frame, or of a mapping of arrays, and whether their dates are in UTC.
+    """Columns of a data frame or of a mapping of arrays, and whether their dates are in UTC.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def columns_of(data: Any, name: str) -> tuple[dict[str, Cells], bool]:
     Raises
     ------
     RecordingRefused
-        It is none of these, or a column holds what is neither numbers, dates nor words.
+        It is none of these, or a column holds neither numbers, dates nor words.
     """
     if isinstance(data, Mapping):
         return {str(title): _array(name, str(title), part) for title, part in data.items()}, False
@@ -52,12 +52,9 @@ def columns_of(data: Any, name: str) -> tuple[dict[str, Cells], bool]:
 
 
 def frame_of(columns: Columns, backend: Backend | None = None) -> Any:
-    """Columns as a frame of a library: the one asked for, else the first that is installed.
+    """Columns as a frame of the requested library, else of the first that is installed.
 
-    Raises
-    ------
-    FrameRefused
-        It is not installed, or none is.
+    Raises `FrameRefused` if it is not installed, or none is.
     """
     import narwhals as nw
 
@@ -82,12 +79,12 @@ def table_of(titles: Sequence[str], rows: Sequence[Sequence[Any]]) -> Columns:
 
 
 def parts_of(names: Sequence[str], parts: Sequence[Any]) -> Columns:
-    """Attributes of some parts as columns."""
+    """Attributes of objects as columns."""
     return {name: [getattr(part, name) for part in parts] for name in names}
 
 
 def _frame(data: Any, name: str) -> nw.DataFrame[Any]:
-    """The frame behind whatever library's; an index that holds times is a column."""
+    """A frame of any library for narwhals; an index of times becomes a column."""
     import narwhals as nw
 
     try:
@@ -99,18 +96,17 @@ def _frame(data: Any, name: str) -> nw.DataFrame[Any]:
         ) from None
     frame = found.collect() if isinstance(found, nw.LazyFrame) else found
     index = nw.maybe_get_index(frame)
-    if index is None or not (_names_time(index.name) or np.asarray(index).dtype.kind == "M"):
+    if index is None:
+        return frame
+    bare = str(index.name).partition("[")[0].strip().lower()
+    if bare not in NAMES and np.asarray(index).dtype.kind != "M":
         return frame
     title = str(index.name or NAMES[0])
     return nw.from_native(frame.to_native().assign(**{title: index}), eager_only=True)
 
 
-def _names_time(name: object) -> bool:
-    return str(name).partition("[")[0].strip().lower() in NAMES
-
-
 def _cells(name: str, series: nw.Series[Any]) -> Cells:
-    """A column of a frame as numbers, dates in UTC, lengths of time, or words."""
+    """A column of a frame as numbers, dates in UTC, durations, or words."""
     import narwhals as nw
 
     kind = series.dtype
@@ -126,7 +122,7 @@ def _cells(name: str, series: nw.Series[Any]) -> Cells:
 
 
 def _array(name: str, title: str, cells: Any) -> Cells:
-    """A column as numbers, dates, lengths of time, or words as they would stand in a file."""
+    """A column as numbers, dates, durations, or words as a file would hold them."""
     array = np.asarray(cells)
     if array.ndim != 1:
         raise RecordingRefused(
@@ -136,7 +132,7 @@ def _array(name: str, title: str, cells: Any) -> Cells:
         return array.astype(float)
     if array.dtype.kind in "Mm":
         return array
-    if array.dtype.kind in "OUTS" or array.dtype.kind == "T":
+    if array.dtype.kind in "OUTS":
         return ["" if cell is None or cell != cell else str(cell) for cell in array.tolist()]
     raise RecordingRefused(
         f"{name}: column '{title}' holds {array.dtype}, which are neither numbers nor dates"

@@ -1,11 +1,11 @@
-"""What the functions take: plants and recordings, by path or in memory."""
+"""Arguments of the functions: plants and recordings, by path or in memory."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
@@ -33,24 +33,24 @@ class Compiled(Protocol):
 
     @property
     def ruleset(self) -> Ruleset:
-        """All that a diagnosis needs."""
+        """Everything that a diagnosis needs."""
 
 
 Plant: TypeAlias = "AnyPath | Compiled"
 """Folder with a plant.yaml, that file, a ruleset file, or what `rulec.compile` returned."""
 
 Recorded: TypeAlias = "AnyPath | IntoFrame | Mapping[str, ArrayLike]"
-"""A file of any format, or a folder of them; or readings in memory, by titles as of a file:
+"""A file of any format, a folder of them, or readings in memory with titles as in a file:
 ``time [s]`` and ``A.dp [bar]``, or foreign names that the plant's column map knows."""
 
 
 def is_path(given: object) -> bool:
-    """Whether something names a file or folder."""
+    """Whether an argument names a file or folder."""
     return isinstance(given, str | os.PathLike)
 
 
 def ruleset_of(plant: Plant) -> Ruleset:
-    """The ruleset of a plant, compiled where need be (which alone loads the compiler)."""
+    """The ruleset of a plant, compiled if necessary; only then is the compiler loaded."""
     if not isinstance(plant, str | os.PathLike):
         return plant.ruleset
     path = Path(plant)
@@ -65,24 +65,15 @@ def folder_of(
     plant: Plant,
     lacking: str = "a ruleset does not hold the equations into which physics could be built",
 ) -> Path:
-    """Where the files of a plant are; `Misused` for a ruleset, which is `lacking` something."""
+    """Folder or file of a plant; raises `Misused` for a ruleset, with what it is `lacking`."""
     path = Path(plant) if isinstance(plant, str | os.PathLike) else plant.path
     if path.suffix == ".json":
         raise Misused(f"{path}: give the plant's folder; {lacking}")
     return path
 
 
-def several(recordings: Any) -> tuple[Recorded, ...]:
-    """Recordings as given, whether one or a list of them."""
-    if isinstance(recordings, list | tuple):
-        if not recordings:
-            raise Misused("give one recording at least")
-        return tuple(recordings)
-    return (recordings,)
-
-
 def names_given(recordings: Sequence[Recorded]) -> list[Path]:
-    """What messages call each recording: its path, or a name for what is in memory."""
+    """The name of each recording in messages: its path, or a name for data in memory."""
     numbers = [""] if len(recordings) == 1 else [f" {i + 1}" for i in range(len(recordings))]
     return [
         Path(given if isinstance(given, str | os.PathLike) else f"data frame{number}")
@@ -91,12 +82,10 @@ def names_given(recordings: Sequence[Recorded]) -> list[Path]:
 
 
 def recording_given(recordings: Sequence[Recorded], ruleset: Ruleset) -> Recording:
-    """One recording, or several of one plant as one.
+    """One recording, or several of one plant joined.
 
-    Raises
-    ------
-    RecordingRefused
-        One is no recording of this plant, or they cannot be judged together.
+    Raises `RecordingRefused` if one is no recording of this plant, or if they cannot be judged
+    together.
     """
     names = names_given(recordings)
     if all(is_path(given) for given in recordings):
@@ -112,7 +101,7 @@ def recording_given(recordings: Sequence[Recorded], ruleset: Ruleset) -> Recordi
 def files_given(
     given: Recorded, name: Path, ruleset: Ruleset, notes: list[str]
 ) -> list[RecordingFile]:
-    """The files of a recording; what is in memory is one."""
+    """The files of a recording; data in memory count as one file."""
     if is_path(given):
         return [read_file(path, ruleset, notes) for path in files_of(name)]
     columns, zoned = columns_of(given, str(name))

@@ -1,4 +1,4 @@
-"""`rulec.learn`: a characteristic that stands on no sheet, from ordinary operation."""
+"""`rulec.learn`: a characteristic that no data sheet states, from ordinary operation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LearnResult(Result):
-    """A curve with its band, and the module type that it makes. `stated` are the parameters of the
+    """A curve with its band, and the module type that holds it. `stated` are the parameters of the
     module that the plant file states.
 
     Tables: `points`.
@@ -41,11 +41,11 @@ class LearnResult(Result):
 
     @property
     def name(self) -> str:
-        """What was learnt, such as ``M.opening``."""
+        """The learnt definition, such as ``M.opening``."""
         return f"{self.found.module.name}.{self.found.name}"
 
     def text(self, name: str) -> str:
-        """The module type, YAML, under a name of its own."""
+        """The module type under a new name, YAML."""
         from rulec.curves.learnt_type import type_of
 
         source = f"{self.found.points} settled points of {self.recording}"
@@ -76,7 +76,7 @@ class LearnResult(Result):
         }
 
     def tell(self, out: Console, name: str | None = None) -> None:
-        """Print the curve with its band, and where there is no data."""
+        """Print the curve with its band, and the spans without data."""
         over, unit = self.units
         for text in self.found.sensors:
             out.print(f"note: {text}", markup=False)
@@ -123,9 +123,9 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
     Parameters
     ----------
     plant : folder with a plant.yaml, or that file.
-    recording : path, data frame or mapping of arrays of shape (n,); units as titles say.
+    recording : path, data frame or mapping of arrays of shape (n,); units as in the titles.
     what : the definition, as ``M.opening``.
-    over : the signal or definition that it follows; without, the only input that it reads.
+    over : the signal or definition that it depends on; by default the only input that it reads.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
     RecordingRefused
         This is no recording of the plant.
     CalibrationRefused
-        There is no such definition, it follows something else, too, or nothing tells of it.
+        There is no such definition, it depends on something else, too, or no reading determines it.
 
     Examples
     --------
@@ -156,11 +156,11 @@ def learn(plant: Plant, recording: Recorded, what: str, *, over: str | None = No
 
     models = opened.models
     found = learnt_of(models, read, str(name), what, over)
-    document, mistakes = read_document(Path(found.module.type.file))
+    type_ = found.module.type
+    document, mistakes = read_document(Path(type_.file))
     if document is None:
         raise Refused(mistakes)
-    dimensions = dimensions_of(found.module.type)
-    units = table_units(found, dimensions, models.plant.knowledge.units)
+    units = table_units(found, dimensions_of(type_), models.plant.knowledge.units)
     plant_file = opened.sources.plant
     assert plant_file is not None
     stated = tuple(plant_file.data["modules"][found.module.name].get("parameters", ()))

@@ -1,4 +1,4 @@
-"""`rulec.mismatch`: where simulation and recording differ, and what physics is left out."""
+"""`rulec.mismatch`: where simulation and recording differ, and which physics is left out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.console import Console
+from rulec_runtime.output.refusal import Misused
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.together import names_of
 from rulec_runtime.report.made import made_now
@@ -24,7 +25,6 @@ from rulec.api.given import (
     is_path,
     names_given,
     recording_given,
-    several,
 )
 from rulec.api.result import PageResult
 from rulec.effects.made_from import basis_of
@@ -34,12 +34,6 @@ from rulec.passes.deferred_compilation import open_plant
 if TYPE_CHECKING:
     from rulec.effects.model_builder import ModelBuilder
     from rulec.mismatch.result import Finding, Mismatch
-
-STORES_ALONE = (
-    "this plant stores: what a recording began with belongs to it alone, and several cannot be "
-    "judged together. Judge each recording alone, or record the experiment as one"
-)
-"""Why several recordings of a plant that stores are refused."""
 
 Periods = Sequence[tuple[float, float]]
 
@@ -89,7 +83,7 @@ class MismatchResult(PageResult):
         return self.form(None)
 
     def form(self, hidden: str | None) -> dict[str, Any]:
-        """The same; `hidden` names a file with the course of what was not recorded."""
+        """As `to_dict`; `hidden` names a file with the course of an unrecorded driver."""
         from rulec.mismatch.answer.json_form import mismatch_form
 
         form = mismatch_form(self.found, self.plant.resolve().as_posix(), hidden)
@@ -141,18 +135,18 @@ def mismatch(
     power: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> MismatchResult:
-    """Tell where simulation and recording differ, and what physics is left out.
+    """Find where simulation and recording differ, and which physics is left out.
 
     Parameters
     ----------
     plant : folder with a plant.yaml, that file, or what `rulec.compile` returned.
     recordings : one, or a list of several of one plant: paths, data frames, or mappings of arrays
-        of shape (n,); units as titles say.
-    heldout : spans of time, s, that prove the result and play no part in finding it; without,
+        of shape (n,); units as in the titles.
+    heldout : spans of time, s, that test the result and play no part in the search; by default
         blocks are set aside.
-    power : replay the recording by the plant's own model, with effects concealed, by their ids;
-        an empty list: those that stand. None: no replays.
-    progress : is told what is being done.
+    power : ids of effects to conceal in replays of the recording by the plant's own model. An
+        empty list: the reported ones. None: no replays.
+    progress : called with each task that begins.
 
     Raises
     ------
@@ -171,12 +165,20 @@ def mismatch(
     'none'
     """
     tell_progress = progress or (lambda text: None)
-    given, folder = several(recordings), folder_of(plant)
+    given: tuple[Any, ...] = (recordings,)
+    if isinstance(recordings, list | tuple):
+        given = tuple(recordings)
+    if not given:
+        raise Misused("give one recording at least")
+    folder = folder_of(plant)
     tell_progress("reading the plant")
     plant_now = open_plant(folder, effects=True)
     ruleset = plant_now.ruleset
     if len(given) > 1 and ruleset.dynamics is not None:
-        raise MismatchRefused(STORES_ALONE)
+        raise MismatchRefused(
+            "this plant stores: what a recording began with belongs to it alone, and several "
+            "cannot be judged together. Judge each recording alone, or record the experiment as one"
+        )
     names = names_given(given)
     paths = [name for name, one in zip(names, given, strict=True) if is_path(one)]
     basis = basis_of(plant_now.sources, paths, in_memory=len(paths) < len(given))
@@ -196,7 +198,6 @@ def mismatch(
 
 
 def _check_effects(asked: Sequence[str], builder: ModelBuilder) -> None:
-    """Refuse ids that nothing has."""
     known = {c.id for c in builder.candidates} if asked else set()
     for id_ in asked:
         if id_ not in known:
@@ -210,7 +211,7 @@ def _check_effects(asked: Sequence[str], builder: ModelBuilder) -> None:
 
 def _check_heldout(recording: Recording, heldout: Periods) -> None:
     """Refuse periods that hold no sample, or all of them."""
-    time, inside = recording.time, recording.time != recording.time
+    time, inside = recording.time, np.isnan(recording.time)
     for since, until in heldout:
         here = (time >= since) & (time <= until)
         if not here.any():

@@ -1,4 +1,4 @@
-"""Ask what physics the model of one plant leaves out on one day; what a worker of a fleet does."""
+"""Which physics the model of a plant leaves out on one day: the task of a worker of a fleet."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from rulec.api.mismatch import mismatch
 
 
 def ask_day(task: Task, plant: str) -> dict[str, Any]:
-    """The answer in its JSON form; `plant` is the folder of the plant.
+    """The answer in JSON form; `plant` is the folder of the plant.
 
-    Never raises for what stands in the files: such an answer is a ``reason``.
+    Never raises for the content of files: the answer is then a ``reason``.
     """
     try:
         with ExitStack() as stack:
@@ -27,13 +27,13 @@ def ask_day(task: Task, plant: str) -> dict[str, Any]:
         return {"reason": one_line(str(error))}
     except MemoryError:
         return {"reason": "it needs more memory than its worker has"}
-    except Exception as error:  # our own bug: the other plants are to be asked all the same
+    except Exception as error:  # our own bug must not stop the other plants
         text = f"cannot be compared ({type(error).__name__}: {error})"
         return {"reason": one_line(text)[:300]}
 
 
 def _recording(files: list[Path], stack: ExitStack) -> Path:
-    """Files of a plant-day are one recording: the folder that they are in, or are put in."""
+    """The files of a plant-day as one recording: their common folder, or a new one of links."""
     folders = {file.parent for file in files}
     if len(files) == 1:
         return files[0]

@@ -1,4 +1,4 @@
-"""What every result can do: become data, a data frame, a page of a notebook, text."""
+"""The forms of every result: plain data, data frame, display of a notebook, text."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ class Result(ABC):
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """The machine form of the command: plain data, as `--json` writes it."""
+        """The result as plain data, as `--json` writes it."""
 
     @abstractmethod
     def tell(self, out: Console) -> None:
-        """Print the story that the command tells."""
+        """Print what the command prints."""
 
     _tables: ClassVar[Mapping[str, Callable[[Any], Columns]]]
-    """What makes each table, by name; the first is the usual one."""
+    """The method that makes each table, by name; the first is the default."""
 
     @property
     def tables(self) -> tuple[str, ...]:
-        """Names of the tables that `to_frame` makes; the first is the usual one."""
+        """Names of the tables that `to_frame` makes; the first is the default."""
         return tuple(self._tables)
 
     def to_frame(self, table: str | None = None, *, backend: Backend | None = None) -> Any:
@@ -40,8 +40,8 @@ class Result(ABC):
 
         Parameters
         ----------
-        table : one of `tables`; the first of them without.
-        backend : ``pandas``, ``polars`` or ``pyarrow``; without, the first that is installed.
+        table : one of `tables`; by default the first.
+        backend : ``pandas``, ``polars`` or ``pyarrow``; by default the first that is installed.
 
         Raises
         ------
@@ -50,11 +50,10 @@ class Result(ABC):
         Misused
             There is no such table.
         """
-        made = self._tables
         name = self.tables[0] if table is None else table
-        if name not in made:
-            raise Misused(f"table '{name}': give one of {', '.join(made)}")
-        return frame_of(made[name](self), backend)
+        if name not in self._tables:
+            raise Misused(f"table '{name}': give one of {', '.join(self._tables)}")
+        return frame_of(self._tables[name](self), backend)
 
     def __str__(self) -> str:
         return plain(self.tell)
@@ -67,7 +66,7 @@ class Result(ABC):
 
 
 class PageResult(Result):
-    """A result that is also a page."""
+    """A result that also has a page."""
 
     @abstractmethod
     def page(self) -> str:

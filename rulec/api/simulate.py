@@ -1,4 +1,4 @@
-"""`rulec.simulate`: the recording that a plant should have made, with faults if asked for."""
+"""`rulec.simulate`: the recording that a plant should have made, with faults on request."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class SimulateResult(Result):
 
     Attributes
     ----------
-    files : of the inputs.
-    prediction : per predicted signal an array, shape (n,), SI; NaN where it is not predicted.
-    notes : what the user should know.
+    files : the files of the inputs.
+    prediction : an array per predicted signal, shape (n,), SI; NaN where it is not predicted.
+    notes : remarks for the user.
     folder, in_memory : whether the inputs were a folder, or no file at all.
 
     Table: `recording`, with ``time [s]`` and a column per signal in its unit, which the other
-    functions take as a recording.
+    functions accept as a recording.
     """
 
     ruleset: Ruleset
@@ -60,7 +60,7 @@ class SimulateResult(Result):
 
     @property
     def summary(self) -> str:
-        """How many rows were predicted, what, and from what, in words."""
+        """How many rows were predicted, which signals, and from which, in words."""
         whole = self.prediction.whole
         rows, full = len(whole), int(np.count_nonzero(whole))
         count = f"{rows} rows" if rows == full else f"{rows} rows, {full} of them predicted in full"
@@ -70,7 +70,7 @@ class SimulateResult(Result):
     def columns(self) -> dict[str, Array]:
         """Readings by title, such as ``A.dp [bar]``, shape (n,), in the unit of the title.
 
-        Predicted ones take the place of recorded ones; all others are as recorded.
+        Predicted readings replace recorded ones; all others are as recorded.
         """
         names = list(dict.fromkeys(n for file in self.files for n in file.values))
         values = {n: np.concatenate([_of(file, n) for file in self.files]) for n in names}
@@ -82,7 +82,7 @@ class SimulateResult(Result):
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Columns by title, None where nothing is predicted, and what is to be said of them."""
+        """Columns by title, None where nothing is predicted, with signals and notes."""
         return {
             "plant": self.ruleset.plant,
             "given": list(self.prediction.given),
@@ -95,13 +95,13 @@ class SimulateResult(Result):
         }
 
     def to_csv(self) -> str:
-        """The recording as a file would hold it; of a folder that of its first file."""
+        """The recording as a file would hold it; for a folder that of its first file."""
         out = io.StringIO()
         self._put(*next(iter(self._parts())), out)
         return out.getvalue()
 
     def write(self, target: AnyPath) -> None:
-        """Write the recording as the inputs are written, those of a folder into a folder."""
+        """Write the recording in the layout of the inputs; for a folder, into a folder."""
         place = Path(target)
         if self.folder:
             place.mkdir(parents=True, exist_ok=True)
@@ -116,7 +116,7 @@ class SimulateResult(Result):
             rewrite(file, self.ruleset, values, out)
 
     def _parts(self) -> Iterator[tuple[RecordingFile, dict[str, Array]]]:
-        """Each file with what is predicted for its rows."""
+        """Each file with the predictions for its rows."""
         first = 0
         for file in self.files:
             last = first + len(file.time)
@@ -124,7 +124,7 @@ class SimulateResult(Result):
             first = last
 
     def headline(self, name: str) -> Text:
-        """What was predicted, in a line; `name` is what it is called, such as its file."""
+        """What was predicted, in a line, under a `name` such as that of its file."""
         return styled("[green]✓[/] {}: {}", name, self.summary)
 
     def tell(self, out: Console) -> None:
@@ -144,26 +144,26 @@ def simulate(
     noise: int | None = None,
     start: Recorded | None = None,
 ) -> SimulateResult:
-    """Predict a recording from its inputs, with faults if asked for.
+    """Predict a recording from its inputs, with faults on request.
 
     Parameters
     ----------
     plant : folder, plant.yaml, ruleset file, or what `rulec.compile` returned.
-    inputs : path, data frame or mapping of arrays of shape (n,); of it the readings are used that
-        no equation determines, such as speeds.
-    faults : each as ``A.leakage=0.2`` (a degree: 20 %), with ``@60:120`` behind it from one second
-        to another.
-    noise : number by which errors of the sensors are drawn; None for readings without errors.
-    start : recording by whose first readings it is known what is stored at the beginning.
+    inputs : path, data frame or mapping of arrays of shape (n,), with the readings that no
+        equation determines, such as speeds.
+    faults : each as ``A.leakage=0.2`` (a degree: 20 %), followed by ``@60:120`` to limit it to a
+        period, s.
+    noise : seed of the sensor errors; None for readings without errors.
+    start : recording whose first readings determine what is stored at the beginning.
 
     Raises
     ------
     Refused, RulesetRefused
         The plant or its ruleset has mistakes.
     RecordingRefused
-        The inputs are none of this plant.
+        The inputs are no recording of this plant.
     SimulationRefused
-        The plant cannot be simulated, an input is missing, or a fault is none of this plant.
+        The plant cannot be simulated, an input is missing, or the plant has no such fault.
     Misused
         A fault or a number makes no sense.
 
@@ -196,7 +196,7 @@ def simulate(
 
 
 def parse_fault(text: str) -> Injected:
-    """Read ``M.fault=degree`` or ``M.fault=degree@from:to``; `Misused` with a message.
+    """Read ``M.fault=degree`` or ``M.fault=degree@from:to``; raises `Misused` for anything else.
 
     >>> parse_fault("A.leakage=0.2@60:120")
     Injected(fault='A.leakage', degree=0.2, since=60.0, until=120.0)
@@ -219,25 +219,25 @@ def parse_fault(text: str) -> Injected:
 def _starts(
     ruleset: Ruleset, source: Path, recording: Recorded | None, notes: list[str]
 ) -> list[Starts]:
-    """Where states start in each file of the inputs; nothing where no recording tells."""
+    """Initial states for each file of the inputs; empty without a recording."""
     if recording is None:
         return []
-    (told,) = names_given([recording])
+    (name,) = names_given([recording])
     if not is_path(recording):
-        return [starts_of(ruleset, f) for f in files_given(recording, told, ruleset, notes)]
+        return [starts_of(ruleset, f) for f in files_given(recording, name, ruleset, notes)]
     is_folder = place_of(source)[0].is_dir()
-    wanted = [told / path.name for path in files_of(source)] if is_folder else [told]
+    wanted = [name / path.name for path in files_of(source)] if is_folder else [name]
     absent = [path for path in wanted if not is_there(path)]
     if absent:
         what = "the inputs are a folder, so give a folder with a file of each name"
         raise SimulationRefused(
-            f"--start {told}: no file {absent[0]}" + (f"; {what}" if is_folder else "")
+            f"--start {name}: no file {absent[0]}" + (f"; {what}" if is_folder else "")
         )
     return [starts_of(ruleset, read_file(path, ruleset, notes)) for path in wanted]
 
 
 def _of(file: RecordingFile, name: str) -> Array:
-    """Readings of a signal in one file, shape (n,); NaN where it has none."""
+    """Readings of a signal in one file, shape (n,); NaN if it has none."""
     return file.values.get(name, np.full(len(file.time), np.nan))
 
 

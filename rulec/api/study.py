@@ -1,4 +1,4 @@
-"""`rulec.study`: what the diagnosis of a plant can do, before anybody trusts it."""
+"""`rulec.study`: what the diagnosis of a plant can do, before anyone relies on it."""
 
 from __future__ import annotations
 
@@ -36,22 +36,18 @@ from rulec.study.points import Points, operating_points
 if TYPE_CHECKING:
     from rulec.study.tally import Tally
 
-Draw = Callable[[np.random.Generator], Plan]
-
 JUDGING = "simulating and judging recordings"
 
 START = 1.0
-"""Seconds that starting the processes takes."""
-
-_CELLS = ("recordings", "found", "named", "shared", "covered", "error", "bias")
+"""Time to start the processes, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyResult(PageResult):
-    """What became of simulated recordings.
+    """The outcomes of simulated recordings.
 
     Tables: `faults` (a row per fault of a module type and degree, with counts of recordings), and
-    `confusions` (what was taken for what).
+    `confusions` (which fault was taken for which).
     """
 
     ruleset: Ruleset
@@ -85,8 +81,9 @@ class StudyResult(PageResult):
 
     def _faults(self) -> Columns:
         cells = self.to_dict()["faults"]
-        names = ("type", "name", "title", "degree", *_CELLS)
-        return table_of(names, [tuple(cell[name] for name in names) for cell in cells])
+        counts = ("recordings", "found", "named", "shared", "covered", "error", "bias")
+        names = ("type", "name", "title", "degree", *counts)
+        return {name: [cell[name] for cell in cells] for name in names}
 
     def _confusions(self) -> Columns:
         rows = [
@@ -114,24 +111,24 @@ def study(
     announce: Callable[[str], None] | None = None,
     progress: Callable[[str, float, float], None] | None = None,
 ) -> StudyResult:
-    """Simulate faults of a plant, diagnose the recordings, and count what became of them.
+    """Simulate faults of a plant, diagnose the recordings, and count the outcomes.
 
     Parameters
     ----------
     plant : folder, plant.yaml, or what `rulec.compile` returned.
-    degrees : of every fault.
-    points : operating points.
+    degrees : degrees of every fault.
+    points : number of operating points.
     seeds : plants drawn per fault.
     lead_in : healthy samples before the fault.
-    mode : ``default`` or ``paper``, as of `rulec.diagnose`.
+    mode : ``default`` or ``paper``, as for `rulec.diagnose`.
     bounded : sensor errors stay inside the bounds of their class.
     jobs : processes; a script that asks for several must be guarded by ``__name__ ==
         "__main__"``.
     engine : ``local``: processes of this machine; ``dask``: workers of dask.distributed. The
         results are the same.
-    scheduler : address of a cluster of dask that is there; without it one of this machine.
-    announce : is told how large the study is, and how long it will take.
-    progress : is told what is being done, how many recordings are judged, and of how many.
+    scheduler : address of an existing dask cluster; by default a cluster on this machine.
+    announce : called with the size and the expected duration of the study.
+    progress : called with the task, the number of judged recordings, and that of all.
 
     Raises
     ------
@@ -197,15 +194,11 @@ def _checked(
     mode: str,
     bounded: bool,
 ) -> Settings:
-    """Settings of a study; `Misused` with a message for a bad number."""
+    """Settings of a study; raises `Misused` for a bad number."""
     if not all(math.isfinite(d) and d > 0 for d in degrees):
         what = "a degree is a number above 0 (0.1 is 10 %)"
         raise Misused(f"--degrees {_listed(degrees)}: {what}")
-    for name, value, least in (
-        ("points", points, 1),
-        ("seeds", seeds, 1),
-        ("lead-in", lead_in, 0),
-    ):
+    for name, value, least in (("points", points, 1), ("seeds", seeds, 1), ("lead-in", lead_in, 0)):
         if value < least:
             raise Misused(f"--{name} {value}: give {least} or more")
     return Settings(
@@ -222,8 +215,14 @@ def _listed(degrees: Sequence[float]) -> str:
     return ",".join(f"{degree:g}" for degree in degrees)
 
 
-def _announced(ruleset: Ruleset, points: Points, settings: Settings, jobs: int, draw: Draw) -> str:
-    """Size of the study, and how long it will take, from a few of its recordings."""
+def _announced(
+    ruleset: Ruleset,
+    points: Points,
+    settings: Settings,
+    jobs: int,
+    draw: Callable[[np.random.Generator], Plan],
+) -> str:
+    """Size and expected duration of the study, from a few of its recordings."""
     faulty, healthy = size_of(ruleset, points, settings)
     one = Points({name: values[:1] for name, values in points.given.items()}, 1)
     largest = replace(settings, degrees=settings.degrees[-1:])
