@@ -1,1 +1,1 @@
-"""What a plant should show: readings predicted from a ruleset, settled or over time."""
+"""Readings of a plant, predicted from its ruleset, settled or over time."""

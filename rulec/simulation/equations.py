@@ -1,6 +1,6 @@
-"""The equations of a plant as its ruleset holds them: what its readings and flows must obey.
+"""The equations that readings and flows of a plant must obey, as its ruleset holds them.
 
-Each observer, its faults undone, gives the flow of its module; flows balance at junctions. The
+Each observer, with faults undone, gives the flow of its module; flows balance at junctions. The
 compiler has ordered them into steps and eliminated the flows (rulec/passes/order_equations.py).
 """
 
@@ -16,15 +16,15 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec, SimulationStep
 from rulec_runtime.output.refusal import Refusal
 
 DEGREE = "x:"
-"""Mark of a fault's degree among the inputs of a plan."""
+"""Prefix of a fault's degree among the inputs of a plan."""
 
 
 class SimulationRefused(Refusal):
-    """The plant cannot be simulated as asked; the message is for the user."""
+    """The plant cannot be simulated as requested; the message is for the user."""
 
 
 def equations_of(ruleset: Ruleset) -> Equations:
-    """The equations of a plant; raises `SimulationRefused` where it can be diagnosed only."""
+    """The equations of a plant; raises `SimulationRefused` if it can only be diagnosed."""
     if ruleset.simulation.refused:
         raise SimulationRefused(ruleset.simulation.refused)
     return Equations(ruleset)
@@ -38,7 +38,7 @@ class Equations:
 
     @property
     def given(self) -> tuple[str, ...]:
-        """Signals that are inputs, or that no equation determines."""
+        """Ids of signals that are inputs, or that no equation determines."""
         return self.ruleset.simulation.given
 
     @cached_property
@@ -49,11 +49,12 @@ class Equations:
 
     @cached_property
     def flows(self) -> tuple[str, ...]:
-        """Modules whose flow is found: those with observers."""
+        """Modules whose flow is calculated: those with observers."""
         return tuple(m for m in self.ruleset.modules if m in self.flow_scales)
 
     @cached_property
     def given_signals(self) -> tuple[SignalSpec, ...]:
+        """The signals in `given`."""
         return tuple(self.ruleset.signal_by_id[name] for name in self.given)
 
     @cached_property
@@ -73,7 +74,7 @@ class Equations:
 
     @cached_property
     def steps(self) -> tuple[StepEquations, ...]:
-        """One behind the other, each with what it needs of those before."""
+        """The steps in order, each with what it needs from earlier ones."""
         return tuple(self._step(step) for step in self.ruleset.simulation.steps)
 
     def _step(self, step: SimulationStep) -> StepEquations:
@@ -83,10 +84,11 @@ class Equations:
         known = tuple(name for name in terms if name not in observers)
         plan = self.ruleset.undo.select(f"q:{name}" for name in observers).narrowed()
         order = (*observers, *known)
-        size = {name: self.flow_scales[self._module(name)] for name in order}
+        modules = [*(self.ruleset.observer_by_id[name].module for name in observers), *known]
         zeros = _rows(step.zeros, order)
         # Each sum in units of the largest flow in it.
-        zeros /= (np.abs(zeros) * [size[name] for name in order]).max(axis=1, initial=0.0)[:, None]
+        size = [self.flow_scales[name] for name in modules]
+        zeros /= (np.abs(zeros) * size).max(axis=1, initial=0.0)[:, None]
         signals = [self.ruleset.signal_by_id[name] for name in step.readings]
         scales = np.array([abs(s.reference - s.offset) or s.full_scale or 1.0 for s in signals])
         return StepEquations(
@@ -105,10 +107,6 @@ class Equations:
             flow_scales=np.array([self.flow_scales[name] for name in step.flows]),
         )
 
-    def _module(self, name: str) -> str:
-        observer = self.ruleset.observer_by_id.get(name)
-        return observer.module if observer is not None else name
-
 
 @dataclass(frozen=True, kw_only=True)
 class StepEquations:
@@ -116,10 +114,10 @@ class StepEquations:
 
     Attributes
     ----------
-    readings, flows : what is found.
-    observers, plan : estimates that are needed, and how they follow from readings and degrees.
-    known_flows, known_readings : what earlier steps found, or the user gives.
-    zeros : shape (readings, observers + known flows); what vanishes as sums of these.
+    readings, flows : the unknowns.
+    observers, plan : the estimates needed, and how they follow from readings and degrees.
+    known_flows, known_readings : found by earlier steps, or given by the user.
+    zeros : shape (readings, observers + known flows); sums of these that must vanish.
     sums : shape (flows, observers + known flows); the flows as sums of these.
     scales : size of each reading, SI: what its sensor shows at the reference point.
     start : the reference point in units of the scales.

@@ -1,4 +1,4 @@
-"""What is stored when a recording begins: the inverse of the sensors' laws at the first readings.
+"""Initial states of a recording: the inverse of the sensors' laws at the first readings.
 
 Source: Gauss-Newton; propagation of uncertainty (GUM, JCGM 100:2008, 5.1.2).
 """
@@ -23,7 +23,7 @@ SHOWN, START = "shown:", "start:"
 
 @dataclass(frozen=True)
 class First:
-    """A reading when a recording begins, with its standard uncertainty, SI."""
+    """A reading at the beginning of a recording, with its standard uncertainty, SI."""
 
     signal: str
     value: float
@@ -32,22 +32,22 @@ class First:
 
 @dataclass(frozen=True)
 class Starts:
-    """Parameters from which states start, SI, and what the user should know of them."""
+    """Values of the parameters from which states start, SI, and remarks for the user."""
 
     values: Mapping[str, float]
     notes: tuple[str, ...]
 
 
 def starts_of(ruleset: Ruleset, recording: RecordingFile) -> Starts:
-    """Where all states of a plant start by the first readings of a recording.
+    """Initial states of a plant by the first readings of a recording.
 
-    A state that none of them tells starts as stated, and a note says so.
+    A state that no reading determines starts as stated, and a note says so.
 
     Raises
     ------
     SimulationRefused
-        Nothing is stored in the plant, the recording has no reading of what is, or no state gives
-        what it shows.
+        The plant stores nothing, the recording has no reading of a state, or no state reproduces
+        the readings.
     """
     dynamics = ruleset.dynamics
     if dynamics is None:
@@ -67,7 +67,7 @@ def starts_of(ruleset: Ruleset, recording: RecordingFile) -> Starts:
 def _first_readings(
     ruleset: Ruleset, dynamics: Dynamics, recording: RecordingFile
 ) -> tuple[list[First], list[str]]:
-    """Readings of what is stored at the first moment, and why some are left out."""
+    """Readings of states at the first moment, and notes on those left out."""
     timed = np.flatnonzero(np.isfinite(recording.time))
     order = timed[np.argsort(recording.time[timed], kind="stable")][: limits.FIRST_SAMPLES]
     time = recording.time[order] - recording.time[order[:1]]
@@ -89,10 +89,10 @@ def _first_readings(
 
 
 def _at_first(time: Array, values: Array) -> tuple[float, float]:
-    """What first readings say of their beginning, where `time` is 0, and its uncertainty.
+    """The value at `time` 0 by the first readings, and its standard uncertainty.
 
-    What moves does so while they are taken, and their mean would be late: of mean, straight line
-    and parabola the one is taken that they ask for (Schwarz 1978).
+    A moving quantity would make their mean late. Of mean, straight line and parabola, the
+    Bayesian information criterion selects one (Schwarz 1978).
     """
     n, length = len(values), float(np.ptp(time))
     found = []
@@ -112,20 +112,19 @@ def _at_first(time: Array, values: Array) -> tuple[float, float]:
 def _solved(
     dynamics: Dynamics, recording: RecordingFile, first: Sequence[First], notes: Sequence[str]
 ) -> Starts:
-    plan = dynamics.plan
     own = _own_parameters(dynamics)
     states = [s for s in dynamics.states if s.id in own]
     ids = [s.id for s in states]
-    shown = plan.select([f"{SHOWN}{f.signal}" for f in first])
+    shown = dynamics.plan.select([f"{SHOWN}{f.signal}" for f in first])
     given = _given(dynamics, recording)
     at = {**given, **_stated(dynamics, given)}
     measured, u = (np.array([getattr(f, key) for f in first]) for key in ("value", "u"))
-    told = np.maximum(u, 1e-9 * np.maximum(np.abs(measured), 1e-300))
+    u = np.maximum(u, 1e-9 * np.maximum(np.abs(measured), 1e-300))
     inverse, table = np.zeros((len(ids), len(first))), np.zeros((len(first), len(ids)))
     for _ in range(limits.START_STEPS):
-        said, table = _with_slopes(shown, at, first, ids)
-        inverse = np.linalg.pinv(table / told[:, None]) / told if ids else inverse
-        step = inverse @ (measured - said)
+        predicted, table = _with_slopes(shown, at, first, ids)
+        inverse = np.linalg.pinv(table / u[:, None]) / u if ids else inverse
+        step = inverse @ (measured - predicted)
         if not np.isfinite(step).all():
             names = ", ".join(f.signal for f in first)
             raise SimulationRefused(
@@ -133,33 +132,33 @@ def _solved(
                 "their units, and the values of the sensors' laws"
             )
         at |= {name: at[name] + float(s) for name, s in zip(ids, step, strict=True)}
-        if np.all(np.abs(table @ step) <= 1e-9 * np.maximum(np.abs(measured), told)):
+        if np.all(np.abs(table @ step) <= 1e-9 * np.maximum(np.abs(measured), u)):
             break
-    doubtful = [n for n, own_u in dynamics.uncertainties.items() if own_u > 0]
-    _, by_values = _with_slopes(shown, at, first, doubtful)
-    by_values = by_values * np.array([dynamics.uncertainties[n] for n in doubtful])
-    spread = np.sqrt(np.sum((inverse * told) ** 2, axis=1))
+    uncertain = [n for n, own_u in dynamics.uncertainties.items() if own_u > 0]
+    _, by_values = _with_slopes(shown, at, first, uncertain)
+    by_values = by_values * np.array([dynamics.uncertainties[n] for n in uncertain])
+    spread = np.sqrt(np.sum((inverse * u) ** 2, axis=1))
     spread = np.hypot(spread, np.sqrt(np.sum((inverse @ by_values) ** 2, axis=1)))
-    # A state that readings tell only together with another one has no start of its own.
+    # A state that readings determine only together with another one has no start of its own.
     alone = np.abs(np.diag(inverse @ table) - 1.0) < 1e-6
     values: dict[str, float] = {}
-    told_notes = [f"{recording.path.name}: {note}" for note in notes]
+    remarks = [f"{recording.path.name}: {note}" for note in notes]
     for i, state in enumerate(states):
         readers = [f.signal for f, slope in zip(first, table[:, i], strict=True) if slope]
         if not alone[i]:
             continue
         level, end = _within(dynamics, state.id, at)
         values[own[state.id]] = _inverted(dynamics, state.id, own[state.id], given, level)
-        told_notes.append(
+        remarks.append(
             f"{recording.path.name}: {state.title} starts at {_shown(state, level, spread[i])} by "
             f"the first readings of {', '.join(readers)}{end}"
         )
-    told_notes += _as_stated(dynamics, recording, own, values, given)
-    return Starts(values, tuple(told_notes))
+    remarks += _as_stated(dynamics, recording, own, values, given)
+    return Starts(values, tuple(remarks))
 
 
 def _own_parameters(dynamics: Dynamics) -> dict[str, str]:
-    """Of each state that starts from a parameter that stands for nothing else: that parameter."""
+    """The parameter from which each state starts, for those that occur nowhere else."""
     plan = dynamics.plan
     elsewhere = plan.select([n for n in plan.outputs if not n.startswith(START)]).used_inputs
     found = {}
@@ -171,7 +170,7 @@ def _own_parameters(dynamics: Dynamics) -> dict[str, str]:
 
 
 def _given(dynamics: Dynamics, recording: RecordingFile) -> dict[str, float]:
-    """All that laws read when the recording begins, but states; faults are not there."""
+    """All inputs of the laws at the beginning of the recording except states; without faults."""
     given: dict[str, float] = {"time": 0.0, **dynamics.values}
     given |= {f"x.{name}": 0.0 for name in dynamics.faults}
     for name in dynamics.inputs:
@@ -182,10 +181,10 @@ def _given(dynamics: Dynamics, recording: RecordingFile) -> dict[str, float]:
 
 
 def _stated(dynamics: Dynamics, given: Mapping[str, float]) -> dict[str, float]:
-    """All states where they start as stated."""
+    """All states at their stated start."""
     plan = dynamics.plan.select([f"{START}{s.id}" for s in dynamics.states])
     at: dict[str, float] = {}
-    # A state may start where another one's start puts it.
+    # The start of a state may depend on that of another one.
     for _ in dynamics.states:
         out, _ = run_with_slopes(plan, {**given, **at}, ())
         at = {s.id: float(out[f"{START}{s.id}"]) for s in dynamics.states}
@@ -195,15 +194,15 @@ def _stated(dynamics: Dynamics, given: Mapping[str, float]) -> dict[str, float]:
 def _with_slopes(
     shown: Plan, at: Mapping[str, float], first: Sequence[First], by: Sequence[str]
 ) -> tuple[Array, Array]:
-    """What sensors show, shape (readings,), and its slopes, shape (readings, by)."""
+    """Predicted readings, shape (readings,), and their slopes, shape (readings, by)."""
     out, slopes = run_with_slopes(shown, at, by)
-    said = np.array([float(out[f"{SHOWN}{f.signal}"]) for f in first])
+    predicted = np.array([float(out[f"{SHOWN}{f.signal}"]) for f in first])
     table = [[float(slopes[f"{SHOWN}{f.signal}"].get(n, 0.0)) for n in by] for f in first]
-    return said, np.array(table).reshape(len(first), len(by))
+    return predicted, np.array(table).reshape(len(first), len(by))
 
 
 def _within(dynamics: Dynamics, state: str, at: Mapping[str, float]) -> tuple[float, str]:
-    """The value of a state no further than it can be, and a remark where it would be."""
+    """The value of a state limited to its range, and a remark if it is outside."""
     value = at[state]
     for end, beyond in (("low", np.less), ("high", np.greater)):
         name = f"{end}:{state}"
@@ -217,7 +216,7 @@ def _within(dynamics: Dynamics, state: str, at: Mapping[str, float]) -> tuple[fl
 def _inverted(
     dynamics: Dynamics, state: str, parameter: str, given: Mapping[str, float], value: float
 ) -> float:
-    """The parameter with which a state starts at a value."""
+    """The value of a parameter at which a state starts at `value`."""
     plan, name, there = dynamics.plan, f"{START}{state}", given[parameter]
     for _ in range(limits.START_STEPS):
         out, slopes = run_with_slopes(plan.select([name]), {**given, parameter: there}, [parameter])
@@ -232,7 +231,7 @@ def _as_stated(
     values: Mapping[str, float],
     given: Mapping[str, float],
 ) -> Iterator[str]:
-    """A remark for each state that no reading tells."""
+    """A remark for each state that no reading determines."""
     at = _stated(dynamics, {**given, **values})
     for state in dynamics.states:
         if own.get(state.id) in values:

@@ -1,9 +1,9 @@
-"""Newton's method for many small systems of equations at once, straight or along a path.
+"""Newton's method for many small systems of equations at once, direct or by continuation.
 
-A system near a known solution is solved straight from there. Where the steps do not shrink as they
-do near a solution, it is reached by continuation: a share of the way is solved first, from the
-last solution found; the share of a system that fails is halved, of one that succeeds doubled. So
-of several solutions the one is found that the known one turns into.
+A system near a known solution is solved directly from there. If the steps do not shrink as they do
+near a solution, continuation takes over: it solves a share of the way from the last solution
+found, halves the stride of a system after a failure and doubles it after a success. Of several
+solutions it thus finds the one that the known solution turns into.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Index = NDArray[np.intp]
 
 
 ROWS, ENTRIES = 4096, 2_000_000
-"""Systems at a time, of which more leave the cache; entries of their matrices, likewise."""
+"""Systems per batch, and entries of their matrices; more do not fit into the cache."""
 
 
 class Systems(Protocol):
-    """n systems of m equations with m unknowns near one, on the way from share 0 to share 1."""
+    """n systems of m equations with m unknowns near 1, on the way from share 0 to share 1."""
 
     def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
-        """Residuals of the systems `index`, shape (k, m), and their derivatives (k, m, m).
+        """Residuals of the systems `index`, shape (k, m), and their derivatives, shape (k, m, m).
 
         NaN where a law does not hold.
         """
@@ -44,21 +44,20 @@ def follow(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
 
     Returns
     -------
-    Solutions, shape (k, m), and the share that was reached, shape (k,): 1 where the system is
-    solved, -1 where not even share 0 is. Short of 1 the solution is the last on the way.
+    Solutions, shape (k, m), and the share reached, shape (k,): 1 where the system is solved, -1
+    where not even share 0 is. Below 1 the solution is the last one on the way.
     """
     at, solved = start.copy(), np.zeros(len(start), dtype=bool)
-    for part in _parts(np.arange(len(start)), start, ROWS):
+    for part in _batches(np.arange(len(start)), start, ROWS):
         at[part], solved[part] = straight(systems, start[part], np.ones(len(part)), index[part])
     reached = np.ones(len(at))
-    # Few are far away, and the way takes many small calls: all of them go it together.
-    for part in _parts(np.flatnonzero(~solved), start):
-        at[part], reached[part] = _along_the_way(systems, start[part], index[part])
+    # Few are far away, and continuation takes many small calls, so these go together.
+    for part in _batches(np.flatnonzero(~solved), start, ENTRIES):
+        at[part], reached[part] = _by_continuation(systems, start[part], index[part])
     return at, reached
 
 
-def _parts(numbers: Index, start: Array, most: int = ENTRIES) -> Iterator[Index]:
-    """As many systems at a time as memory allows."""
+def _batches(numbers: Index, start: Array, most: int) -> Iterator[Index]:
     size = max(1, min(most, ENTRIES // max(1, start.shape[1]) ** 2))
     for low in range(0, len(numbers), size):
         yield numbers[low : low + size]
@@ -67,7 +66,7 @@ def _parts(numbers: Index, start: Array, most: int = ENTRIES) -> Iterator[Index]
 def straight(
     systems: Systems, start: Array, share: Array, index: Index
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Full Newton steps, as long as they shrink; returns where, and which converged."""
+    """Full Newton steps, as long as they shrink; returns where they end, and which converged."""
     at, solved = start.copy(), np.zeros(len(start), dtype=bool)
     live, bound = np.arange(len(start)), np.full(len(start), np.inf)
     while live.size:
@@ -84,8 +83,8 @@ def straight(
     return at, solved
 
 
-def _along_the_way(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
-    """As `follow`, always from share 0."""
+def _by_continuation(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+    """As `follow`, but always from share 0."""
     n = len(start)
     at, solved = straight(systems, start, np.zeros(n), index)
     reached, stride = np.where(solved, 0.0, -1.0), np.full(n, limits.FIRST_SHARE)
@@ -104,7 +103,7 @@ def _along_the_way(systems: Systems, start: Array, index: Index) -> tuple[Array,
 def newton(
     systems: Systems, start: Array, share: Array, index: Index
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Damped Newton steps; returns where they led, shape (k, m), and which systems converged."""
+    """Damped Newton steps; returns where they end, shape (k, m), and which systems converged."""
     at = start.copy()
     left, slopes = systems.linearised(at, share, index)
     size = _length(left)
@@ -119,7 +118,7 @@ def newton(
         trial = at[live] + factor[:, None] * step
         trial_left, trial_slopes = systems.linearised(trial, share[live], index[live])
         trial_size = _length(trial_left)
-        # At the end only rounding is left, which need not fall any further.
+        # At the end only rounding is left, which need not shrink any further.
         last: NDArray[np.bool_] = (longest < limits.NEWTON_CONVERGED) & np.isfinite(trial_size)
         better: NDArray[np.bool_] = (trial_size < size[live]) | last
         moved = live[better]
@@ -143,7 +142,7 @@ def _solve_each(matrices: Array, right: Array) -> Array:
     try:
         result = np.asarray(np.linalg.solve(safe, right[:, :, None]), dtype=float)[:, :, 0]
     except np.linalg.LinAlgError:
-        # numpy gives up on all for one; alone each is solved as it would be in any company.
+        # numpy refuses all because of one; alone, each has the same solution as among others.
         result = np.full_like(right, np.nan)
         if len(right) > 1:
             parts = [slice(i, i + 1) for i in range(len(right))]

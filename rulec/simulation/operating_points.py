@@ -15,11 +15,11 @@ from rulec.simulation.newton import Index
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """One step of n operating points, from the reference point (share 0) to where they are asked.
+    """One step of n operating points, from the reference point (share 0) to the requested ones.
 
-    Unknowns are the readings of the step in units of their scales. `known` (readings, SI, and
-    flows, m3/s) and `degrees` hold arrays, shape (n,), as do `offsets` by observer (m3/s);
-    `reference` has what is known at share 0.
+    The unknowns are the readings of the step in units of their scales. `known` (readings, SI, and
+    flows, m3/s), `degrees` and `offsets` per observer (m3/s) hold arrays of shape (n,).
+    `reference` holds the known values at share 0.
     """
 
     step: StepEquations
@@ -29,7 +29,7 @@ class OperatingPoints:
     offsets: Mapping[str, Array]
 
     def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
-        """What should vanish, shape (k, m), and its derivatives, shape (k, m, m)."""
+        """Residuals, shape (k, m), and their derivatives, shape (k, m, m)."""
         step, k = self.step, len(at)
         values, slopes = run_with_slopes(step.plan, self._inputs(at, share, index), step.readings)
         left = _summed(step.zeros, self._terms(values, share, index)).T
@@ -77,7 +77,7 @@ class OperatingPoints:
 
 
 def _summed(factors: Array, terms: Array) -> Array:
-    """Matrix product, term by term: a column is the same in whatever company, unlike in BLAS."""
+    """Matrix product, term by term: unlike in BLAS, a column does not depend on the others."""
     result = np.zeros((len(factors), terms.shape[1]))
     for row, place in zip(*np.nonzero(factors), strict=True):
         result[row] += factors[row, place] * terms[place]

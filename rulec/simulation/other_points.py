@@ -1,4 +1,4 @@
-"""Whether a plant could stand at another operating point as well: a search from other starts."""
+"""Whether a plant has a second operating point: a search from other starting points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec.simulation.simulate import Simulated, simulate_with
 
 @dataclass(frozen=True)
 class OtherPoint:
-    """A row in which a signal, predicted as one value, could also have another; SI."""
+    """A row in which a signal could have another value than the predicted one; SI."""
 
     row: int
     signal: str
@@ -30,26 +30,24 @@ def other_point(
     degrees: Mapping[str, Array | float],
     simulated: Simulated,
 ) -> OtherPoint | None:
-    """The first other operating point found; None is no proof that there is none."""
+    """The first other operating point found; None does not prove that there is none."""
     rows = np.flatnonzero(simulated.solved)
     if not rows.size or not equations.predicted:
         return None
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, limits.OTHER_ROWS).astype(int))]
     found = {name: simulated.values[name][rows] for name in equations.predicted}
-    some = [
+    some_given, some_degrees = (
         {name: np.broadcast_to(v, simulated.solved.shape)[rows] for name, v in table.items()}
         for table in (given, degrees)
-    ]
+    )
     for factor in limits.OTHER_STARTS:
         start = {}
         for name, values in found.items():
             zero = equations.ruleset.signal_by_id[name].offset
             start[name] = zero + factor * (values - zero)
-        other = simulate_with(equations, some[0], some[1], solve=_from_there, start=start)
+        other = simulate_with(equations, some_given, some_degrees, solve=_damped, start=start)
         for i in np.flatnonzero(_possible(equations, other)):
-            gaps = {
-                name: abs(other.values[name][i] / values[i] - 1.0) for name, values in found.items()
-            }
+            gaps = {n: abs(other.values[n][i] / values[i] - 1.0) for n, values in found.items()}
             name = max(gaps, key=lambda n: gaps[n])
             if gaps[name] > limits.OTHER_POINT:
                 also = float(other.values[name][i])
@@ -57,13 +55,13 @@ def other_point(
     return None
 
 
-def _from_there(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+def _damped(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
     at, solved = newton(systems, start, np.ones(len(start)), index)
     return at, np.where(solved, 1.0, 0.0)
 
 
 def _possible(equations: Equations, points: Simulated) -> np.ndarray:
-    """Solved, with readings that the sensors can show and the equations hold for."""
+    """Solved, with readings within the ranges of the sensors and of the equations."""
     possible = points.solved.copy()
     for name in equations.predicted:
         signal, values = equations.ruleset.signal_by_id[name], points.values[name]

@@ -1,6 +1,6 @@
-"""The recording that a plant should have made: what its model says of given readings.
+"""The recording that a plant should have made, by its model and given readings.
 
-Predicted is what the equations determine; everything else is taken as it was recorded.
+The model predicts what its equations determine; everything else stays as recorded.
 """
 
 from __future__ import annotations
@@ -31,16 +31,28 @@ def predict(
 
     Parameters
     ----------
-    seed : of the sensors' errors; None for readings without errors.
-    starts : per file values of parameters from which states start, SI; as stated without.
+    seed : of the sensor errors; None for readings without errors.
+    starts : values per file of the parameters from which states start, SI; by default as stated.
 
     Raises
     ------
     SimulationRefused
-        The plant cannot be simulated, a given reading has no column, or a fault is none of this
-        plant.
+        The plant cannot be simulated, a given reading has no column, or the plant has no such
+        fault.
     """
-    exact = _exact(ruleset, files, injected, starts)
+    if ruleset.dynamics is None:
+        equations = equations_of(ruleset)
+        if not equations.predicted:
+            raise SimulationRefused(
+                f"{ruleset.plant}: no equation determines a reading, so there is nothing to "
+                "predict; a second estimate of a flow, or a module that stores, would"
+            )
+        exact = predict_settled(equations, files, injected)
+    else:
+        # Only plants that store need the compiler of the integrator.
+        from rulec.simulation.predict_stores import predict_stored
+
+        exact = predict_stored(ruleset, ruleset.dynamics, files, injected, starts)
     values = exact.values
     if seed is not None:
         random = np.random.default_rng(seed)
@@ -50,29 +62,8 @@ def predict(
     return replace(exact, values=values, notes=notes)
 
 
-def _exact(
-    ruleset: Ruleset,
-    files: Sequence[RecordingFile],
-    injected: Sequence[Injected],
-    starts: Sequence[Mapping[str, float]],
-) -> Prediction:
-    """What perfect sensors would show."""
-    if ruleset.dynamics is None:
-        equations = equations_of(ruleset)
-        if not equations.predicted:
-            raise SimulationRefused(
-                f"{ruleset.plant}: no equation determines a reading, so there is nothing to "
-                "predict; a second estimate of a flow, or a module that stores, would"
-            )
-        return predict_settled(equations, files, injected)
-    # The integrator's compiler is loaded only for plants that store.
-    from rulec.simulation.predict_stores import predict_stored
-
-    return predict_stored(ruleset, ruleset.dynamics, files, injected, starts)
-
-
 def _as_recorded(ruleset: Ruleset, files: Sequence[RecordingFile]) -> Iterator[str]:
-    """Signals that no equation reads, so that they may contradict what is predicted."""
+    """A note on signals that no equation reads, as they may contradict the prediction."""
     there = {name for file in files for name in file.values}
     names = [s.id for s in ruleset.signals if s.id in there and s.id not in ruleset.read]
     if names:

@@ -1,4 +1,4 @@
-"""Readings at the operating points of a plant that stores nothing: each row by itself."""
+"""Readings at the operating points of a plant that stores nothing, row by row."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.recordings.recording_file import RecordingFile
 
 from rulec.simulation.equations import Equations, SimulationRefused
@@ -24,21 +23,18 @@ def predict_settled(
     injected: Sequence[Injected] = (),
     known: Mapping[str, Array] = NOTHING,
 ) -> Prediction:
-    """Predict what follows from the readings of the same row.
+    """Predict the readings that follow from others of the same row.
 
-    Parameters
-    ----------
-    known : readings that count instead of recorded ones, shape (n,), SI.
-
-    Raises
-    ------
-    SimulationRefused
-        A given reading has no column, or a fault is none of this plant.
+    `known` readings, shape (n,), SI, replace recorded ones. Raises `SimulationRefused` if a given
+    reading has no column, or if the plant has no such fault.
     """
     time = times_of(files)
     asked = [name for name in equations.given if name not in known]
     recorded = {**known, **recorded_of(equations.ruleset, files, asked)}
-    running = {s.id: _running(s, recorded[s.id]) for s in equations.given_signals}
+    running = dict(recorded)
+    for s in equations.given_signals:
+        if s.minimum is not None:  # below it the module is stopped, and the equations do not hold
+            running[s.id] = np.where(recorded[s.id] < s.minimum, np.nan, recorded[s.id])
     given = {
         s.id: nearly_shut(s, running[s.id], equations.ruleset) for s in equations.given_signals
     }
@@ -52,13 +48,12 @@ def predict_settled(
         *_beyond_sensors(equations, values),
         *_more_than_one(equations, given, degrees, simulated),
     ]
-    gains = _gains(equations, given, degrees, simulated)
     return Prediction(
         given=equations.given,
         values=values,
         whole=simulated.solved,
         notes=tuple(notes),
-        gains=gains,
+        gains=_gains(equations, given, degrees, simulated),
     )
 
 
@@ -70,15 +65,8 @@ def times_of(files: Sequence[RecordingFile]) -> Array:
     return time
 
 
-def _running(signal: SignalSpec, recorded: Array) -> Array:
-    """Readings, NaN where the equations do not hold, as the module stands."""
-    if signal.minimum is None:
-        return recorded
-    return np.where(recorded < signal.minimum, np.nan, recorded)
-
-
 def degrees_of(injected: Sequence[Injected], time: Array) -> dict[str, Array | float]:
-    """Degree of each fault; of several that overlap the last one counts."""
+    """Degree of each fault; if periods overlap, the last one counts."""
     degrees: dict[str, Array | float] = {}
     for part in injected:
         acts = np.isfinite(time) & (time >= part.since) & (time <= part.until)
@@ -98,9 +86,9 @@ def _gains(
     degrees: Mapping[str, Array | float],
     faulty: Simulated,
 ) -> dict[str, Array]:
-    """Factors that faults in sensors put on predicted readings, errors and all."""
+    """Factors by which faults in sensors scale predicted readings, with their errors."""
     known = equations.ruleset.fault_by_id
-    # What is added to a reading leaves the errors of its sensor as they are.
+    # An offset of a reading does not change the errors of its sensor.
     scaling = (n for n in degrees if known[n].in_sensor and not known[n].unit)
     sensors = {n: known[n].scales[0] for n in scaling}
     if not sensors:
@@ -117,19 +105,18 @@ def _left_out(
     given: Mapping[str, Array],
     simulated: Simulated,
 ) -> Iterator[str]:
-    """Rows that are not predicted as something stands, or was not recorded."""
+    """Notes on rows that are not predicted, as a module does not run or a reading is missing."""
     for signal in equations.given_signals:
         blank = ~np.isfinite(recorded[signal.id])
         if blank.any():
-            yield f"{rows(blank)}: {signal.id} has no reading{_hangs(blank, simulated)}"
-        stands = ~np.isfinite(given[signal.id]) & ~blank
-        if stands.any() and signal.minimum is not None:
+            yield f"{rows(blank)}: {signal.id} has no reading{_consequence(blank, simulated)}"
+        stopped = ~np.isfinite(given[signal.id]) & ~blank
+        if stopped.any() and signal.minimum is not None:
             what = f"{signal.id} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
-            yield f"{rows(stands)}: {what}{_hangs(stands, simulated)}"
+            yield f"{rows(stopped)}: {what}{_consequence(stopped, simulated)}"
 
 
-def _hangs(rows: np.ndarray, simulated: Simulated) -> str:
-    """What is not predicted in rows that lack something."""
+def _consequence(rows: np.ndarray, simulated: Simulated) -> str:
     predicted = [v for name, v in simulated.flows.items() if np.isfinite(v[rows]).any()]
     return "; what hangs on it is not predicted" if predicted else "; they are not predicted"
 
@@ -137,7 +124,6 @@ def _hangs(rows: np.ndarray, simulated: Simulated) -> str:
 def _shut_off(
     equations: Equations, running: Mapping[str, Array], simulated: Simulated
 ) -> Iterator[str]:
-    """Rows in which a meter shows no flow."""
     for signal in equations.given_signals:
         shut = without_flow(signal, running[signal.id], equations.ruleset) & simulated.solved
         if shut.any():
@@ -151,7 +137,7 @@ def _without_solution(simulated: Simulated) -> Iterator[str]:
 
 
 def _beyond_sensors(equations: Equations, values: Mapping[str, Array]) -> Iterator[str]:
-    """Predicted readings that the sensor cannot show, or that diagnosis would not trust."""
+    """Notes on predicted readings that the sensor cannot show, or that diagnosis would not use."""
     for name in equations.predicted:
         signal = equations.ruleset.signal_by_id[name]
         for beyond, word, _ in beyond_ends(signal, values[name]):

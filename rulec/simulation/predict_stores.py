@@ -2,7 +2,7 @@
 
 Each file is a run of its own and begins at the start values of the ruleset, or at others. Readings
 that follow from those of the same row are predicted as in plants that store nothing: before the
-balances where these need them, else behind.
+balances if these need them, else after.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances, RanAway
 
-from rulec.simulation.equations import Equations, SimulationRefused, equations_of
+from rulec.simulation.equations import SimulationRefused, equations_of
 from rulec.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
 from rulec.simulation.prediction import (
     Injected,
@@ -29,7 +29,7 @@ from rulec.simulation.run import course, run_of
 
 SHOWN = "shown:"
 DEGREE = "x."
-"""Before the id of a fault: its degree as an input of the balances."""
+"""Prefix of a fault's degree among the inputs of the balances."""
 
 
 def predict_stored(
@@ -43,19 +43,20 @@ def predict_stored(
 
     Parameters
     ----------
-    starts : per file other values of parameters from which states start, SI; empty for none.
+    starts : values per file of the parameters from which states start, SI; by default as stated.
 
     Raises
     ------
     SimulationRefused
-        A given reading has no column, a state grows without bound, or a fault is none of this
-        plant, or none that its balances know.
+        A given reading has no column, a state grows without bound, or the plant or its balances
+        have no such fault.
     """
     _check_faults(ruleset, dynamics, injected)
-    settled = _settled_equations(ruleset)
-    if settled is None:
-        note = (ruleset.simulation.refused,) if ruleset.simulation.refused else ()
-        return _stored(ruleset, dynamics, files, injected, NOTHING, note, starts=starts)
+    if refused := ruleset.simulation.refused:
+        return _stored(ruleset, dynamics, files, injected, NOTHING, (refused,), starts=starts)
+    settled = equations_of(ruleset)
+    if not settled.predicted:
+        return _stored(ruleset, dynamics, files, injected, NOTHING, starts=starts)
     before = sorted(set(dynamics.inputs).intersection(settled.predicted))
     behind = sorted(set(settled.given).intersection(dynamics.outputs))
     if before and behind:
@@ -63,27 +64,19 @@ def predict_stored(
             f"{ruleset.plant} cannot be simulated: its balances need {', '.join(before)}, which "
             f"follows from {', '.join(behind)} at the same moment, and that from the balances"
         )
-    # Faults that act on what is stored alone are none of the settled equations.
+    # The settled equations do not know faults that act only on what is stored.
     at_once = [part for part in injected if ruleset.fault_by_id[part.fault].affects]
     if before:
         first = predict_settled(settled, files, at_once)
         known = {name: first.values[name] for name in before}
-        return _together(first, _stored(ruleset, dynamics, files, injected, known, starts=starts))
+        return _joined(first, _stored(ruleset, dynamics, files, injected, known, starts=starts))
     first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind, starts=starts)
     known = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
-    return _together(first, predict_settled(settled, files, at_once, known))
-
-
-def _settled_equations(ruleset: Ruleset) -> Equations | None:
-    """Equations of readings that follow from others of the same row; None without any."""
-    if ruleset.simulation.refused:
-        return None
-    equations = equations_of(ruleset)
-    return equations if equations.predicted else None
+    return _joined(first, predict_settled(settled, files, at_once, known))
 
 
 def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injected]) -> None:
-    """Refuse faults that are none of this plant, and those that balances would have to know."""
+    """Refuse faults that the plant does not have, and those that its balances should know."""
     for name in (part.fault for part in injected):
         fault = ruleset.fault_by_id.get(name)
         if fault is None:
@@ -96,7 +89,7 @@ def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injec
             )
 
 
-def _together(first: Prediction, second: Prediction) -> Prediction:
+def _joined(first: Prediction, second: Prediction) -> Prediction:
     values = {**first.values, **second.values}
     given = dict.fromkeys((*first.given, *second.given))
     return Prediction(
@@ -119,7 +112,7 @@ def _stored(
     all_of: Sequence[str] = (),
     starts: Sequence[Mapping[str, float]] = (),
 ) -> Prediction:
-    """What sensors of states show; `known` are inputs that other equations predict."""
+    """Readings of states; `known` are inputs that other equations predict."""
     names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
     faulty = [part for part in injected if part.fault in dynamics.faults]
     courses = degrees_of(faulty, times_of(files)) if faulty else {}
@@ -135,11 +128,10 @@ def _stored(
     inputs = {**recorded_of(ruleset, files, given), **known, **degrees}
     signals = ruleset.signal_by_id
     held = np.array([n in degrees or signals[n].between == "hold" for n in every], bool)
-    found, told, first = [], list(notes), 0
-    own = starts or [dict[str, float]() for _ in files]
-    for file, start in zip(files, own, strict=True):
+    found, remarks, first = [], list(notes), 0
+    for file, start in zip(files, starts or [dict[str, float]() for _ in files], strict=True):
         last = first + len(file.time)
-        run = run_of(file, {n: inputs[n][first:last] for n in every}, held, told)
+        run = run_of(file, {n: inputs[n][first:last] for n in every}, held, remarks)
         try:
             found.append(course(balances, run, {**dynamics.values, **start}))
         except RanAway:
@@ -150,18 +142,18 @@ def _stored(
         first = last
     shown = np.concatenate(found)
     values = {name: shown[:, i] for i, name in enumerate(names)}
-    told += _beyond_sensors(ruleset, values)
+    remarks += _beyond_sensors(ruleset, values)
     whole = np.asarray(np.isfinite(shown).all(axis=1))
     return Prediction(
-        given=tuple(given), values=values, whole=whole, notes=tuple(told), limited=names
+        given=tuple(given), values=values, whole=whole, notes=tuple(remarks), limited=names
     )
 
 
 def _asked(ruleset: Ruleset, dynamics: Dynamics, files: Sequence[RecordingFile]) -> set[str]:
     """Readings to predict: those that some file has or the column map knows.
 
-    A module type may have more sensors than were fitted; only a column map tells. Without one, or
-    where it has no reading of a state, all are predicted.
+    A module type may have more sensors than are installed, and only a column map says which are.
+    Without one, or if no state has a reading, all are predicted.
     """
     there = {name for file in files for name in file.values}
     fitted = there.union(column.signal for column in ruleset.columns)
@@ -170,7 +162,7 @@ def _asked(ruleset: Ruleset, dynamics: Dynamics, files: Sequence[RecordingFile])
 
 
 def _beyond_sensors(ruleset: Ruleset, values: Mapping[str, Array]) -> Iterator[str]:
-    """Readings that their sensors show as an end of their range."""
+    """Notes on readings that their sensors show as an end of their range."""
     for name, value in values.items():
         signal = ruleset.signal_by_id[name]
         for beyond, word, end in beyond_ends(signal, value):

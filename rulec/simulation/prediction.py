@@ -1,4 +1,4 @@
-"""What a model says of a recording, and of the rows in it."""
+"""The prediction of a model for a recording."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ class Injected:
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """What a model says of a recording of n rows; of perfect sensors, before `sense`.
+    """The prediction for a recording of n rows; before `sense`, with perfect sensors.
 
     Attributes
     ----------
-    given : signals that are taken from the recording.
-    values : per predicted signal an array, shape (n,), SI; NaN where it is not predicted.
+    given : signals taken from the recording.
+    values : an array per predicted signal, shape (n,), SI; NaN where it is not predicted.
     whole : shape (n,), rows in which everything is predicted.
-    notes : what the user should know.
-    gains : factors that faults in sensors put on predicted readings, errors and all, shape (n,).
-    limited : signals that are shown no further than to the ends of their sensors' ranges.
+    notes : remarks for the user.
+    gains : factors, shape (n,), by which faults in sensors scale predictions and their errors.
+    limited : signals limited to the ranges of their sensors.
     """
 
     given: tuple[str, ...]
@@ -49,7 +49,7 @@ class Prediction:
 def recorded_of(
     ruleset: Ruleset, files: Sequence[RecordingFile], names: Iterable[str]
 ) -> dict[str, Array]:
-    """Readings as recorded, shape (n,); raises `SimulationRefused` where a file lacks a column."""
+    """Readings as recorded, shape (n,); raises `SimulationRefused` if a file lacks a column."""
     wanted = list(names)
     for file in files:
         missing = [name for name in wanted if name not in file.values]
@@ -66,7 +66,7 @@ def recorded_of(
 def within_range(
     ruleset: Ruleset, values: Mapping[str, Array], names: Iterable[str]
 ) -> dict[str, Array]:
-    """Readings, those of some signals no further than their sensors can show."""
+    """Readings, those of the signals in `names` limited to the ranges of their sensors."""
     result = dict(values)
     for name in names:
         result[name] = np.clip(result[name], *ruleset.signal_by_id[name].ends)
@@ -74,7 +74,7 @@ def within_range(
 
 
 def beyond_ends(signal: SignalSpec, values: Array) -> Iterator[tuple[np.ndarray, str, float]]:
-    """Where readings leave the range of their sensor: flags, at which end, and that end, SI."""
+    """Where readings leave the range of their sensor: flags, side, and end of the range, SI."""
     low, high = signal.ends
     for beyond, word, end in ((values < low, "below", low), (values > high, "above", high)):
         if beyond.any():
@@ -82,7 +82,7 @@ def beyond_ends(signal: SignalSpec, values: Array) -> Iterator[tuple[np.ndarray,
 
 
 def rows(flags: np.ndarray) -> str:
-    """How many rows something holds for, and which is the first."""
+    """The number of flagged rows and the first of them, in words."""
     count, first = int(flags.sum()), int(np.argmax(flags)) + 1
     if count == len(flags):
         return f"all {count} rows"

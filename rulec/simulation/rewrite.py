@@ -1,4 +1,4 @@
-"""A recording as it was written, with some columns replaced and others added."""
+"""A recording in its original layout, with some columns replaced and others added."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.recording_file import RecordingFile, form_of
-from rulec_runtime.recordings.table import Sheet
 
 DIGITS = 10
-"""Significant digits of a number: more than any sensor has, fewer than rounding spoils."""
+"""Significant digits of a number: more than any sensor has, fewer than rounding affects."""
 
 
 def rewrite(
@@ -26,43 +25,34 @@ def rewrite(
 
     Parameters
     ----------
-    values : per signal an array, shape (rows of the file,), SI. A signal without a column gets
-        one behind the others, under its foreign name if the plant knows one.
+    values : an array per signal, shape (rows of the file,), SI. A signal without a column gets one
+        after the others, under its foreign name if the plant knows one.
     """
     with opened_sheet(file.path, form_of(ruleset)) as sheet:
-        _rewrite(sheet, file, ruleset, values, target)
-
-
-def _rewrite(
-    sheet: Sheet,
-    file: RecordingFile,
-    ruleset: Ruleset,
-    values: Mapping[str, Array],
-    target: TextIO,
-) -> None:
-    writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")
-    header = [with_unit(t, u) for t, u in zip(sheet.titles, sheet.units, strict=True)]
-    replaced: dict[int, Iterable[str]] = {}
-    for place in file.header.targets:
-        if place.signal in values and place.index not in replaced:
-            shown = (values[place.signal] - place.offset) / place.factor
-            replaced[place.index] = cells(shown, file.comma)
-    for name in added(file, values):
-        title, factor, offset = column_of(name, ruleset)
-        replaced[len(header)] = cells((values[name] - offset) / factor, file.comma)
-        header.append(title)
-    writer.writerow(defused(as_meant(title)) for title in header)
-    room = [""] * len(added(file, values))
-    columns = zip(*replaced.values(), strict=True) if replaced else None
-    for row in sheet.lines():
-        row += room
-        for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
-            row[index] = cell
-        writer.writerow(defused(cell) for cell in row)
+        writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")
+        header = [with_unit(t, u) for t, u in zip(sheet.titles, sheet.units, strict=True)]
+        replaced: dict[int, Iterable[str]] = {}
+        for place in file.header.targets:
+            if place.signal in values and place.index not in replaced:
+                shown = (values[place.signal] - place.offset) / place.factor
+                replaced[place.index] = cells(shown, file.comma)
+        there = {place.signal for place in file.header.targets}
+        added = [name for name in values if name not in there]
+        for name in added:
+            title, factor, offset = column_of(name, ruleset)
+            replaced[len(header)] = cells((values[name] - offset) / factor, file.comma)
+            header.append(title)
+        writer.writerow(defused(as_meant(title)) for title in header)
+        columns = zip(*replaced.values(), strict=True) if replaced else None
+        for row in sheet.lines():
+            row += [""] * len(added)
+            for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
+                row[index] = cell
+            writer.writerow(defused(cell) for cell in row)
 
 
 def with_unit(title: str, unit: str) -> str:
-    """A title with the unit that the file holds beside it.
+    """A title with the unit that the file states separately.
 
     >>> with_unit("A.dp", "bar"), with_unit("A.dp [bar]", "mbar")
     ('A.dp [bar]', 'A.dp [bar]')
@@ -77,12 +67,6 @@ def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
         target.write(",".join(row) + "\n")
 
 
-def added(file: RecordingFile, values: Iterable[str]) -> list[str]:
-    """Signals that have no column in a file."""
-    there = {place.signal for place in file.header.targets}
-    return [name for name in values if name not in there]
-
-
 def column_of(name: str, ruleset: Ruleset) -> tuple[str, float, float]:
     """Title of a signal's column; SI = number * factor + offset."""
     for column in ruleset.columns:
@@ -93,6 +77,6 @@ def column_of(name: str, ruleset: Ruleset) -> tuple[str, float, float]:
 
 
 def cells(values: Array, comma: bool = False) -> list[str]:
-    """Numbers as they stand in a file."""
+    """Numbers as text for a file."""
     shown = ["" if isnan(v) else f"{v:.{DIGITS}g}" for v in values.tolist()]
     return [cell.replace(".", ",") for cell in shown] if comma else shown

@@ -1,4 +1,4 @@
-"""One file as the integrator takes it: in order of time, no input missing, no gap too wide."""
+"""One file as input of the integrator: in order of time, without missing inputs or wide gaps."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Run:
     Attributes
     ----------
     count : n.
-    order : the rows with a time, in order of it.
+    order : the rows with a time, in order of time.
     time : shape (rows in order,), s, from 0 on.
     inputs : shape (rows in order, inputs), SI, finite.
-    held : per input, whether it keeps its value up to the next sample.
+    held : per input, whether it keeps its value until the next sample.
     """
 
     count: int
@@ -41,9 +41,9 @@ class Run:
 def run_of(
     file: RecordingFile, inputs: Mapping[str, Array], held: NDArray[np.bool_], notes: list[str]
 ) -> Run:
-    """Put the rows of a file in order of time and hold inputs where they are missing.
+    """Put the rows of a file in order of time, and hold inputs where they are missing.
 
-    Raises `SimulationRefused` where no row has a time, or an input not one reading.
+    Raises `SimulationRefused` if no row has a time, or if an input has no reading.
     """
     has_time = np.isfinite(file.time) & (np.abs(file.time) < ABSURD)
     if not has_time.any():
@@ -68,7 +68,7 @@ def run_of(
 def course(balances: Balances, run: Run, values: Mapping[str, float]) -> Array:
     """Outputs of balances over a run, shape (rows, outputs); NaN in rows without a time.
 
-    Raises `RanAway`.
+    Raises `RanAway` if a state grows without bound.
     """
     time, inputs, own = _bridged(run)
     found = balances.run(time, inputs, run.held, values)
@@ -93,7 +93,7 @@ def _odd_times(has_time: NDArray[np.bool_], order: NDArray[np.intp], time: Array
 
 
 def _gaps(time: Array) -> NDArray[np.bool_]:
-    """Pauses that are much longer than the sampling interval, shape (n - 1,)."""
+    """Flags of pauses much longer than the sampling interval, shape (n - 1,)."""
     steps = np.diff(time)
     return steps > PAUSE * _interval(steps)
 
@@ -103,7 +103,7 @@ def _interval(steps: Array) -> float:
 
 
 def _bridged(run: Run) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Times and inputs with samples of no row in gaps, and where the rows are among them."""
+    """Times and inputs with extra samples in gaps, and the indices of the rows among them."""
     time, wide = run.time, np.flatnonzero(_gaps(run.time))
     interval = _interval(np.diff(time))
     parts = [

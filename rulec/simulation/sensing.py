@@ -1,7 +1,7 @@
-"""Errors of sensors: what a sensor shows of a value.
+"""Errors of sensors.
 
 The systematic error of a sensor is one draw per recording from a normal distribution with the
-standard uncertainty of its class; the statistical one is new in every sample.
+standard uncertainty of its class; the statistical error is new in every sample.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """How large sensor errors are.
+    """Size of sensor errors.
 
-    `statistical` is their standard deviation as share of the systematic standard uncertainty.
-    `bounded` keeps systematic errors inside the bounds of their sensor class, where the normal
+    `statistical` is their standard deviation as a share of the systematic standard uncertainty.
+    `bounded` keeps systematic errors inside the bounds of their sensor class; the normal
     distribution leaves 5 % outside.
     """
 
@@ -40,29 +40,23 @@ def sense(
 
     Parameters
     ----------
-    values : per signal id an array, shape (n,), SI, as a perfect sensor would show it.
-    gains : factor that a fault in a sensor puts on its reading, shape (n,); it scales the errors
-        of the sensor too, as in the seed paper, where the reading is multiplied.
+    values : an array per signal id, shape (n,), SI, as a perfect sensor would show it.
+    gains : factors by which faults in sensors scale readings, shape (n,); they scale the errors of
+        the sensors too, as in the seed paper, which multiplies the reading.
 
     Returns
     -------
-    Per signal id an array, shape (n,), SI. Equal generators give equal readings.
+    An array per signal id, shape (n,), SI. Equal generators give equal readings.
     """
     readings = {}
     for signal in ruleset.signals:
         if signal.id not in values:
             continue
         true = values[signal.id]
-        shared = _normal(random, COVERAGE if errors.bounded else np.inf)
+        shared = float(random.standard_normal())
+        while errors.bounded and abs(shared) > COVERAGE:
+            shared = float(random.standard_normal())
         own = errors.statistical * random.standard_normal(len(true))
         gain = (gains or {}).get(signal.id, 1.0)
         readings[signal.id] = true + gain * systematic_u(signal, true) * (shared + own)
     return readings
-
-
-def _normal(random: np.random.Generator, bound: float) -> float:
-    """A standard normal number within a bound; those beyond are drawn again."""
-    while True:
-        drawn = float(random.standard_normal())
-        if abs(drawn) <= bound:
-            return drawn

@@ -1,8 +1,8 @@
-"""Operation against a closed valve: a flow of zero, near which the equations go on.
+"""Operation against a closed valve, where the flow is zero.
 
-Many estimates of a flow are that flow times a ratio that is 1 where all is well. At a flow of
-exactly zero they say 0 = 0, and a reading that follows from them has no value; its limit has one,
-and that is what the plant does there. So it is predicted at a flow so small that no meter shows it.
+Many estimates of a flow are that flow times a ratio that is 1 without faults. At a flow of exactly
+zero they reduce to 0 = 0 and determine no reading. Its limit exists, and is what the plant does
+there. Readings are therefore predicted at a flow so small that no meter shows it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def is_flow(signal: SignalSpec, ruleset: Ruleset) -> bool:
 
 
 def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndarray:
-    """Readings of a flow meter that show none, shape (n,); `values` are SI."""
+    """Flags of readings of a flow meter that show no flow, shape (n,); `values` are SI."""
     if not is_flow(signal, ruleset):
         return np.zeros(len(values), dtype=bool)
     tiny = limits.NO_FLOW * abs(signal.reference)
@@ -38,7 +38,7 @@ def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndar
 
 
 def nearly_shut(signal: SignalSpec, values: Array, ruleset: Ruleset) -> Array:
-    """Readings with the smallest flow in the place of none."""
+    """Readings in which the smallest flow replaces a flow of zero."""
     tiny = limits.NO_FLOW * abs(signal.reference)
     nearly: Array = np.where(without_flow(signal, values, ruleset), tiny, values)
     return nearly

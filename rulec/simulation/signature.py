@@ -1,4 +1,4 @@
-"""How faults of a plant that stores move what its sensors show, and which do so alike."""
+"""How faults of a plant that stores change its readings, and which do so alike."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec import limits
 
 @dataclass(frozen=True)
 class Signature:
-    """Sign of the effect per fault and reading, and groups of faults with proportional effects."""
+    """Signs of effects, a row per fault, and groups of faults with proportional effects."""
 
     readings: tuple[str, ...]
     faults: tuple[str, ...]
@@ -25,11 +25,10 @@ class Signature:
 
 
 def signature_of(ruleset: Ruleset) -> Signature | None:
-    """Follow the balances from their nominal start; None where they cannot be followed."""
+    """Integrate the balances from their nominal start; None if a state grows without bound."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
     window = swinging(ruleset, dynamics)
-    n = len(window.time)
     model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), with_free_states(dynamics))
     starts = nominal_starts(dynamics)
     guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
@@ -40,7 +39,7 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     effects = slopes[:, :, len(starts) :]
     size = np.abs(effects).max(axis=(0, 2), initial=0.0)
     size = np.where(size > 0, size, 1.0)[:, None]
-    mean = effects[n // 2 :].mean(axis=0) / size
+    mean = effects[len(window.time) // 2 :].mean(axis=0) / size
     signs = np.where(np.abs(mean) > limits.SAME_EFFECT, np.sign(mean), 0.0).astype(int).T
     columns = (effects / size).reshape(-1, len(dynamics.faults))
     return Signature(

@@ -1,11 +1,11 @@
 """Readings of a plant with given faults, from its ruleset alone.
 
-The ruleset's `undo` plan gives every estimate of a flow with faults undone. The readings of a
-plant are those at which all estimates of a module agree on one flow and the flows balance at the
-junctions, so the equations that diagnose also simulate. They are solved step by step, in the order
-that the compiler found. Errors of sensors are not in here, see `sensing.py`.
+The ruleset's `undo` plan gives every estimate of a flow with faults undone. At the readings of a
+plant all estimates of a module agree on one flow, and the flows balance at the junctions, so the
+equations that diagnose also simulate. They are solved step by step, in the order that the compiler
+found. `sensing.py` adds the errors of sensors.
 
-Source: own derivation; Newton's method along a path of easier problems (`newton.py`).
+Source: own derivation; Newton's method with continuation (`newton.py`).
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ Solver = Callable[[Systems, Array, Index], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Simulated:
-    """Operating points, n of them.
+    """n operating points.
 
     Attributes
     ----------
-    values : per signal that some observer reads an array, shape (n,), SI, without sensor errors.
-        Given ones as given; NaN where one is not predicted.
-    flows : per module with observers an array, shape (n,), m3/s; NaN where it is not found.
-    solved : shape (n,); whether all is found.
-    failed : shape (n,); number of the first step that has no solution, -1 where none failed.
-        A step that lacks something given is not found, but has not failed.
+    values : an array per signal that some observer reads, shape (n,), SI, without sensor errors;
+        given ones as given, NaN where one is not predicted.
+    flows : an array per module with observers, shape (n,), m3/s; NaN where it is not found.
+    solved : shape (n,); whether everything was found.
+    failed : shape (n,); number of the first step without solution, -1 where none failed. A step
+        that lacks an input is not found, but has not failed.
     """
 
     values: Mapping[str, Array]
@@ -47,7 +47,7 @@ class Simulated:
     _course: _Course
 
     def why(self, sample: int) -> str:
-        """What stands against an operating point; empty where nothing does."""
+        """Why an operating point has no solution; empty if it has one."""
         return self._course.why(sample) if self.failed[sample] >= 0 else ""
 
 
@@ -63,40 +63,24 @@ def simulate_with(
 
     Parameters
     ----------
-    given : per input (and per reading that no observer determines) an array, shape (n,), or a
-        number; SI. Absent ones stay at the reference point. A given reading is what its sensor
-        shows, also where a fault makes it wrong. Where it is NaN, what hangs on it is not found.
-    degrees : per fault id its degree, shape (n,) or a number. Several faults may act at once.
-    offsets : per observer id how far its law is off the truth, m3/s.
-    solve : `newton.follow`, or what behaves alike; it starts from the reference point.
+    given : an array, shape (n,), or a number, per input and per reading that no observer
+        determines; SI. Absent ones stay at the reference point. A given reading is what its sensor
+        shows, even if a fault makes it wrong. Where it is NaN, what depends on it is not found.
+    degrees : degree per fault id, shape (n,) or a number. Several faults may act at once.
+    offsets : error of the law per observer id, m3/s.
+    solve : `newton.follow` or an equivalent; it starts from the reference point.
     start : readings to start from instead, shape (n,), SI.
 
     Raises
     ------
     SimulationRefused
-        A name or number is not one of this plant.
+        The plant has no such name, or a number is not allowed.
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)
-    course = _begun(equations, given, degrees, offsets)
-    for number, step in enumerate(equations.steps):
-        course.take(number, step, solve, start or {})
-    known = course.known
-    found = [known[name] for name in (*equations.predicted, *equations.flows)]
-    return Simulated(
-        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
-        {m: known[m] for m in equations.flows},
-        np.isfinite(found).all(axis=0) & np.ones(len(course.failed), dtype=bool),
-        course.failed,
-        course,
-    )
-
-
-def _begun(equations: Equations, given: Given, degrees: Given, offsets: Given) -> _Course:
-    """Nothing found yet."""
     asked = [*given.values(), *degrees.values(), *offsets.values()]
     (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in asked))
-    return _Course(
+    course = _Course(
         equations=equations,
         known={s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
         degrees={name: _spread(degree, n) for name, degree in degrees.items()},
@@ -104,6 +88,17 @@ def _begun(equations: Equations, given: Given, degrees: Given, offsets: Given) -
         failed=np.full(n, -1),
         reached=np.ones(n),
         worst=np.full((n, 2), -1.0),
+    )
+    for number, step in enumerate(equations.steps):
+        course.take(number, step, solve, start or {})
+    known = course.known
+    found = [known[name] for name in (*equations.predicted, *equations.flows)]
+    return Simulated(
+        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
+        {m: known[m] for m in equations.flows},
+        np.isfinite(found).all(axis=0) & np.ones(n, dtype=bool),
+        course.failed,
+        course,
     )
 
 
@@ -113,11 +108,11 @@ def _spread(value: Array | float, n: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class _Course:
-    """Steps taken so far: what is known (readings, SI, and flows), and where which step ended.
+    """The steps taken so far: known readings, SI, and flows, and where a step failed.
 
-    `failed`, `reached` : shape (n,), of the first step without solution its number, and the share
-    of the way on which it has one. `worst` : shape (n, 2), its smallest flow: number, and share of
-    its scale.
+    `failed` and `reached`, shape (n,), are the number of the first step without solution, and the
+    share of the way on which it has one. `worst`, shape (n, 2), is its smallest flow: number, and
+    share of its scale.
     """
 
     equations: Equations
@@ -129,7 +124,7 @@ class _Course:
     worst: Array
 
     def take(self, number: int, step: StepEquations, solve: Solver, start: Given) -> None:
-        """Find the readings and flows of a step, where all that it needs is there."""
+        """Find the readings and flows of a step wherever its inputs are known."""
         n = len(self.failed)
         needed = [self.known[name] for name in (*step.known_readings, *step.known_flows)]
         index = np.flatnonzero(np.isfinite(needed).all(axis=0) & np.ones(n, dtype=bool))
@@ -140,8 +135,7 @@ class _Course:
         for j, name in enumerate(step.readings):
             if name in start:
                 begin[:, j] = start[name] / step.scales[j]
-        names = (*step.readings, *step.flows)
-        self.known.update({name: np.full(n, np.nan) for name in names})
+        self.known.update({name: np.full(n, np.nan) for name in (*step.readings, *step.flows)})
         if not index.size:
             return
         at, reached = begin[index], np.ones(len(index))
@@ -152,7 +146,7 @@ class _Course:
     def _keep(
         self, number: int, points: OperatingPoints, index: Index, at: Array, reached: Array
     ) -> None:
-        """Keep what was found; a flow that is not positive is no operating point."""
+        """Keep what was found; flows that are not positive are no operating point."""
         step = points.step
         flows = points.flows(at, np.maximum(reached, 0.0), index)
         found = (reached == 1.0) & (flows > 0).all(axis=1)
@@ -170,7 +164,7 @@ class _Course:
             )
 
     def why(self, sample: int) -> str:
-        """What stands against the step that failed."""
+        """Why the failed step has no solution."""
         step, reached = self.equations.steps[self.failed[sample]], float(self.reached[sample])
         what = [f"{name} {degree[sample]:g}" for name, degree in self.degrees.items()]
         for signal in self.equations.given_signals:
@@ -191,7 +185,7 @@ class _Course:
 
 
 def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -> None:
-    """Refuse names and numbers that are none of this plant."""
+    """Refuse names that the plant does not have, and numbers out of range."""
     ruleset = equations.ruleset
     kinds = (
         ("input", given, equations.given),
