@@ -1,1 +1,1 @@
-"""Observers as code for module controllers: a small program form, its interpreter, its printers."""
+"""Observers as code for module controllers: a small program form, its interpreter and printers."""

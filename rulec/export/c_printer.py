@@ -66,7 +66,7 @@ def _body(routine: Routine) -> Iterator[str]:
 
 
 def _text(expression: Expression, places: dict[str, str], level: int = 0) -> str:
-    """An expression; in brackets where what stands around it binds as strongly."""
+    """An expression; in brackets if the expression around it binds as strongly."""
     match expression:
         case Number(value):
             return literal(value)
@@ -95,7 +95,6 @@ def _comment(lines: Sequence[str]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Text that ends no comment, and bytes that every compiler reads."""
-    ascii_text = text.encode("ascii", "replace").decode()
-    without_trigraphs = re.sub(r"\?(?=\?)", "? ", ascii_text)
+    """ASCII text without trigraphs and without the ends of a comment."""
+    without_trigraphs = re.sub(r"\?(?=\?)", "? ", text.encode("ascii", "replace").decode())
     return without_trigraphs.replace("*/", "* /").replace("/*", "/ *")

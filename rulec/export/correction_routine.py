@@ -1,9 +1,10 @@
-"""The routine that a central part may ask: the estimates of a module with faults undone."""
+"""The routine that a central part may call: the estimates of a module with faults undone."""
 
 from __future__ import annotations
 
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 
+from rulec.algebra.graph import Graph
 from rulec.export.identifiers import FLOW, Identifiers, Outputs
 from rulec.export.program import (
     Expression,
@@ -18,27 +19,23 @@ from rulec.export.program import (
     without_unused,
 )
 from rulec.export.readings import Reading, checked, reading_of
-from rulec.export.specialised import graph_of, put_into
+from rulec.export.specialised import is_output_of, put_into
 from rulec.export.value_names import named_constants
 from rulec.export.writer import Writer
 
-_KINDS = ("q", "dq")
-"""Outputs that controllers have: those of faults of modules."""
-
 
 def undo_routine(ruleset: Ruleset, module: str) -> Routine:
-    """Estimates as functions of the degrees of all faults that reach them."""
+    """Estimates as functions of the degrees of all faults that affect them."""
     observers = [o for o in ruleset.observers if o.module == module]
     own = {o.id for o in observers}
-    outputs_of = (n.split(":") for n in ruleset.undo.outputs)
-    wanted = [":".join(parts) for parts in outputs_of if parts[0] in _KINDS and parts[1] in own]
+    wanted = [n for n in ruleset.undo.outputs if is_output_of(n, own, ("q", "dq"))]
     part = ruleset.undo.select(tuple(wanted)).narrowed()
     names = Identifiers()
     outputs = Outputs(names)
     signals = [ruleset.signal_by_id[n] for n in part.inputs if not n.startswith("x:")]
     readings = {s.id: reading_of(s, module, names) for s in signals}
     degrees = {n: _degree(ruleset, module, n, names) for n in part.inputs if n.startswith("x:")}
-    graph = graph_of(part.inputs)
+    graph = Graph(dict.fromkeys(part.inputs))
     graph.outputs.update(put_into(graph, part, wanted, {}))
     plan = graph.plan()
     parameters = named_constants(ruleset, module, plan.constants, names)
@@ -68,7 +65,7 @@ def _section(
     writer: Writer,
     outputs: Outputs,
 ) -> Section:
-    """One estimate, its slopes by the degrees, and its validity."""
+    """One estimate, its slopes with respect to the degrees, and its validity."""
     short, key = observer.id.partition(".")[2], f"q:{observer.id}"
     flow = writer.named(key, outputs.names.new(f"Q_{short}"))
     conditions: list[Expression] = [*(r.ok for r in readings), *writer.conditions(key)]
@@ -92,7 +89,6 @@ def _section(
 
 
 def _degree(ruleset: Ruleset, module: str, name: str, names: Identifiers) -> Variable:
-    """A degree as input."""
     fault = ruleset.fault_by_id[name.removeprefix("x:")]
     short = names.new(f"x_{fault.id.removeprefix(f'{module}.')}")
     return Variable(short, name, "real", fault.unit or "1", f"degree of {fault.id}")

@@ -1,7 +1,7 @@
-"""Names that C99 and IEC 61131-3 both take.
+"""Names that are legal in both C99 and IEC 61131-3.
 
-The norm knows no difference of case, no two underscores in a row and none at the end, and not every
-controller reads more than 32 characters. C takes all that is left, but for its own words.
+The IEC standard ignores case and forbids double and trailing underscores, and not every controller
+reads more than 32 characters. C accepts all these names except its own words.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ _C = (
     "abs round floor ceil sin cos tan tanh gamma j0 j1 jn y0 y1 yn isnan isfinite signbit "
     "asm typeof unix linux errno main"
 )
-C_WORDS = frozenset(_C.split())
-"""Words of C99, its library's functions and macros, and what our functions call their arguments."""
+"""Words of C99, functions and macros of its library, and the names of our functions' arguments."""
 
 _ST = (
     "abs abstract acos action add and any any_bit any_date any_elementary any_int any_num any_real "
@@ -38,28 +37,28 @@ _ST = (
     "var_external var_global var_in_out var_input var_output var_temp while with word wstring "
     "xor s r st ld fbd sfc en eno cal calc ret jmp ldn stn"
 )
-ST_WORDS = frozenset(_ST.split())
-"""Words and standard functions of IEC 61131-3, and operators of its
-instruction list."""
+"""Words and standard functions of IEC 61131-3, and operators of its instruction list."""
 
-RESERVED = C_WORDS | ST_WORDS
+RESERVED = frozenset((*_C.split(), *_ST.split()))
 
 
 class Identifiers:
-    """Hands out names that differ from each other whatever their case."""
+    """Hands out names that differ from each other even if case is ignored."""
 
     def __init__(self, reserved: frozenset[str] = RESERVED) -> None:
         self._taken: set[str] = set()
         self._reserved = reserved
 
     def new(self, wanted: str) -> str:
-        """A legal name as close to the wanted one as may be.
+        """A legal name as close to the wanted one as possible.
 
         >>> names = Identifiers()
         >>> names.new("P_el.high"), names.new("p_el__high"), names.new("exp"), names.new("2nd")
         ('P_el_high', 'p_el_high_2', 'exp_value', 'v_2nd')
         """
-        name = legal(wanted)
+        name = "_".join(re.findall(r"[A-Za-z0-9]+", wanted)) or "v"
+        name = name if name[0].isalpha() else f"v_{name}"
+        name = name[:LONGEST_IDENTIFIER].rstrip("_")
         number = 1
         tried = f"{name}_value" if name.lower() in self._reserved else name
         while tried.lower() in self._taken:
@@ -70,30 +69,22 @@ class Identifiers:
         return tried
 
 
-def legal(wanted: str) -> str:
-    """Letters, digits and single underscores, a letter first, no longer than controllers read."""
-    name = "_".join(re.findall(r"[A-Za-z0-9]+", wanted)) or "v"
-    if not name[0].isalpha():
-        name = f"v_{name}"
-    return name[:LONGEST_IDENTIFIER].rstrip("_")
-
-
 FLOW = "m3/s"
 
 
 class Outputs:
-    """What a routine hands out; grows while it is written. `names` are those of all its values."""
+    """The outputs of a routine while it is written. `names` are those of all its values."""
 
     def __init__(self, names: Identifiers) -> None:
         self.names = names
         self.variables: list[Variable] = []
 
     def number(self, wanted: str, id_: str, text: str, unit: str = FLOW) -> str:
-        """A name for an output that is a number."""
+        """Add an output that is a number; returns its name."""
         return self._new(wanted, id_, text, unit, "real")
 
     def flag(self, wanted: str, id_: str, text: str) -> str:
-        """A name for an output that is true or false."""
+        """Add an output that is true or false; returns its name."""
         return self._new(wanted, id_, text, "", "bool")
 
     def _new(self, wanted: str, id_: str, text: str, unit: str, kind: Kind) -> str:

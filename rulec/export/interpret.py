@@ -1,4 +1,4 @@
-"""Run a routine as it stands: what any printed code has to give."""
+"""Interpret a routine: the reference for any printed code."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def run(routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
 
     Parameters
     ----------
-    values : per input its value, or an array of them, shape (n,); in the input's unit.
+    values : the value of each input, or an array of them, shape (n,); in the input's unit.
     """
     known: dict[str, Value] = {v.name: values[v.name] for v in routine.inputs}
     known |= {p.name: p.value for p in routine.parameters}
-    # A reading that is no number is compared before it is known to be none.
+    # Readings are compared before the routine knows that they are not numbers.
     with np.errstate(all="ignore"):
         for statement in routine.statements:
             known[statement.name] = evaluated(statement.expression, known)

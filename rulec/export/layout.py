@@ -9,7 +9,7 @@ WIDTH = 99
 
 PLAIN_SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
 LEVELS = {"and": 1, "ge": 2, "gt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4}
-"""Signs of operations, and how strongly each binds."""
+"""Signs of operations, and their precedence."""
 
 
 def literal(value: float) -> str:
@@ -25,14 +25,14 @@ def literal(value: float) -> str:
 
 
 def wrapped(line: str, width: int) -> list[str]:
-    """A line of a comment in lines no wider, the further ones as far in and a little more."""
+    """A line of a comment, wrapped with a hanging indent."""
     indent = " " * (len(line) - len(line.lstrip()))
     lines = textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
     return lines or [""]
 
 
 def broken(line: str, indent: str) -> Iterator[str]:
-    """A statement in lines of bearable length, broken at blanks."""
+    """A statement, wrapped at blanks."""
     yield from textwrap.wrap(
         line,
         WIDTH,

@@ -21,7 +21,7 @@ def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:
     """Code of each module that estimates its flow, in the plant's order."""
     digest = json.loads(ruleset.to_json())[DIGEST]
     ruleset = replace(ruleset, undo=listed_undo(ruleset))
-    names = Identifiers(frozenset())  # more stands behind them
+    names = Identifiers(frozenset())  # suffixes keep them from being reserved words
     found = []
     for module in ruleset.modules:
         if any(o.module == module for o in ruleset.observers):
@@ -32,7 +32,7 @@ def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:
 
 
 def _head(ruleset: Ruleset, module: str, digest: str) -> tuple[str, ...]:
-    """What stands at the top of the files of a module; the same ruleset gives the same lines."""
+    """The head of the files of a module; the same ruleset gives the same lines."""
     own = [o for o in ruleset.observers if o.module == module]
     files = dict.fromkeys(o.origin.partition(":")[0] for o in own)
     return (
@@ -49,13 +49,11 @@ def _head(ruleset: Ruleset, module: str, digest: str) -> tuple[str, ...]:
     )
 
 
-HEADER = ("module", "routine", "direction", "name", "type", "unit", "id", "meaning")
-
-
 def wiring_csv(codes: Iterable[ModuleCode]) -> str:
-    """A row per variable, for whoever wires controllers and central part; `id` is its column in
+    """A row per variable, for those who wire controllers and central part; `id` is its column in
     the results file, or the signal that it reads."""
-    rows = [row_of(HEADER)]
+    header = ("module", "routine", "direction", "name", "type", "unit", "id", "meaning")
+    rows = [row_of(header)]
     for code in codes:
         for routine in code.routines:
             for way, variables in (("in", routine.inputs), ("out", routine.outputs)):

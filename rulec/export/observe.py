@@ -1,5 +1,5 @@
-"""The routine that a controller calls at each operating point: estimates with all that the central
-part needs of them, and the residuals that the module can judge by itself."""
+"""The routine that a controller calls at each operating point: estimates with everything that the
+central part needs, and the residuals that the module can judge by itself."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import rulec_runtime.limits as runtime_limits
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
 
+from rulec.algebra.graph import Graph
 from rulec.export.identifiers import FLOW, Identifiers, Outputs
 from rulec.export.program import (
     Expression,
@@ -24,7 +25,7 @@ from rulec.export.program import (
     without_unused,
 )
 from rulec.export.readings import checked, reading_of
-from rulec.export.specialised import graph_of, put_into
+from rulec.export.specialised import is_output_of, put_into
 from rulec.export.uncertainty import Terms, of_reading, signed, spread
 from rulec.export.value_names import hints_of, named_constants
 from rulec.export.writer import Writer
@@ -36,7 +37,7 @@ def observe_routine(ruleset: Ruleset, module: str) -> Routine:
 
 
 class _Observe:
-    """Builds the routine; `flow`, `slopes` (per error) and `valid` of observers are names."""
+    """Builds the routine; `flow`, `slopes` (by error) and `valid` are names per observer."""
 
     def __init__(self, ruleset: Ruleset, module: str) -> None:
         self.ruleset, self.module = ruleset, module
@@ -47,7 +48,7 @@ class _Observe:
         signals = [s for s in ruleset.signals if s.id in ids]
         self.readings = {s.id: reading_of(s, module, self.names) for s in signals}
         self.noise = {s.id: self._noise(s) for s in signals}
-        self.u = {s.id: Name(self.names.new(f"u_{self._given(s)}")) for s in signals}
+        self.u = {n: Name(self.names.new(f"u_{r.value.name}")) for n, r in self.readings.items()}
         self.flow: dict[str, Name] = {}
         self.slopes: dict[str, dict[str, Name]] = {}
         self.valid: dict[str, Name] = {}
@@ -58,7 +59,11 @@ class _Observe:
         readings = list(self.readings.values())
         sections = [checked(readings), self._uncertainties()]
         sections += [self._observer(o) for o in self.observers]
-        sections += [self._residual(r) for r in self._own_residuals()]
+        own = {o.id for o in self.observers}
+        residuals = self.ruleset.residuals
+        sections += [
+            self._residual(r) for r in residuals if own.issuperset(t.observer for t in r.terms)
+        ]
         used, read = without_unused(sections, self.outputs.variables)
         inputs = [v for r in readings for v in (r.value, r.good)]
         return Routine(
@@ -71,30 +76,27 @@ class _Observe:
             outputs=tuple(self.outputs.variables),
         )
 
-    def _given(self, signal: SignalSpec) -> str:
-        return self.readings[signal.id].value.name
-
     def _noise(self, signal: SignalSpec) -> Variable:
-        name = self._given(signal)
+        name = self.readings[signal.id].value.name
         text = f"standard uncertainty of the mean {name} by its noise"
         wanted = self.names.new(f"{name}_noise")
         return Variable(wanted, f"noise:{signal.id}", "real", signal.unit, text)
 
     def _plan(self) -> Plan:
-        """Flows, guards and slopes, those by degrees at no fault, in one plan."""
+        """Flows, guards and slopes in one plan; slopes by degrees are those without faults."""
         plan, undo = self.ruleset.plan, self.ruleset.undo
         own = {o.id for o in self.observers}
-        graph = graph_of(self.readings)
+        graph = Graph(dict.fromkeys(self.readings))
         for part, kinds, known in (
             (plan, ("q", "guard", "s"), {n: 1.0 for n in plan.inputs if n.startswith("u:")}),
             (undo, ("dq",), {n: 0.0 for n in undo.inputs if n.startswith("x:")}),
         ):
-            wanted = [n for n in part.outputs if _of(n, own, kinds)]
+            wanted = [n for n in part.outputs if is_output_of(n, own, kinds)]
             graph.outputs.update(put_into(graph, part, wanted, known))
         return graph.plan()
 
     def _writer(self, plan: Plan) -> tuple[Writer, tuple[Parameter, ...]]:
-        """What writes it, in names of readings, parameters and equations; and the parameters."""
+        """A writer with the names of readings, parameters and equations; and the parameters."""
         parameters = named_constants(self.ruleset, self.module, plan.constants, self.names)
         by_value = {p.value: Name(p.name) for p in parameters}
         known = {
@@ -110,15 +112,14 @@ class _Observe:
         return Writer(plan, given, by_value, self.names, hints), parameters
 
     def _short(self, name: str) -> str:
-        """A name without that of the module."""
+        """A name without its module."""
         return name.removeprefix(f"{self.module}.").removeprefix(f"{self.module}#")
 
     def _uncertainties(self) -> Section:
-        """Standard uncertainties of the readings, SI, and whether they are known territory."""
+        """Standard uncertainties of the readings, SI, and whether they are in calibrated ranges."""
         statements = list(self.writer.taken())
         for name, reading in self.readings.items():
-            u = self.u[name].text
-            statements += of_reading(reading, self.noise[name], u, self.outputs)
+            statements += of_reading(reading, self.noise[name], self.u[name].text, self.outputs)
         return Section("Uncertainties of the readings", tuple(statements))
 
     def _observer(self, observer: ObserverSpec) -> Section:
@@ -130,22 +131,25 @@ class _Observe:
         known = [*(self.readings[s].ok for s in observer.signals), *writer.conditions(key)]
         slopes = {}
         for name in self.ruleset.plan.outputs:
-            if _of(name, {observer.id}, ("s",)):
+            if is_output_of(name, {observer.id}, ("s",)):
                 error = name.split(":", 2)[2]
                 slopes[error] = writer.named(name, self._slope(observer, short, error))
                 sound += writer.conditions(name)
         for name in self.ruleset.undo.outputs:
-            if _of(name, {observer.id}, ("dq",)):
-                writer.named(name, self._by_fault(short, name))
+            if is_output_of(name, {observer.id}, ("dq",)):
+                fault = name.split(":", 2)[2]
+                what = f"slope of {short} by the degree of {fault} that is undone"
+                wanted = f"{short}_undo_{self._short(fault)}"
+                writer.named(name, self.outputs.number(wanted, name, what, f"{FLOW} per degree"))
         sound = [*(c for c in sound if c not in known), apply("gt", flow, Number(0.0))]
         self.flow[observer.id], self.slopes[observer.id] = flow, slopes
-        statements = [*writer.taken(), *self._said(observer, short, known, sound)]
+        statements = [*writer.taken(), *self._checked_flow(observer, short, known, sound)]
         parts = {error: [(1, slope)] for error, slope in slopes.items()}
         statements += self._spread(short, observer.id, parts, self.valid[observer.id])
         return Section(f"{observer.equation}   ({observer.origin})", tuple(statements))
 
     def _sound(self, observer: ObserverSpec, short: str) -> Iterator[Expression]:
-        """Where the equation holds: readings not below their minimum, and its own conditions."""
+        """Where the equation holds: readings at or above their minimum, and its own conditions."""
         for signal in observer.signals:
             minimum = self.ruleset.signal_by_id[signal].minimum
             if minimum is not None:
@@ -155,7 +159,7 @@ class _Observe:
             self.writer.named(guard.output, name, f"{guard.text}: must be positive")
             yield apply("gt", Name(name), Number(0.0))
 
-    def _said(
+    def _checked_flow(
         self, observer: ObserverSpec, short: str, known: list[Expression], sound: list[Expression]
     ) -> Iterator[Statement]:
         """Flow, whether it can be calculated, and whether it may be used."""
@@ -181,12 +185,6 @@ class _Observe:
             what = f"slope of {short} by parameter {error}, per standard uncertainty"
         return self.outputs.number(f"{short}_by_{bare}", f"s:{observer.id}:{error}", what, unit)
 
-    def _by_fault(self, short: str, output: str) -> str:
-        fault = output.split(":", 2)[2]
-        what = f"slope of {short} by the degree of {fault} that is undone"
-        wanted = f"{short}_undo_{self._short(fault)}"
-        return self.outputs.number(wanted, output, what, f"{FLOW} per degree")
-
     def _spread(
         self, short: str, id_: str, parts: dict[str, Terms], valid: Name
     ) -> Iterator[Statement]:
@@ -197,12 +195,8 @@ class _Observe:
         name = self.outputs.number(f"u_{short}", f"u:{id_}", f"standard uncertainty of {short}")
         yield Statement(name, apply("select", valid, u, Number(0.0)))
 
-    def _own_residuals(self) -> list[ResidualSpec]:
-        own = {o.id for o in self.observers}
-        return [r for r in self.ruleset.residuals if own.issuperset(t.observer for t in r.terms)]
-
     def _residual(self, residual: ResidualSpec) -> Section:
-        """A residual that stays within the module, beside its threshold."""
+        """A residual of observers of this module alone, with its threshold."""
         outputs, short, id_ = self.outputs, self._short(residual.id), residual.id
         valid = outputs.flag(f"R_{short}_valid", f"valid:R:{id_}", f"{short} may be used")
         sound = every(self.valid[t.observer] for t in residual.terms)
@@ -225,12 +219,6 @@ class _Observe:
         moved = outputs.flag(f"moved_{short}", f"moved:{id_}", text)
         statements += [Statement(threshold, limit), Statement(moved, far, "bool")]
         return Section(f"Residual {residual.text}", tuple(statements))
-
-
-def _of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bool:
-    """Is an output of one of the kinds, and of one of the observers?"""
-    kind, _, rest = output.partition(":")
-    return kind in kinds and rest.partition(":")[0] in observers
 
 
 def _quotient(text: str) -> str:

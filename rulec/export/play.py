@@ -1,12 +1,12 @@
-"""Play the controllers on a recording: what exported code says of each settled window.
+"""Play the controllers on a recording: the results of exported code for each settled window.
 
-Whoever puts a module into service compares its controller with this, and a central part can be
-tried before there is any.
+They serve to check a controller when a module is put into service, and to try a central part before
+there is a controller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 
 import numpy as np
@@ -23,11 +23,8 @@ from rulec_runtime.recordings.stationary import Stretches
 from rulec.export.interpret import Value, run
 from rulec.export.program import ModuleCode, Routine
 
-OBSERVE = "observe"
-
-
 Execute = Callable[[Routine, Mapping[str, Value]], Mapping[str, Value]]
-"""Runs a routine: its outputs by name, of its inputs by name."""
+"""Runs a routine: from its inputs by name to its outputs by name."""
 
 
 def played(
@@ -36,17 +33,22 @@ def played(
     codes: Iterable[ModuleCode],
     execute: Execute = run,
 ) -> dict[str, Array]:
-    """Results of all modules: per column of the results file an array, one entry per window.
+    """Results of all modules: an array per column of the results file, with an entry per window.
 
-    Raises `RecordingRefused` where the plant never settles.
+    Raises `RecordingRefused` if the plant never settles.
     """
     sound = examine(recording, ruleset).recording
     stretches, noise = judgeable(sound, ruleset, "default")
     if not len(stretches):
         raise RecordingRefused("nothing to play: the recording holds no settled window")
-    routines = [r for code in codes for r in code.routines if r.name == OBSERVE]
+    routines = [r for code in codes for r in code.routines if r.name == "observe"]
     whole = points_of_stretches(sound, ruleset, stretches, noise)
-    columns = dict(_windows(sound, stretches))
+    since = sound.time[stretches.first]
+    columns = {
+        "time [s]": since,
+        "seconds": sound.time[stretches.last - 1] - since,
+        "samples": stretches.lengths.astype(float),
+    }
     columns |= {
         f"{s.id} [{s.unit}]": s.shown(whole.values[s.id])
         for s in ruleset.signals
@@ -62,10 +64,10 @@ def played(
         for part in (Stretches(stretches.first, middle), Stretches(middle, stretches.last))
     ]
     for routine in routines:
-        said, early, late = (
+        results, early, late = (
             observed(routine, ruleset, part, len(stretches), execute) for part in (whole, *halves)
         )
-        for name, values in said.items():
+        for name, values in results.items():
             if name.partition(":")[0] in KINDS:
                 columns.setdefault(name, values)
             if name.startswith("q:"):
@@ -79,7 +81,7 @@ def played(
 def observed(
     routine: Routine, ruleset: Ruleset, points: Points, n: int, execute: Execute
 ) -> dict[str, Value]:
-    """What a routine says of operating points, by id of its outputs, each of shape (n,)."""
+    """Outputs of a routine at n operating points by id, each of shape (n,)."""
     values: dict[str, Value] = {}
     for variable in routine.inputs:
         kind, _, name = variable.id.rpartition(":")
@@ -99,22 +101,15 @@ def observed(
 
 
 def _noise(ruleset: Ruleset, points: Points, name: str, n: int) -> Array:
-    """Standard uncertainty of a mean by noise, in the unit of the reading."""
+    """Standard uncertainty of a mean by noise, shape (n,), in the unit of the reading."""
     if name not in points.values:
         return np.full(n, np.nan)
     part: Array = points.statistical(name) / abs(ruleset.signal_by_id[name].factor)
     return part
 
 
-def _windows(recording: Recording, stretches: Stretches) -> Iterator[tuple[str, Array]]:
-    since = recording.time[stretches.first]
-    yield "time [s]", since
-    yield "seconds", recording.time[stretches.last - 1] - since
-    yield "samples", stretches.lengths.astype(float)
-
-
 def results_csv(columns: Mapping[str, Array]) -> str:
-    """Results as a file; numbers with all their digits, an empty cell where there is none."""
+    """Results as CSV; numbers with all their digits, an empty cell for a missing one."""
     lines = [row_of(columns)]
     for row in zip(*(np.asarray(c, dtype=float).tolist() for c in columns.values()), strict=True):
         lines.append(",".join(repr(value) if isfinite(value) else "" for value in row))

@@ -22,7 +22,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Name:
-    """An input, a parameter, an output, or a value worked out before."""
+    """An input, a parameter, an output, or a value calculated before."""
 
     text: str
 
@@ -31,9 +31,9 @@ class Name:
 class Apply:
     """An operation on operands.
 
-    On numbers those of `rulec_runtime.contract.plan.OPERATIONS` without ``sign`` and ``tanh``,
-    which no PLC has; ``ge``, ``gt``, ``le`` compare; ``and``, ``not`` join; ``select`` takes a
-    condition, then what holds where it is met, then what holds elsewhere.
+    For numbers, those of `rulec_runtime.contract.plan.OPERATIONS` without ``sign`` and ``tanh``,
+    which no PLC has. ``ge``, ``gt``, ``le`` compare; ``and``, ``not`` combine; ``select`` takes a
+    condition, the value if it is true, and the value if it is false.
     """
 
     operation: str
@@ -45,7 +45,7 @@ Expression = Number | Name | Apply
 
 @dataclass(frozen=True)
 class Statement:
-    """A value, worked out once."""
+    """A value, calculated once."""
 
     name: str
     expression: Expression
@@ -63,7 +63,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Variable:
-    """An input or output; `id` says what it is in the plant, as in ``q:A.pump``."""
+    """An input or output; `id` identifies it in the plant, as in ``q:A.pump``."""
 
     name: str
     id: str
@@ -83,7 +83,7 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Routine:
-    """What a controller calls; each output is assigned by the statement of its name."""
+    """A function for a controller; each output is assigned by the statement of its name."""
 
     name: str
     text: str
@@ -100,7 +100,7 @@ class Routine:
 
 @dataclass(frozen=True)
 class ModuleCode:
-    """All routines of a module; `head` is what stands at the top of its files."""
+    """All routines of a module; `head` is the head of its files."""
 
     module: str
     name: str
@@ -114,24 +114,20 @@ def apply(operation: str, *operands: Expression) -> Apply:
 
 
 def total(terms: list[Expression]) -> Expression:
-    """Sum from left to right; 0 of nothing."""
+    """Sum from left to right; 0 for no terms."""
     return reduce(partial(apply, "add"), terms) if terms else Number(0.0)
 
 
 def every(conditions: Iterable[Expression]) -> Expression:
-    """All conditions at once, each as often as it must be; there is at least one."""
+    """The conjunction of at least one condition, without those that others imply."""
     given = dict.fromkeys(conditions)
     strict = {c.operands for c in given if isinstance(c, Apply) and c.operation == "gt"}
-    kept = [
-        c
-        for c in given
-        if not (isinstance(c, Apply) and c.operation == "ge" and c.operands in strict)
-    ]
-    return reduce(partial(apply, "and"), kept)
+    implied = {Apply("ge", operands) for operands in strict}
+    return reduce(partial(apply, "and"), (c for c in given if c not in implied))
 
 
 def leaves(expression: Expression) -> int:
-    """How many names and numbers an expression holds."""
+    """The number of names and numbers in an expression."""
     if isinstance(expression, Apply):
         return sum(leaves(e) for e in expression.operands)
     return 1
@@ -147,7 +143,7 @@ def names_in(expression: Expression) -> set[str]:
 def without_unused(
     sections: Iterable[Section], outputs: Iterable[Variable]
 ) -> tuple[tuple[Section, ...], frozenset[str]]:
-    """The sections without statements that no output needs, and all names that are read."""
+    """The sections without statements that no output needs, and all names that they read."""
     read: set[str] = set()
     wanted = {v.name for v in outputs}
     kept = []

@@ -1,4 +1,4 @@
-"""What a routine does with its readings first: may they be used, and what are they in SI?"""
+"""The first statements of a routine: whether its readings may be used, and their values in SI."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from rulec.export.program import (
 
 @dataclass(frozen=True)
 class Reading:
-    """A reading as input of a routine: its value and whether it is good; `ok` says that both the
-    controller and its range speak for it, `si` is its value, or a harmless one."""
+    """A reading as input of a routine: its value, and whether the controller calls it good. `ok`
+    says that it is good and in range; `si` is its value, or a harmless one if it is not `ok`."""
 
     signal: SignalSpec
     value: Variable
@@ -35,7 +35,7 @@ class Reading:
 
 
 def reading_of(signal: SignalSpec, module: str, names: Identifiers) -> Reading:
-    """The names of a reading; one of another module bears the name of that module."""
+    """A reading with new names; for a reading of another module they include that module."""
     owner, _, short = signal.id.partition(".")
     base = short if owner == module else signal.id
     value = Variable(names.new(base), signal.id, "real", signal.unit, signal.title)
@@ -70,7 +70,7 @@ def _statements(reading: Reading) -> list[Statement]:
 
 
 def noise_in_si(signal: SignalSpec, noise: Expression) -> Expression:
-    """Standard uncertainty by noise, SI; what is no uncertainty counts as wide as the range."""
+    """Standard uncertainty by noise, SI; an invalid one counts as the width of the range."""
     low, high = usable_range(signal)
     widest = Number(high - low)
     usable = apply("and", apply("ge", noise, Number(0.0)), apply("le", noise, widest))
@@ -80,14 +80,14 @@ def noise_in_si(signal: SignalSpec, noise: Expression) -> Expression:
 
 
 def in_si(signal: SignalSpec, value: Expression) -> Expression:
-    """A value in the unit of its sensor, in SI."""
+    """A value in the unit of its sensor, converted to SI."""
     if signal.factor != 1.0:
         value = apply("mul", value, Number(signal.factor))
     return apply("add", value, Number(signal.offset)) if signal.offset else value
 
 
 def usable_range(signal: SignalSpec) -> tuple[float, float]:
-    """What its sensor can show, in its unit: beyond, the reading is none."""
+    """The range outside which a reading is invalid, in its unit."""
     low, high = signal.ends
     if math.isfinite(low) and math.isfinite(high):
         slack = runtime_limits.BEYOND_RANGE * (high - low)

@@ -1,6 +1,6 @@
-"""The part of a plan that one module needs, with inputs that are known there put in.
+"""The part of a plan that one module needs, with known inputs substituted.
 
-Modules know listed faults alone: more slopes would be more code than a controller has room for.
+Modules know only listed faults: a controller has no room for more slopes.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.algebra.graph import Graph, Node
 
 
-def graph_of(inputs: Iterable[str]) -> Graph:
-    """An empty graph over inputs."""
-    return Graph(dict.fromkeys(inputs))
+def is_output_of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bool:
+    """Whether an output, such as ``q:A.pump``, is of one of the kinds and observers."""
+    kind, _, rest = output.partition(":")
+    return kind in kinds and rest.partition(":")[0] in observers
 
 
 def put_into(
@@ -23,7 +24,7 @@ def put_into(
 ) -> dict[str, Node]:
     """Build outputs of a plan in a graph; inputs in `known` become constants.
 
-    Returns the node of each output. What the graph holds already is shared.
+    Returns the node of each output. Nodes that the graph already holds are shared.
     """
     part = plan.select(tuple(outputs)).narrowed()
     nodes = [graph.constant(known[n]) if n in known else graph.input(n) for n in part.inputs]
@@ -34,12 +35,12 @@ def put_into(
 
 
 def listed_undo(ruleset: Ruleset) -> Plan:
-    """The plan that undoes listed faults alone: the others are at no degree."""
+    """The plan that undoes only listed faults; the degrees of the others are 0."""
     undo, unlisted = ruleset.undo, {f.id for f in ruleset.unlisted}
     if not unlisted:
         return undo
     outputs = [name for name in undo.outputs if name.split(":", 2)[-1] not in unlisted]
     none = {name: 0.0 for name in undo.inputs if name.removeprefix("x:") in unlisted}
-    graph = graph_of(name for name in undo.inputs if name not in none)
+    graph = Graph(dict.fromkeys(name for name in undo.inputs if name not in none))
     graph.outputs.update(put_into(graph, undo, outputs, none))
     return graph.plan()

@@ -17,8 +17,11 @@ def blocks(code: ModuleCode) -> str:
     """The function blocks of a module."""
     lines = [*_comment(code.head), ""]
     for routine in code.routines:
-        lines += [*_comment([routine.text])]
-        lines += [f"FUNCTION_BLOCK {code.name}_{routine.name}", *_variables(routine)]
+        lines += [
+            *_comment([routine.text]),
+            f"FUNCTION_BLOCK {code.name}_{routine.name}",
+            *_variables(routine),
+        ]
         lines += [*_body(routine), "END_FUNCTION_BLOCK", ""]
     return "\n".join(lines)
 
@@ -59,7 +62,7 @@ def _body(routine: Routine) -> Iterator[str]:
 
 
 def _text(expression: Expression, level: int = 0) -> str:
-    """An expression; in brackets where what stands around it binds as strongly."""
+    """An expression; in brackets if the expression around it binds as strongly."""
     match expression:
         case Number(value) if value < 0 and level > 0:
             return f"({literal(value)})"
@@ -89,5 +92,5 @@ def _comment(lines: Iterable[str]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Text that begins and ends no comment, and bytes that every controller reads."""
+    """ASCII text without the ends of a comment."""
     return text.encode("ascii", "replace").decode().replace("*)", "* )").replace("(*", "( *")

@@ -27,15 +27,15 @@ Terms = list[tuple[int, Name]]
 def of_reading(
     reading: Reading, noise: Variable, whole: str, outputs: Outputs
 ) -> Iterator[Statement]:
-    """Whether a reading may be used, what its errors are, and whether it is known territory.
+    """Whether a reading may be used, its uncertainties, and whether it leaves the calibrated range.
 
     `whole` is the name of its standard uncertainty, SI.
     """
     signal, short = reading.signal, reading.value.name
     fit = outputs.flag(f"{short}_fit", f"fit:{signal.id}", f"{short} may be used")
     yield Statement(fit, reading.ok, "bool")
-    lasts = f"standard uncertainty of {short} that does not average out"
-    systematic = outputs.number(f"{short}_systematic", f"systematic:{signal.id}", lasts, "SI")
+    text = f"standard uncertainty of {short} that does not average out"
+    systematic = outputs.number(f"{short}_systematic", f"systematic:{signal.id}", text, "SI")
     yield Statement(systematic, _systematic(signal, reading.si))
     noise_si = outputs.names.new(f"{short}_noise_SI")
     yield Statement(noise_si, noise_in_si(signal, Name(noise.name)))
@@ -51,7 +51,7 @@ def of_reading(
 
 
 def _systematic(signal: SignalSpec, value: Expression) -> Expression:
-    """Standard uncertainty that lasts, SI, as the sensor's class says."""
+    """Systematic standard uncertainty by the sensor's class, SI."""
     if signal.kind == "reading":
         size = apply("sub", value, Number(signal.offset)) if signal.offset else value
         return apply("mul", Number(signal.standard), apply("abs", size))
@@ -66,10 +66,10 @@ def spread(
     into: str,
     outputs: Outputs,
 ) -> tuple[list[Statement], Expression]:
-    """Standard uncertainty of a signed sum of estimates, and the statements before it.
+    """The statements that a standard uncertainty of a signed sum of estimates needs, and itself.
 
-    `parts` are slopes per error, `u` the standard uncertainties of those that have one, `short`
-    names of errors.
+    `parts` are slopes per error, `u` the standard uncertainties of errors that are not whitened,
+    `short` the names of errors.
     """
     statements: list[Statement] = []
     squares: list[Expression] = []

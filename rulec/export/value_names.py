@@ -1,8 +1,8 @@
-"""Names for the values of a plan, which knows none.
+"""Names for the values of a plan, which has only numbers.
 
-Constants have the names of the parameters that they are. Parts of an equation have those that the
-equation gives them: the first operations of the plan are its own, so both are walked together from
-the top, and where the equation has a name, the plan has a number.
+Constants are named after the parameters that they equal. Parts of an equation are named as in the
+equation: plan and equation are walked together from the top, and where the equation has a name, the
+plan has a number.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ OPERATORS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"}
 def named_constants(
     ruleset: Ruleset, module: str, constants: Iterable[float], names: Identifiers
 ) -> tuple[Parameter, ...]:
-    """Those constants that are one parameter of the module, and no other one."""
+    """Those constants that equal exactly one parameter of the module."""
     known = list(_values(ruleset, module))
     found = []
     for value in constants:
         same = [p for p, si in known if isclose(si, value, rel_tol=limits.SAME_CONSTANT)]
         if len(same) == 1 and abs(value) != 1.0 and value != 0.0:
-            short = same[0].id.partition(".")[2]
-            found.append(Parameter(names.new(short), value, _text(same[0])))
+            (own,) = same
+            unit = "" if own.unit == "1" else f" {own.unit}"
+            text = f"{own.value:.6g}{unit}, {own.origin}"
+            found.append(Parameter(names.new(own.id.partition(".")[2]), value, text))
     return tuple(found)
 
 
@@ -45,17 +47,11 @@ def _values(ruleset: Ruleset, module: str) -> Iterator[tuple[ParameterSpec, floa
             yield parameter, parameter.value * factor + offset
 
 
-def _text(parameter: ParameterSpec) -> str:
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return f"{parameter.value:.6g}{unit}, {parameter.origin}"
-
-
 def hints_of(plan: Plan, observer: ObserverSpec, given: Mapping[int, str]) -> dict[int, str]:
     """Names by number of value; `given` are names of readings and constants in the equation."""
-    text = observer.equation.partition(" = ")[2]
     found: dict[int, str] = {}
     try:
-        tree = ast.parse(text, mode="eval").body
+        tree = ast.parse(observer.equation.partition(" = ")[2], mode="eval").body
     except (SyntaxError, RecursionError, MemoryError):
         return found
     _walk(plan, tree, plan.outputs[f"q:{observer.id}"], given, found)
@@ -65,7 +61,7 @@ def hints_of(plan: Plan, observer: ObserverSpec, given: Mapping[int, str]) -> di
 def _walk(
     plan: Plan, tree: ast.expr, number: int, given: Mapping[int, str], found: dict[int, str]
 ) -> bool:
-    """Enter names below a value; False where equation and plan are not of one form."""
+    """Enter names below a value; False if equation and plan have different forms."""
     if isinstance(tree, ast.Name):
         if number >= plan.first_operation:
             found[number] = tree.id

@@ -1,4 +1,4 @@
-"""What no PLC calculates by itself, in operations that it has."""
+"""Functions that no PLC has, composed of operations that it has."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ ZERO, ONE = Number(0.0), Number(1.0)
 SERIES = (62.0 / 2835.0, -17.0 / 315.0, 2.0 / 15.0, -1.0 / 3.0, 1.0)
 """Coefficients of tanh(x)/x by powers of the square of x, the highest first."""
 
-WHOLE_POWERS = (1.0, 2.0, 3.0, 4.0)
-
 
 def sign(x: Expression) -> Expression:
     """-1, 0 or 1."""
@@ -22,7 +20,7 @@ def sign(x: Expression) -> Expression:
 def tanh(x: Expression, size: Expression, fall: Expression) -> Expression:
     """The hyperbolic tangent of x; `size` is its absolute value, `fall` is exp(-2 size).
 
-    Near zero by its series: there the formula would lose digits.
+    Near zero by its series, where the formula would lose digits.
     """
     square = apply("mul", x, x)
     series: Expression = Number(SERIES[0])
@@ -36,7 +34,7 @@ def tanh(x: Expression, size: Expression, fall: Expression) -> Expression:
 
 def whole_power(a: Expression, exponent: Expression) -> Expression | None:
     """A small whole power as a product; None for others."""
-    if not (isinstance(exponent, Number) and exponent.value in WHOLE_POWERS):
+    if not (isinstance(exponent, Number) and exponent.value in (1.0, 2.0, 3.0, 4.0)):
         return None
     result = a
     for _ in range(int(exponent.value) - 1):

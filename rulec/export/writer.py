@@ -1,8 +1,8 @@
 """From the values of a plan to statements that a person can read.
 
-A value that is used once stands where it is used; others get a name. Arguments of roots,
-logarithms, powers and exponentials are kept where these are defined, and divisors away from zero:
-nothing traps, and an output's conditions say whether it is what the plan says.
+A value that is used once is inlined; others get a name. Arguments of roots, logarithms, powers and
+exponentials are limited to where these are defined, and divisors are kept away from zero. Nothing
+traps, and the conditions of an output say whether it agrees with the plan.
 """
 
 from __future__ import annotations
@@ -49,7 +49,9 @@ class Writer:
     ) -> None:
         self._plan, self._names, self._hints = plan, names, hints or {}
         self._uses = _uses(plan)
-        self._divisors = frozenset(_divisors(plan))
+        # Values that must not be zero: the factors of all divisors.
+        divisors = [b for name, _, b in plan.operations if name == "div"]
+        self._divisors = frozenset(_factors(plan, divisors))
         self._context = ""
         self._done: dict[int, Expression] = {}
         self._conditions: dict[int, Conditions] = {}
@@ -64,12 +66,12 @@ class Writer:
             self._done[i] = constants.get(value, Number(value))
 
     def taken(self) -> tuple[Statement, ...]:
-        """Statements written since the last time."""
+        """Statements written since the last call."""
         statements, self._statements = tuple(self._statements), []
         return statements
 
     def named(self, output: str, name: str, comment: str = "") -> Name:
-        """Write an output under a name; what is used of it later goes by that name."""
+        """Write an output under a name, by which later expressions refer to it."""
         number = self._plan.outputs[output]
         self._context = name
         expression = self._written(number)
@@ -79,11 +81,11 @@ class Writer:
         return Name(name)
 
     def conditions(self, output: str) -> Conditions:
-        """What an output written before rests on."""
+        """The conditions of an output that was written before."""
         return self._conditions.get(self._plan.outputs[output], ())
 
     def _written(self, root: int) -> Expression:
-        """Write a value and all it needs, without recursion: sums may be long."""
+        """Write a value and everything it needs; without recursion, as sums may be long."""
         stack = [root]
         while stack:
             number = stack[-1]
@@ -116,7 +118,7 @@ class Writer:
         return self._keep(expression, number) if hinted or (many and not is_root) else expression
 
     def _safe(self, name: str, parts: list[Expression]) -> tuple[Expression, Conditions]:
-        """An operation that no argument can make trap, and what it rests on."""
+        """An operation that no argument can trap, and its conditions."""
         a = parts[0]
         match name:
             case "sqrt":
@@ -143,18 +145,18 @@ class Writer:
         return apply(name, *parts), ()
 
     def _far_from_zero(self, number: int, expression: Expression) -> tuple[Expression, Expression]:
-        """A value that something is divided by, never zero, and the condition that it was not."""
+        """A divisor that is never zero, and the condition that it was not zero before."""
         name = self._name(expression, number)
         raw = self._keep(expression, wanted=f"{name}_raw")
         far = apply("gt", apply("abs", raw), LEAST)
         return self._keep(apply("select", far, raw, LEAST), wanted=name), far
 
     def _divisor(self, number: int, conditions: list[Expression]) -> Expression:
-        """What is divided by, with inputs in it away from zero.
+        """A divisor, with the inputs in it kept away from zero.
 
-        Elsewhere an input is taken as it is: zero may be a good reading there.
+        Elsewhere an input stays as it is: zero may be a good reading there.
         """
-        if not self._far.keys() & self._factors(number):
+        if self._far.keys().isdisjoint(_factors(self._plan, [number])):
             return self._done[number]
         if number in self._far:
             safe, far = self._far[number]
@@ -168,14 +170,10 @@ class Writer:
             self._safe_products[number] = self._keep(expression) if shared else expression
         return self._safe_products[number]
 
-    def _factors(self, number: int) -> set[int]:
-        """Inputs that are factors of a value."""
-        return set(_factors(self._plan, [number])) & self._far.keys()
-
     def _keep(
         self, expression: Expression, number: int | None = None, wanted: str = ""
     ) -> Expression:
-        """The expression under a name, unless it has one."""
+        """The expression under a new name, unless it is a name or a number."""
         if not isinstance(expression, Apply):
             return expression
         name = self._names.new(wanted or self._name(expression, number))
@@ -183,7 +181,7 @@ class Writer:
         return Name(name)
 
     def _name(self, expression: Expression, number: int | None) -> str:
-        """A name for a value: as its equation calls it, or by what it is made of."""
+        """A name for a value: as in its equation, or by its parts."""
         hint = None if number is None else self._hints.get(number)
         if isinstance(expression, Name):
             return hint or f"{expression.text}_divisor"
@@ -198,13 +196,8 @@ def _uses(plan: Plan) -> Counter[int]:
     return uses
 
 
-def _divisors(plan: Plan) -> Iterator[int]:
-    """Values that must not be zero: the factors of what is divided by."""
-    return _factors(plan, [b for name, _, b in plan.operations if name == "div"])
-
-
 def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
-    """What values are products and quotients of, without constants."""
+    """The factors of values that are products and quotients, without constants."""
     first = plan.first_operation
     seen: set[int] = set()
     while left:
@@ -222,7 +215,7 @@ def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
 
 
 def _described(expression: Expression) -> str:
-    """A name for a value by what it is made of, or none."""
+    """A name for a value by its parts; empty for long ones."""
     match expression:
         case Apply("mul", (Name(a), Name(b))) if a == b and len(a) < LONGEST_DESCRIPTION:
             return f"{a}_squared"
