@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,11 +16,10 @@ from rulec_runtime.recordings.stationary import settle, systematic_u
 from rulec_runtime.report.wording import kept_of
 
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
-from rulec.calibration.notes import notes_of
 from rulec.calibration.true_flow import Local, true_flows
 from rulec.knowledge.belief import Strain, strain_of
 from rulec.knowledge.plant import Module
-from rulec.limits import UNBELIEVABLE
+from rulec.limits import FAR_OFF, OTHER_SIZE, UNBELIEVABLE
 from rulec.passes.differentiate import GATHERED
 from rulec.passes.types import Compilation
 
@@ -31,8 +30,8 @@ class Calibrated:
 
     Attributes
     ----------
-    points : settled stretches that they were fitted to, or rows of a `table` of operating points.
-    sensors : remarks on readings that are none, and on others that are doubtful.
+    points : number of settled stretches fitted to, or of rows of a `table` of operating points.
+    sensors : remarks on unusable and doubtful readings.
     """
 
     models: Compilation
@@ -43,9 +42,9 @@ class Calibrated:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Values of another size than stated, and readings that were not varied."""
+        """Values of another order of magnitude than stated, and readings that were not varied."""
         modules = self.models.plant.modules
-        notes = [note for fit in self.fits for note in notes_of(modules[fit.module], fit)]
+        notes = [note for fit in self.fits for note in _notes(modules[fit.module], fit)]
         return (*notes, *([NOTE] if self.table else []))
 
     @cached_property
@@ -62,14 +61,14 @@ class Calibrated:
 
     @property
     def unbelievable(self) -> tuple[Strain, ...]:
-        """Those that lie so far off that they are not believed, as found and as stated.
+        """Parameters so far from their data sheets that they are not credible.
 
-        The uncertainty of what was found holds the errors of the calibrating sensors, of which the
-        sheet knows nothing.
+        The uncertainty of the fit includes the errors of the calibrating sensors, which the sheet
+        does not know.
 
         Source: zeta score (ISO 13528), two values, each with its uncertainty.
         """
-        doubt = {
+        uncertainty = {
             f"{fit.module}.{name}": u
             for fit in self.fits
             for name, u in zip(fit.parameters, np.sqrt(np.diag(fit.covariance)), strict=True)
@@ -77,24 +76,24 @@ class Calibrated:
         plant, far = self.models.plant, []
         for strain in self.strain:
             module, _, name = strain.parameter.partition(".")
-            u = doubt[strain.parameter] / plant.modules[module].stated[name].unit.factor
+            u = uncertainty[strain.parameter] / plant.modules[module].stated[name].unit.factor
             if abs(strain.value - strain.stated) > UNBELIEVABLE * float(np.hypot(u, strain.u)):
                 far.append(strain)
         return tuple(far)
 
     @cached_property
     def moved(self) -> tuple[str, ...]:
-        """Parameters that are no longer as in the data sheet."""
+        """Parameters that differ from the data sheet."""
         every = (f"{fit.module}.{name}" for fit in self.fits for name in fit.parameters)
         return tuple(name for name in every if name not in self.untold)
 
     @cached_property
     def untold(self) -> tuple[str, ...]:
-        """Parameters of which the recording told next to nothing beside the data sheet."""
+        """Parameters that the recording determines hardly better than the data sheet."""
         return tuple(name for fit in self.fits for name in self.untold_of(fit))
 
     def untold_of(self, fit: ModuleFit) -> list[str]:
-        """Those of a module."""
+        """Such parameters of a module."""
         far = {s.parameter for s in self.strain}
         return [name for n in fit.untold if (name := f"{fit.module}.{n}") not in far]
 
@@ -107,12 +106,12 @@ class Calibrated:
 
 
 def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrated:
-    """Fit every module whose true flow a fault-free recording tells.
+    """Fit every module whose true flow a fault-free recording determines.
 
     Parameters
     ----------
-    models : of all passes.
-    name : of the recording, for messages.
+    models : results of all passes.
+    name : name of the recording in messages.
 
     Raises
     ------
@@ -131,7 +130,7 @@ def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrat
 
 @dataclass(frozen=True)
 class Settled:
-    """What a recording offers to a fit: `points`, rows of a `table` of operating points or settled
+    """Input of a fit: `points`, which are rows of a `table` of operating points or settled
     stretches, and remarks on `sensors`."""
 
     points: Points
@@ -140,14 +139,14 @@ class Settled:
 
 
 def settled_points(models: Compilation, recording: Recording, name: str) -> Settled:
-    """Points of a fault-free recording. Raises `CalibrationRefused` where nothing settled."""
+    """Points of a fault-free recording. Raises `CalibrationRefused` if nothing settled."""
     ruleset = models.ruleset
     health = examine(recording, ruleset, by_model=False)
     recording = health.recording
     table = is_point_table(recording, ruleset)
     stretches, noise = settle(recording, ruleset)
     if table:
-        # One row says nothing of its own noise: that is part of the misfit.
+        # The noise of a single row is unknown; it is part of the misfit.
         stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
     if not len(stretches):
         raise CalibrationRefused(
@@ -162,7 +161,7 @@ def settled_points(models: Compilation, recording: Recording, name: str) -> Sett
 
 
 def _fit_all(models: Compilation, points: Points) -> list[ModuleFit]:
-    """Fit every module that ran and whose true flow is known; refuses if there is none."""
+    """Fit every module that ran and whose true flow is known; refuse if there is none."""
     plant = models.plant
     local = {m.name: local_readings(models, points, m) for m in plant.modules.values()}
     flows = true_flows(models, local)
@@ -172,10 +171,8 @@ def _fit_all(models: Compilation, points: Points) -> list[ModuleFit]:
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
         flow = flows[module.name]
-        if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
-            continue
-        readings = Readings(local[module.name], flow)
-        fits.append(fit_module(module, model, readings))
+        if np.isfinite(flow.values).any():  # else the module never ran, and keeps its values
+            fits.append(fit_module(module, model, Readings(local[module.name], flow)))
     if not fits:
         raise CalibrationRefused(
             "no module has a true flow to fit to: the recording needs a flow meter column, "
@@ -185,7 +182,7 @@ def _fit_all(models: Compilation, points: Points) -> list[ModuleFit]:
 
 
 def local_readings(models: Compilation, points: Points, module: Module) -> Local:
-    """Readings of a module, below-minimum ones blanked."""
+    """Readings of a module; those below their minimum are NaN."""
     ruleset = models.ruleset
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
@@ -215,3 +212,29 @@ def local_readings(models: Compilation, points: Points, module: Module) -> Local
 
 def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
     return np.sqrt(sum((np.broadcast_to(p, (n,)) ** 2 for p in parts), np.zeros(n)))
+
+
+def _notes(module: Module, fit: ModuleFit) -> Iterator[str]:
+    """Notes on parameters without a stated uncertainty that are of another order of magnitude than
+    stated, and on readings that were not varied."""
+    u = np.sqrt(np.diag(fit.covariance)).tolist()
+    for name, value, error in zip(fit.parameters, fit.values.tolist(), u, strict=True):
+        stated = module.stated[name]
+        unit = stated.unit
+        old, new = abs(stated.value - unit.offset), abs(value - unit.offset)
+        alike = not old or old / OTHER_SIZE <= new <= old * OTHER_SIZE
+        if not stated.u and not alike and abs(value - stated.value) > FAR_OFF * error:
+            yield (
+                f"{fit.module}.{name}: the recording says {unit.from_si(value):.4g} {unit.text}, "
+                f"the data sheet {unit.from_si(stated.value):.4g} {unit.text}; check the units of "
+                "the columns and the equation of the flow meter before this file is used"
+            )
+    for name, found in fit.valid.items():
+        if found.unvaried:
+            unit = module.type.signals[name].unit
+            low, high = (f"{unit.from_si(end):.4g}" for end in (found.low, found.high))
+            yield (
+                f"{fit.module}.{name} stood all the time, as far as its sensor can tell; the laws "
+                f"count as tested from {low} to {high} {unit.text} alone, and beyond that no fault "
+                "is named. Vary it in the calibration if it varies in operation"
+            )

@@ -2,8 +2,13 @@
 
 Each observer is fitted in turn for the parameters that no earlier one has. Outliers (a relief valve
 opens, a valve was shut) must not distort the law: a robust fit finds the bulk, points far from it
-are set aside and counted, the rest is fitted by least squares. What the data sheet says always
-counts beside it: what the points do not tell stays as stated.
+are set aside and counted, and least squares fit the rest. The data sheet is always the prior: what
+the points do not determine stays as stated.
+
+The range over which a law was tested is that of the points, widened to the sensor's error bound. A
+sensor cannot distinguish two values within its 95 % bound. If a reading varied less, the recording
+holds one value of it, known to that bound; a narrower range would be left because of the sensor's
+error alone.
 """
 
 from __future__ import annotations
@@ -17,11 +22,11 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares, lsq_linear
 
-from rulec.calibration.calibrated_range import CalibratedRange, range_of
 from rulec.calibration.sheet_priors import SheetPriors
 from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
 from rulec.knowledge.plant import Module
 from rulec.limits import (
+    COVERAGE,
     FAR_POINT,
     JOINING_STEPS,
     LEAST_SCATTER,
@@ -44,17 +49,14 @@ class CalibrationRefused(Refusal):
 
 @dataclass(frozen=True)
 class Readings:
-    """Settled readings of one module, and the true flow.
-
-    A reading that both rest on has the same name in both.
-    """
+    """Settled readings of one module, and the true flow; readings have the same names in both."""
 
     own: Local
     true: TrueFlow
 
     def errors(self, slopes: Mapping[str, Array], rows: np.ndarray) -> list[Array]:
-        """How far points move off the law, m3/s, if one sensor is one standard deviation off: per
-        sensor that the calibration rests on an array, shape (rows,)."""
+        """How far points move off the law, m3/s, if one sensor is one standard deviation off: an
+        array, shape (rows,), per sensor used by the calibration."""
         own, true = self.own.systematic, self.true.errors
         found = []
         for name in dict.fromkeys([*own, *true]):
@@ -67,9 +69,18 @@ class Readings:
         return found
 
 
+@dataclass(frozen=True)
+class CalibratedRange:
+    """Ends in SI; `unvaried`: the reading varied no more than its sensor's error bound."""
+
+    low: float
+    high: float
+    unvaried: bool
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObserverFit:
-    """What was found for one observer; misfit in m3/s."""
+    """The fit of one observer; misfit in m3/s."""
 
     observer: str
     misfit: float
@@ -80,9 +91,9 @@ class ObserverFit:
 
 @dataclass(frozen=True, kw_only=True)
 class ModuleFit:
-    """Fitted parameters of a module (SI) with joint covariance, and the range of the readings.
+    """Fitted parameters of a module (SI) with joint covariance, and the ranges of the readings.
 
-    Of the `untold` ones the recording told next to nothing beside the data sheet.
+    The recording determines the `untold` ones hardly better than the data sheet.
     """
 
     module: str
@@ -102,7 +113,9 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     current = {p.name: p.value for p in module.parameters.values()}
     names: list[str] = []
     parts: list[_Part] = []
-    held = _held(module, model)
+    # The parameters of the true flow itself stay as they are.
+    of_references = (e for o, e in model.observers.items() if module.type.observers[o].is_reference)
+    fixed = {s.name for e in of_references for s in e.free_symbols}
     kept_all = np.zeros(len(readings.true.values), dtype=bool)
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
@@ -111,18 +124,17 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         free = [
             p.name
             for p in module.parameters.values()
-            if p.fit and p.name in used and p.name not in {*names, *held}
+            if p.fit and p.name in used and p.name not in {*names, *fixed}
         ]
         part = _fit_observer(module, model, observer, free, current, readings)
         current.update(zip(free, part.values, strict=True))
         names += free
         parts.append(part)
         kept_all[part.rows] = True
-    values = np.array([current[n] for n in names])
     return ModuleFit(
         module=module.name,
         parameters=tuple(names),
-        values=values,
+        values=np.array([current[n] for n in names]),
         covariance=_joint_covariance(parts),
         untold=tuple(name for part in parts for name in part.untold),
         observers=tuple(part.summary for part in parts),
@@ -130,16 +142,10 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     )
 
 
-def _held(module: Module, model: TypeModel) -> set[str]:
-    """What the true flow itself rests on stays as it is."""
-    of_references = (e for o, e in model.observers.items() if module.type.observers[o].is_reference)
-    return {s.name for e in of_references for s in e.free_symbols}
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Part:
     """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row), `errors` are
-    those of the calibrating sensors there."""
+    those of the calibrating sensors in these rows."""
 
     values: Array
     rows: np.ndarray
@@ -195,7 +201,7 @@ def _fit_observer(
     begun = near(best, usual)
     _must_be_determined(module, observer, free, begun, known.near(best)[1])
     best, _ = min(
-        # A belief with long tails may hold at two places: one may be a bench meter's error.
+        # A prior with long tails may have two optima; one may be the error of a bench meter.
         (_joined(lambda at: near(at, usual, begun.noise), p, known) for p in (known.begin, best)),
         key=lambda joined: joined[1],
     )
@@ -227,11 +233,11 @@ def _fit_observer(
 
 @dataclass(frozen=True, kw_only=True)
 class _Near:
-    """What a recording says near some values: least squares by slopes there.
+    """Linear least squares near some values.
 
-    `off` shape (points,), with slopes `jacobian` (points, n), which go `across` the points. A
-    change of the values, shape (n,), is off by ``weighing @ change + inward @ off``, in standard
-    uncertainties.
+    `off`, shape (points,), are the errors, `jacobian`, shape (points, n), their slopes, which span
+    `across`. After a change of the values, shape (n,), the errors are ``weighing @ change + inward
+    @ off``, in standard uncertainties.
     """
 
     off: Array
@@ -253,8 +259,8 @@ class _Near:
         slopes: Mapping[str, Array],
         errors: Sequence[Array],
     ) -> _Near:
-        """Each direction that values move the points in is known as exactly as the scatter and the
-        errors of the calibrating sensors leave it."""
+        """The scatter and the errors of the calibrating sensors limit how exactly each direction is
+        known in which values move the points."""
         across, sizes, along = np.linalg.svd(jacobian, full_matrices=False)
         if noise is None:
             noise = max(_spread(off - across @ (across.T @ off), jacobian.shape[1]), least)
@@ -280,20 +286,19 @@ class _Near:
 
     @property
     def precision(self) -> Array:
-        """Of the values by the recording alone, shape (n, n)."""
+        """Precision of the values by the recording alone, shape (n, n)."""
         return self.weighing.T @ self.weighing
 
 
 def _joined(near: Callable[[Array], _Near], at: Array, known: SheetPriors) -> tuple[Array, float]:
-    """Values by recording and data sheet, and what they cost.
+    """Values by recording and data sheet, and their cost.
 
-    Slopes are taken anew where the two meet, as an observer may bend between them.
+    Slopes are updated at each optimum, as an observer may be nonlinear in between.
     """
     for _ in range(JOINING_STEPS if len(at) else 0):
         found, (mean, precision) = near(at), known.near(at)
         if not np.isfinite(found.weighing).all():
-            # A step that led to where the law has no value any more.
-            return at, float("inf")
+            return at, float("inf")  # a step led to where the law has no value
         root = np.sqrt(np.diag(precision))
         change = lsq_linear(
             np.vstack([found.weighing, np.diag(root)]),
@@ -309,16 +314,16 @@ def _joined(near: Callable[[Array], _Near], at: Array, known: SheetPriors) -> tu
 def _own_misfit(
     near: _Near, at: Array, known: SheetPriors, readings: Readings, rows: np.ndarray
 ) -> float:
-    """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain, nor
-    the noise of the readings, which a diagnosis knows of its own recording.
+    """Scatter, m3/s, that neither the parameters nor the errors of the calibrating sensors explain,
+    nor the noise of the readings, which a diagnosis knows from its own recording.
 
-    A bench meter that reads 5 W high moves all points alike. Where the data sheet holds the
-    parameter that could follow, the points lie beside the law by the meter's error; it says
-    nothing of how well the law holds. Parameters and errors of the sensors are therefore fitted
-    together, within their uncertainties.
+    A bench meter that reads 5 W high moves all points alike. If the data sheet fixes the parameter
+    that could follow, the points lie off the law by the meter's error, which does not say how well
+    the law holds. Parameters and errors of the sensors are therefore fitted together, within their
+    uncertainties.
 
-    Source: Bayesian linear regression with conjugate priors; freedom is the trace of what is left
-    free (Hastie, Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
+    Source: Bayesian linear regression with conjugate priors; degrees of freedom by a trace (Hastie,
+    Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
     """
     slopes = np.column_stack([near.jacobian, *near.errors])
     mean, precise = known.near(at)
@@ -337,7 +342,7 @@ def _own_misfit(
 
 
 def _noise(slopes: Mapping[str, Array], rows: np.ndarray, readings: Readings) -> float:
-    """Mean variance by which points scatter about the law for the noise of readings, (m3/s)^2."""
+    """Mean variance of points about the law by the noise of readings, (m3/s)^2."""
     own, true = readings.own.statistical, readings.true.noise
     none = np.zeros(len(rows))
     variance = none
@@ -350,10 +355,10 @@ def _noise(slopes: Mapping[str, Array], rows: np.ndarray, readings: Readings) ->
 
 
 def _even(found: tuple[Array, float], law: float, usual: float) -> Array:
-    """Errors of points with their variance for noise, in size as if that were a `usual` one.
+    """Errors of points, scaled from their variance by noise to the `usual` one.
 
-    Values by which a law follows the noise of a reading do not thereby explain anything. `law` is
-    the variance by which the law itself is off, (m3/s)^2.
+    Values with which a law follows the noise of a reading explain nothing by that. `law` is the
+    variance of the error of the law itself, (m3/s)^2.
 
     Source: Fuller, Measurement Error Models, 1987, 3.1 (errors in variables).
     """
@@ -368,7 +373,8 @@ def _spread(off: Array, count: int) -> float:
 def _usable_rows(
     module: Module, model: TypeModel, observer: str, count: int, readings: Readings
 ) -> np.ndarray:
-    """Points with all readings and a true flow; refuses if they are too few for `count`."""
+    """Points with all readings and a true flow; refuse if they are too few for `count`
+    parameters."""
     usable = np.isfinite(readings.true.values)
     for name in readings_of(model, observer):
         usable &= np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
@@ -390,9 +396,9 @@ def _robust(
 ) -> tuple[Array, np.ndarray, float]:
     """Fit the bulk, set far points aside, fit again.
 
-    What the sheet says weighs as one point, or as all of them: a law that bends may meet another
-    bulk on the way from a start that is hardly held. The likelier of the two is taken. Also returns
-    the variance by which the law is off beyond the noise of readings, (m3/s)^2.
+    The sheet weighs as much as one point, or as all of them: from a start that is hardly
+    constrained, a nonlinear law may find another bulk. The likelier of the two fits counts. Also
+    returns the variance of the error of the law beyond the noise of readings, (m3/s)^2.
     """
     if not len(known.begin):
         return known.begin, rows, 0.0
@@ -408,7 +414,7 @@ def _bulk(
     size: float,
     weight: float,
 ) -> tuple[float, Array, np.ndarray, float]:
-    """A bulk where the sheet weighs as much; first half of what it costs, in log likelihood."""
+    """A bulk for a weight of the sheet; returns first its negative log likelihood."""
     best, kept, scatter = known.begin, rows, ROBUST_WIDTH * size
     loss, width, law, noise = "soft_l1", ROBUST_WIDTH, scatter**2, error(best, rows)[1]
     for _ in range(ROBUST_ROUNDS):
@@ -446,7 +452,7 @@ def _jacobian(error: Callable[[Array], Array], at: Array, points: int) -> Array:
 def _must_be_determined(
     module: Module, observer: str, free: Sequence[str], found: _Near, precision: Array
 ) -> None:
-    """Refuses parameters without an uncertainty by the sheet that the points do not determine."""
+    """Refuse parameters that neither the points nor an uncertainty of the sheet determine."""
     normal = found.precision + precision
     size = np.sqrt(np.diag(normal))
     weak = [n for n, s in zip(free, size, strict=True) if s == 0]
@@ -476,9 +482,9 @@ def _joint_covariance(parts: Sequence[_Part]) -> Array:
 
 
 def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, CalibratedRange]:
-    """Readings over which the laws were fitted, for own signals that they use.
+    """Ranges over which the laws were fitted, for signals of the module that they use.
 
-    A flow meter that only serves as reference has no law that could be left.
+    A flow meter that only serves as reference has no law with a range.
     """
     laws = [o for o in model.observers if not model.type.observers[o].is_reference]
     used = {n for o in laws for n in readings_of(model, o)}
@@ -488,5 +494,11 @@ def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, 
         if name in used and values is not None:
             inside = kept & np.isfinite(values)
             if inside.any():
-                found[name] = range_of(values[inside], readings.own.systematic[name][inside])
+                low, high = float(values[inside].min()), float(values[inside].max())
+                bound = COVERAGE * float(np.max(readings.own.systematic[name][inside]))
+                unvaried = not high - low > 2.0 * bound
+                if unvaried:
+                    middle = 0.5 * (low + high)
+                    low, high = min(low, middle - bound), max(high, middle + bound)
+                found[name] = CalibratedRange(low, high, unvaried)
     return found

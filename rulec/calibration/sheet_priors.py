@@ -1,4 +1,4 @@
-"""What the data sheet says of parameters, in the coordinates of a fit: near one, without a unit."""
+"""Priors of parameters by the data sheet, in the coordinates of a fit: near 1, without a unit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from rulec.limits import BELIEF_FREEDOM, NEAR_END
 
 @dataclass(frozen=True, kw_only=True)
 class SheetPriors:
-    """The belief in some parameters, all arrays of shape (n,): values are those of `coordinates`
-    at places times `size`. `belief` is in those at `places`, which have an uncertainty."""
+    """Priors of n parameters; all arrays have shape (n,).
+
+    Values are those of `coordinates` at points times `size`. `belief` is the prior of the
+    parameters at the indices `places`, which have an uncertainty.
+    """
 
     coordinates: Coordinates
     size: Array
@@ -28,7 +31,7 @@ class SheetPriors:
 
     @classmethod
     def of(cls, stated: Sequence[Parameter]) -> SheetPriors:
-        """By type and plant; what has no uncertainty states nothing."""
+        """Priors as type and plant state them; a parameter without uncertainty has none."""
         values, u = np.array([[p.value, p.u] for p in stated]).reshape(-1, 2).T
         positive = np.array([p.positive for p in stated], dtype=bool)
         own = Coordinates(positive)
@@ -54,45 +57,45 @@ class SheetPriors:
         )
 
     def values(self, at: Array) -> Array:
-        """Values at a place, SI."""
+        """Values at a point, SI."""
         with np.errstate(over="ignore"):
             return self.coordinates.values(at * self.size)
 
     def nearest(self, values: Array) -> Array:
-        """The place of values, SI, shape (n,), moved inside where they stand at an end."""
+        """The point of values, SI, shape (n,), moved inside if they are at an end."""
         least = NEAR_END * np.abs(self.values(self.begin))
         inside = np.where(self.coordinates.positive, np.maximum(values, least), values)
         at = self.coordinates.of(inside) / self.size
         return np.clip(at, np.nextafter(self.lowest, np.inf), np.nextafter(self.highest, -np.inf))
 
     def near(self, at: Array) -> tuple[Array, Array]:
-        """Mean, shape (n,), and precision, shape (n, n), of what is believed near a place.
+        """Mean, shape (n,), and precision, shape (n, n), of the prior near a point.
 
-        At its centre a Student distribution is sharper than its standard uncertainty says. Here the
-        latter holds there: what a recording does not tell stays as uncertain as stated.
+        At its centre a Student distribution is sharper than its standard uncertainty. Here the
+        latter holds there: what a recording does not determine stays as uncertain as stated.
         """
         size, n = self.size[self.places], len(at)
-        held = self.belief.near(at[self.places] * size)
+        prior = self.belief.near(at[self.places] * size)
         mean, precision = at.copy(), np.zeros((n, n))
-        mean[self.places] = held.mean / size
+        mean[self.places] = prior.mean / size
         precision[np.ix_(self.places, self.places)] = (
-            held.precision * np.outer(size, size) * BELIEF_FREEDOM / (BELIEF_FREEDOM + 1.0)
+            prior.precision * np.outer(size, size) * BELIEF_FREEDOM / (BELIEF_FREEDOM + 1.0)
         )
         return mean, precision
 
     def far(self, at: Array) -> Array:
-        """Errors whose squares are what the belief costs at a place, shape (n,)."""
+        """Errors whose squares sum up to the cost of the prior at a point, shape (n,)."""
         mean, precision = self.near(self.begin)
         off = np.sqrt(np.diag(precision)) * (at - mean)
         return np.sign(off) * np.sqrt(BELIEF_FREEDOM * np.log1p(off**2 / BELIEF_FREEDOM))
 
     def spreads(self, at: Array, covariance: Array) -> Array:
-        """Standard uncertainties of values by those of places, shape (n,): the inverse of
-        `Coordinates.scales`, so that of a logarithm it is the one of a log-normal value."""
+        """Standard uncertainties of values by the covariance of points, shape (n,): the inverse of
+        `Coordinates.scales`, so a logarithm gives that of a log-normal value."""
         u = np.sqrt(np.diag(covariance))
         relative = np.sqrt(np.expm1(u**2)) / u
         return np.where(self.coordinates.positive, self.values(at) * relative, self.size)
 
     def left(self, covariance: Array) -> Array:
-        """Standard uncertainties by a covariance, shape (n, n), as shares of the sheet's."""
+        """Standard uncertainties by a covariance, shape (n, n), as shares of those of the sheet."""
         return np.sqrt(np.diag(covariance) * np.diag(self.near(self.begin)[1]))

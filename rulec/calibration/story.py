@@ -12,24 +12,19 @@ from rulec.calibration.calibrate import Calibrated
 from rulec.effects.recalibrate import FLOW_FACTOR
 from rulec.knowledge.plant import Module
 
-REMEDY = (
-    "Ask rulec mismatch what is missing in the model, or correct the sheet or the columns. "
-    "--force writes it."
-)
 
+def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
+    """Print the fit of each observer, what was left out, and remarks; `name` is that of the file.
 
-def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> None:
-    """What each observer came to, what was left, and remarks; `name` is what came of it.
-
-    `forced`: it is written though a value is not believed.
+    `forced`: it is written although a value is not credible.
     """
     for text in found.sensors:
         out.print(f"note: {text}")
     out.print(_table(found))
     for fit in found.fits:
         if untold := found.untold_of(fit):
-            stood = fit.valid and all(reading.stood for reading in fit.valid.values())
-            why = "one operating point" if stood else "the recording does not tell them"
+            unvaried = fit.valid and all(reading.unvaried for reading in fit.valid.values())
+            why = "one operating point" if unvaried else "the recording does not tell them"
             out.print(f"{', '.join(untold)} as in the sheet: {why}", soft_wrap=True)
     for strain in found.strain:
         out.print(str(strain), markup=False, soft_wrap=True)
@@ -38,8 +33,7 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> No
         out.print(f"no true flow in this recording, left as they were: {left}")
     for note in found.notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
-    what = "operating points" if found.table else "settled stretches"
-    made = f"from {found.points} {what}"
+    made = f"from {found.points} {'operating points' if found.table else 'settled stretches'}"
     if not found.unbelievable:
         out.print(styled("[green]✓[/] {}: {}", name, made))
     elif forced:
@@ -47,7 +41,12 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool = False) -> No
     else:
         far = ", ".join(strain.parameter for strain in found.unbelievable)
         out.print(styled("[red]✗[/] {} not written: {} too far from the sheet", name, far))
-        out.print(REMEDY, markup=False, soft_wrap=True)
+        out.print(
+            "Ask rulec mismatch what is missing in the model, or correct the sheet or the columns. "
+            "--force writes it.",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def _table(found: Calibrated) -> Table:

@@ -1,8 +1,8 @@
-"""The true flow that a calibration fits to, with the errors it has.
+"""The true flow that a calibration fits to, with its errors.
 
-A module's own reference observer gives it, by its whole equation: a current loop that reads mA, a
-venturi, a meter with a zero of its own. Without one any reading of a volume flow counts, and else
-continuity says the flow from the meters of other modules.
+It follows from the equation of a module's own reference observer: a current loop that reads mA, a
+venturi, a meter with a zero of its own. Without one, any reading of a volume flow counts, or
+continuity with the meters of other modules.
 
 Each error is one column: how far the flow would move, at every point, if one sensor or one
 parameter of the equation were one standard uncertainty off (GUM, 5.1: first order).
@@ -26,10 +26,10 @@ from rulec.passes.types import Compilation
 
 @dataclass(frozen=True)
 class TrueFlow:
-    """`values` shape (n,), m3/s, NaN where not known; `errors` and `noise` per source, shape (n,).
+    """`values`, m3/s, NaN where not known; `errors` and `noise` per source; all of shape (n,).
 
-    Errors are the same at all points, noise is new at each. Sources that are readings of the module
-    itself have their local names.
+    Errors are the same at all points, noise is new at each. Readings of the module itself have
+    their local names as sources.
     """
 
     name: str
@@ -49,13 +49,13 @@ class Local:
 
 
 def readings_of(model: TypeModel, observer: str) -> list[str]:
-    """Readings of an observer: own signals and sums from downstream."""
+    """Readings of an observer: signals of its module, and sums of those downstream."""
     gradient = model.gradients[observer]
     return [n for n in gradient if n in model.type.signals or n.startswith(GATHERED)]
 
 
 def observer_plan(model: TypeModel, observer: str, by: Iterable[str]) -> Plan:
-    """An observer as ``Q``, parameters as inputs, and ``d:<name>``, its slopes by some names."""
+    """An observer as ``Q`` with parameters as inputs, and its slopes ``d:<name>``."""
     graph = Graph(model.symbols)
     symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
     graph.outputs["Q"] = lower(graph, model.observers[observer], symbols)
@@ -72,21 +72,14 @@ def true_flows(models: Compilation, local: Mapping[str, Local]) -> dict[str, Tru
         found = _own(module, models.types[module.type.key], local[module.name])
         if found is not None:
             own[module.name] = found
-    result = dict(own)
-    for name, fixed in flows_by_continuity(network.graph, own).items():
-        result[name] = _balanced(own, fixed.terms)
-    return result
-
-
-def reference_of(module: Module) -> str | None:
-    """The reference observer of a module."""
-    return next((o.name for o in module.type.observers.values() if o.is_reference), None)
+    by_continuity = flows_by_continuity(network.graph, own).items()
+    return own | {name: _balanced(own, fixed.terms) for name, fixed in by_continuity}
 
 
 def _own(module: Module, model: TypeModel, local: Local) -> TrueFlow | None:
-    reference = reference_of(module)
-    if reference is not None:
-        return _by_equation(module, model, reference, local)
+    for observer in module.type.observers.values():
+        if observer.is_reference:
+            return _by_equation(module, model, observer.name, local)
     for signal in module.type.signals.values():
         if signal.quantity == "volume flow" and signal.name in local.values:
             name = signal.name
@@ -96,7 +89,7 @@ def _own(module: Module, model: TypeModel, local: Local) -> TrueFlow | None:
 
 
 def _by_equation(module: Module, model: TypeModel, reference: str, local: Local) -> TrueFlow | None:
-    """The flow by a reference observer; None where a reading of it was not recorded."""
+    """The flow by a reference observer; None if one of its readings was not recorded."""
     read, values = readings_of(model, reference), local.values
     if any(name not in values for name in read):
         return None
@@ -117,7 +110,7 @@ def _by_equation(module: Module, model: TypeModel, reference: str, local: Local)
 
 
 def _balanced(own: Mapping[str, TrueFlow], terms: Mapping[str, int]) -> TrueFlow:
-    """A flow as sum of others; the errors of several meters count as one."""
+    """A flow as a sum of others; the errors of several meters become one."""
     flow: Array = np.sum([sign * own[m].values for m, sign in terms.items()], axis=0)
     name = " + ".join(own[m].name for m in terms)
     errors = _joined(name, {m: own[m].errors for m in terms}, terms)

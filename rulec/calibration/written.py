@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from rulec.calibration.fit import ModuleFit
-from rulec.calibration.notes import STOOD
 from rulec.effects.recalibrate import flow_entry, range_entry
 from rulec.knowledge.plant import Module
 from rulec.language.written import rounded
@@ -19,7 +18,7 @@ DIGITS = 10
 
 
 def calibration_form(models: Compilation, fits: Sequence[ModuleFit]) -> dict[str, Any]:
-    """Content of the calibration file, in the units of the module types."""
+    """The content of the calibration file, in the units of the module types."""
     plant = models.plant
     return {
         "calibration": plant.name,
@@ -59,6 +58,9 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     for name, found in fit.valid.items():
         entry["range"][name] = {
             **range_entry(module.type.signals[name].unit, found.low, found.high),
-            **({"source": STOOD} if found.stood else {}),
         }
+        if found.unvaried:
+            entry["range"][name]["source"] = (
+                "the reading stood in the calibration; these are the 95 % bounds of its sensor"
+            )
     return {key: value for key, value in entry.items() if value}
