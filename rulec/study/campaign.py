@@ -1,8 +1,8 @@
-"""The recordings of a study: how each is simulated and judged, on whatever engine.
+"""The recordings of a study: how each is simulated and judged, on any engine.
 
 A *group* is one true plant with one fault, recorded at all operating points and degrees. Its
-parameters differ from what the ruleset believes, within their covariance; the laws are off by
-their misfit and the sensors by their uncertainty, anew in each recording.
+parameters differ from those of the ruleset within their covariance. The errors of the laws, within
+their misfit, and of the sensors, within their uncertainty, are new in each recording.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from rulec.study.judge import Kind, Outcome, judge, share
 from rulec.study.points import Points
 
 PARAMETERS, LAWS, SENSORS = range(3)
-"""Streams of random numbers that do not depend on each other."""
+"""Independent streams of random numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """Size of a study.
 
-    `seeds` true plants for every fault, each at all degrees and operating points; `samples` with
-    the fault (1 s apart) behind `lead_in` healthy ones; `healthy` plants without fault per seed.
+    There are `seeds` true plants for every fault, each at all degrees and operating points. A
+    recording has `samples` with the fault, 1 s apart, after `lead_in` healthy ones. There are
+    `healthy` plants without a fault per seed.
     """
 
     degrees: tuple[float, ...] = (0.1, 0.2, 0.3)
@@ -49,7 +50,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Group:
-    """One true plant; `fault` is empty where it is healthy, and `draw` then numbers it."""
+    """One true plant; if it is healthy, `fault` is empty, and `draw` numbers it."""
 
     fault: str
     seed: int
@@ -57,18 +58,18 @@ class Group:
     truth: Plan
 
     def random(self, stream: int, *more: int) -> np.random.Generator:
-        """Random numbers of this group, the same in whatever order groups are run."""
+        """Random numbers of this group; they do not depend on the order of the groups."""
         return generator(stream, self.fault, self.seed, self.draw, *more)
 
 
 def generator(stream: int, fault: str, *numbers: int) -> np.random.Generator:
-    """A stream of random numbers by what it is for."""
+    """The stream of random numbers for a purpose."""
     return np.random.default_rng([stream, zlib.crc32(fault.encode()), *numbers])
 
 
 def degrees_of(ruleset: Ruleset, fault: str, settings: Settings) -> tuple[float, ...]:
-    """The degrees of a study that a fault can have; 0 for none. Sizes are asked for as shares of
-    the range of their sensor."""
+    """The degrees of a study that a fault can have; 0 for no fault. Degrees with a unit are given
+    as shares of the range of their sensor."""
     if not fault:
         return (0.0,)
     spec = ruleset.fault_by_id[fault]
@@ -79,7 +80,7 @@ def degrees_of(ruleset: Ruleset, fault: str, settings: Settings) -> tuple[float,
 def groups_of(
     ruleset: Ruleset, settings: Settings, draw_truth: Callable[[np.random.Generator], Plan]
 ) -> Iterator[Group]:
-    """All groups of a study; `draw_truth` makes the undo plan of a true plant."""
+    """All groups of a study; `draw_truth` draws the undo plan of a true plant."""
     for seed in range(settings.seeds):
         cases = [(f.id, 0) for f in ruleset.faults if degrees_of(ruleset, f.id, settings)]
         for fault, draw in [*(("", i) for i in range(settings.healthy)), *cases]:
@@ -90,36 +91,28 @@ def groups_of(
 def record(
     ruleset: Ruleset, points: Points, settings: Settings, group: Group
 ) -> Iterator[tuple[float, dict[str, Array] | None]]:
-    """Recordings of a group with their degrees; None where the plant cannot run like that."""
+    """Recordings of a group with their degrees; None if the plant cannot run at that point."""
     equations = equations_of(replace(ruleset, undo=group.truth))
     degrees, count = degrees_of(ruleset, group.fault, settings), len(points)
     faulty = _simulated(equations, points, group, degrees)
     healthy = _simulated(equations, points, group, (0.0,))
-    sensor = _faulty_sensor(ruleset, group.fault)
+    # The signal whose reading the fault scales; none if it acts on the plant.
+    spec = ruleset.fault_by_id.get(group.fault)
+    sensor = spec.scales[0] if spec is not None and spec.in_sensor and not spec.unit else ""
     for i, degree in enumerate(np.repeat(degrees, count).tolist()):
         point = i % count
         if not (faulty.solved[i] and healthy.solved[point]):
             yield degree, None
             continue
+        lengths = (settings.lead_in, settings.samples)
         true = {
-            name: np.concatenate(
-                [
-                    np.full(settings.lead_in, healthy.values[name][point]),
-                    np.full(settings.samples, values[i]),
-                ]
-            )
+            name: np.repeat([healthy.values[name][point], values[i]], lengths)
             for name, values in faulty.values.items()
         }
         random = group.random(SENSORS, point, round(degree * 1e9))
         gains = {name: values / healthy.values[name][point] for name, values in true.items()}
         own = {name: gain for name, gain in gains.items() if name == sensor}
         yield degree, sense(ruleset, true, settings.errors, random, own)
-
-
-def _faulty_sensor(ruleset: Ruleset, fault: str) -> str:
-    """The signal whose reading a fault scales; none if it acts on the plant."""
-    spec = ruleset.fault_by_id.get(fault)
-    return spec.scales[0] if spec is not None and spec.in_sensor and not spec.unit else ""
 
 
 def _simulated(
@@ -129,7 +122,7 @@ def _simulated(
     count = len(points)
     given = {name: np.tile(values, len(degrees)) for name, values in points.given.items()}
     fault = {group.fault: np.repeat(degrees, count)} if group.fault else {}
-    # How far a law is off depends on the operating point, not on the degree.
+    # The error of a law depends on the operating point, not on the degree.
     off = [group.random(LAWS, point) for point in range(count)]
     offsets = {
         o.id: np.tile([o.misfit * random.standard_normal() for random in off], len(degrees))
@@ -142,14 +135,13 @@ def run_group(
     ruleset: Ruleset, points: Points, settings: Settings, group: Group
 ) -> Iterator[Outcome]:
     """Record and judge, one recording after the other."""
+    fault = group.fault
     for degree, readings in record(ruleset, points, settings, group):
         if readings is None:
-            yield Outcome(
-                fault=group.fault, degree=share(ruleset, group.fault, degree), kind=Kind.NO_POINT
-            )
+            shown = share(ruleset, fault, degree)
+            yield Outcome(fault=fault, degree=shown, kind=Kind.NO_POINT)
         else:
-            onset = settings.lead_in
-            yield judge(ruleset, readings, group.fault, degree, onset, settings.mode)
+            yield judge(ruleset, readings, fault, degree, settings.lead_in, settings.mode)
 
 
 def size_of(ruleset: Ruleset, points: Points, settings: Settings) -> tuple[int, int]:
@@ -173,27 +165,21 @@ def run_groups(
     engine: Engine,
     advance: Callable[[int], None],
 ) -> list[Outcome]:
-    """Outcomes in the order of the groups, whatever the engine and its number of processes.
+    """Outcomes in the order of the groups, for any engine and number of processes.
 
-    `advance` is called with the number of recordings judged since.
+    `advance` is called with the number of recordings judged since the last call.
     """
     if engine.kind == LOCAL and engine.jobs == 1:
-        return _run_here((ruleset, points, settings), groups, advance)
+        outcomes = []
+        for group in groups:
+            for outcome in run_group(ruleset, points, settings, group):
+                outcomes.append(outcome)
+                advance(1)
+        return outcomes
     scene = pickle.dumps((ruleset, points, settings))
     calls = [Call((group,), SCENE) for group in groups]
     found = in_order(engine, run_one, calls, {SCENE: scene}, lambda own: advance(len(own)))
     return [outcome for own in found for outcome in own]
-
-
-def _run_here(
-    scene: Scene, groups: Iterable[Group], advance: Callable[[int], None]
-) -> list[Outcome]:
-    outcomes = []
-    for group in groups:
-        for outcome in run_group(*scene, group):
-            outcomes.append(outcome)
-            advance(1)
-    return outcomes
 
 
 def run_one(group: Group, scene: bytes) -> list[Outcome]:
@@ -203,6 +189,6 @@ def run_one(group: Group, scene: bytes) -> list[Outcome]:
 
 @lru_cache(maxsize=1)
 def _opened(scene: bytes) -> Scene:
-    """What the parent made; opened once, as a ruleset keeps what it has worked out."""
+    """The scene of the parent process; unpickled once, as a ruleset caches its derived values."""
     found: Scene = pickle.loads(scene)
     return found

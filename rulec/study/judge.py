@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -10,12 +10,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.recordings.recording import Recording
 
 
 class Kind(StrEnum):
-    """What became of a recording."""
+    """The kind of outcome of a recording."""
 
     NO_POINT = "no operating point"
     NOT_JUDGED = "not judged"
@@ -27,11 +26,11 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one recording.
+    """The outcome of one recording.
 
     `fault` is empty in a healthy one. `first` is the fault named first, `shared` whether the true
-    one is among the alternatives, `estimate`, `lower`, `upper` the degree of the finding; `early`
-    is a false alarm before the fault sets in.
+    one is among the alternatives; `estimate`, `lower`, `upper` are the degree of the finding;
+    `early` is a false alarm before the onset of the fault.
     """
 
     fault: str
@@ -59,9 +58,10 @@ def judge(
     diagnosis = diagnose(
         Recording(time=time, values=readings, segment=segment, missing=(), notes=()), ruleset, mode
     )
-    ends = [f.until for f in diagnosis.findings] + [p.until for p in diagnosis.unknown]
-    early = any(end < onset for end in ends)
-    finding = _longest(diagnosis.findings, onset)
+    early = any(part.until < onset for part in (*diagnosis.findings, *diagnosis.unknown))
+    late = [f for f in diagnosis.findings if f.until >= onset]
+    # The finding that covers most of the time from the onset on.
+    finding = max(late, key=lambda f: f.until - max(f.since, onset), default=None)
     if finding is None:
         unknown = any(p.until >= onset for p in diagnosis.unknown)
         kind = Kind.UNKNOWN if unknown else Kind.QUIET if diagnosis.judged else Kind.NOT_JUDGED
@@ -80,11 +80,5 @@ def judge(
 
 
 def share(ruleset: Ruleset, fault: str, degree: float) -> float:
-    """A degree as share, of what it acts on or of the range of its sensor; 0 without a fault."""
+    """A degree as a share, of what it acts on or of the range of its sensor; 0 without a fault."""
     return degree / ruleset.fault_by_id[fault].scale if fault else 0.0
-
-
-def _longest(findings: Sequence[Finding], onset: int) -> Finding | None:
-    """The finding that covers most of the time from the onset on."""
-    late = [f for f in findings if f.until >= onset]
-    return max(late, key=lambda f: f.until - max(f.since, onset), default=None)

@@ -1,4 +1,4 @@
-"""The page of a study: what can be relied on in words, then a table per module type."""
+"""The page of a study: the findings in words, then a table per module type."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec_runtime.report.text import safe
 from rulec.study.campaign import Settings
 from rulec.study.points import Points
 from rulec.study.summary import LEGEND, TITLES, figures_of, per_type, percent, sentences, verdict
-from rulec.study.tally import Cell, Tally
+from rulec.study.tally import Tally
 
 
 def study_page(
@@ -31,11 +31,11 @@ def study_page(
     Parameters
     ----------
     types : module type per module.
-    made : when and by what; left out without.
+    made : when and by which tool the page was made; optional.
     """
-    told = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(counts))
+    items = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(counts))
     sections = [
-        section("What its diagnosis can do", f"<ul>{told}</ul>"),
+        section("What its diagnosis can do", f"<ul>{items}</ul>"),
         *_tables(types, counts),
         section("Where this comes from", facts(_facts(ruleset, points, settings))),
     ]
@@ -54,13 +54,12 @@ def _tables(types: Mapping[str, str], counts: Tally) -> Iterator[str]:
     legend = f'<p class="soft">{safe(LEGEND)}</p>'
     for kind, members, rows in per_type(counts, types):
         name = f"{kind} ({members})"
-        made = table(name, of, (_row(cell) for cells in rows for cell in cells))
-        yield section(safe(name), made + legend)
-
-
-def _row(cell: Cell) -> list[str]:
-    shown = (percent(cell.degree), str(cell.recordings), *figures_of(cell))
-    return [safe(s) for s in (cell.fault.title, *shown)]
+        shown = (
+            (cell.fault.title, percent(cell.degree), str(cell.recordings), *figures_of(cell))
+            for cells in rows
+            for cell in cells
+        )
+        yield section(safe(name), table(name, of, ([*map(safe, row)] for row in shown)) + legend)
 
 
 def _facts(
@@ -80,6 +79,6 @@ def _facts(
             for i in range(len(points))
         ],
     )
-    held = [name for name in points.given if not signals[name].is_input]
-    if held:
-        yield "varied like inputs", [f"{', '.join(held)}: no equation determines them"]
+    free = [name for name in points.given if not signals[name].is_input]
+    if free:
+        yield "varied like inputs", [f"{', '.join(free)}: no equation determines them"]

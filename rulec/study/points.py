@@ -18,8 +18,8 @@ from rulec.simulation.simulate import simulate_with
 class Points:
     """Operating points at which the healthy plant can run.
 
-    `given` per input an array, shape (n,), SI; the first is the reference point. `tried` counts
-    the points that were drawn to find them.
+    `given` holds an array per input, shape (n,), SI; the first is the reference point. `tried`
+    counts the points that were drawn to find them.
     """
 
     given: Mapping[str, Array]
@@ -32,9 +32,8 @@ class Points:
 def operating_points(equations: Equations, count: int) -> Points:
     """The reference point, then a Latin hypercube over the ranges of the inputs.
 
-    There may be fewer than `count` where the plant can rarely run, and is one where it has no
-    input to vary. Raises `SimulationRefused` if the healthy plant cannot even run at its
-    reference point.
+    There may be fewer than `count` if the plant can rarely run, and there is one if it has no input
+    to vary. Raises `SimulationRefused` if the healthy plant cannot even run at its reference point.
 
     Source: McKay, Beckman and Conover 1979.
     """
@@ -60,7 +59,8 @@ def operating_points(equations: Equations, count: int) -> Points:
 
 
 def range_of(signal: SignalSpec) -> tuple[float, float]:
-    """From and to, SI: the calibrated range, or a part of the reference in the reading's unit."""
+    """Ends of the range to vary, SI: the calibrated range, or shares of the reference value in the
+    reading's unit."""
     if signal.valid_from is not None and signal.valid_to is not None:
         low, high = signal.valid_from, signal.valid_to
     else:
@@ -81,5 +81,4 @@ def _latin_hypercube(count: int, dimensions: int, random: np.random.Generator) -
 
 
 def _named(equations: Equations, points: Array) -> dict[str, Array]:
-    """Columns by the ids of their inputs."""
     return {name: points[:, i] for i, name in enumerate(equations.given)}

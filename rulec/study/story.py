@@ -1,4 +1,4 @@
-"""A study as a story for the terminal, and as JSON data."""
+"""A study for the terminal, and as JSON data."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def show(
     points: Points,
     counts: Tally,
 ) -> None:
-    """The findings in words, then a table per module type."""
+    """Print the findings in words, then a table per module type."""
     out.print(styled("\n[bold]{}[/]: what its diagnosis can do\n", ruleset.title))
     for sentence in sentences(counts):
         out.print(f"- {sentence}")
-    held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
-    if held:
-        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.")
+    free = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
+    if free:
+        out.print(f"- No equation determines {', '.join(free)}: varied like inputs.")
     for kind, members, rows in per_type(counts, types):
         out.print(styled("\n[bold]{}[/] ({})", kind, members))
         out.print(_table(rows))
@@ -51,14 +51,10 @@ def _table(rows: list[list[Cell]]) -> Table:
     return table
 
 
-COUNTS = ("recordings", "found", "named", "shared", "covered")
-"""What is counted of a cell."""
-
-
 def study_form(
     ruleset: Ruleset, points: Points, settings: Settings, counts: Tally
 ) -> dict[str, Any]:
-    """Plain data; readings in SI. The `kinds` of a cell sum up to all its recordings."""
+    """A study as JSON data; readings in SI. The `kinds` of a cell sum up to all its recordings."""
     return {
         "plant": ruleset.plant,
         "ruleset": ruleset.sources,
@@ -77,11 +73,12 @@ def study_form(
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
+    counts = ("recordings", "found", "named", "shared", "covered")
     return {
         **asdict(cell.fault),
         "degree": cell.degree,
         "kinds": {kind.value: count for kind, count in cell.kinds.items()},
-        **{name: getattr(cell, name) for name in COUNTS},
+        **{name: getattr(cell, name) for name in counts},
         "error": cell.error if cell.named else None,
         "bias": cell.bias if cell.named else None,
     }

@@ -11,7 +11,7 @@ from rulec.study.judge import Kind
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
 
 TITLES = ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds")
-"""Of the columns of a table, behind the fault."""
+"""Titles of the columns of a table, after the fault."""
 
 LEGEND = (
     "found: something is said to be wrong. named: the true fault comes first; listed: it comes "
@@ -21,7 +21,7 @@ LEGEND = (
 
 
 def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
-    """Cells by fault kind, degrees rising."""
+    """Cells by fault kind, in order of degree."""
     rows: dict[FaultKind, list[Cell]] = {}
     for cell in tally.cells:
         rows.setdefault(cell.fault, []).append(cell)
@@ -29,7 +29,7 @@ def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
 
 
 def per_type(tally: Tally, types: Mapping[str, str]) -> Iterator[tuple[str, str, list[list[Cell]]]]:
-    """Per module type with faults its name, its modules and its rows."""
+    """Name, modules and rows of each module type with faults."""
     every = rows_of(tally)
     for kind in dict.fromkeys(types.values()):
         rows = [cells for of, cells in every.items() if of.type == kind]
@@ -38,7 +38,7 @@ def per_type(tally: Tally, types: Mapping[str, str]) -> Iterator[tuple[str, str,
 
 
 def reliable_from(cells: Sequence[Cell]) -> float | None:
-    """Smallest degree from which on the fault is found, and named or among the named."""
+    """Smallest degree above which the fault is found, and named first or as an alternative."""
     smallest = None
     for cell in sorted(cells, key=lambda c: -c.degree):
         enough = RELIABLE * cell.recordings
@@ -49,7 +49,7 @@ def reliable_from(cells: Sequence[Cell]) -> float | None:
 
 
 def verdict(tally: Tally) -> str:
-    """How many kinds of fault are found and named, and how often there is a false alarm."""
+    """How many kinds of fault are found and named, and the number of false alarms."""
     rows = [cells for cells in rows_of(tally).values() if cells[-1].recordings]
     reliable = sum(reliable_from(cells) is not None for cells in rows)
     healthy = tally.healthy
@@ -60,13 +60,13 @@ def verdict(tally: Tally) -> str:
 
 
 def sentences(tally: Tally) -> Iterator[str]:
-    """Findings first: what can be relied on, what not, what is confused, false alarms."""
+    """Findings in order: what is reliable, what is not, what is confused, false alarms."""
     rows = rows_of(tally)
     yield from _reliable(rows)
     yield from _unreliable(rows)
     yield from _unexplained(rows)
-    mentioned = [c for c in tally.confusions if c.count >= CONFUSED * c.of][:MOST_CONFUSIONS]
-    yield from (_confused(c) for c in mentioned)
+    frequent = [c for c in tally.confusions if c.count >= CONFUSED * c.of]
+    yield from map(_confused, frequent[:MOST_CONFUSIONS])
     yield from _degrees(tally.cells)
     yield _alarmed(tally)
     lost = sum(c.kinds[Kind.NO_POINT] for c in tally.cells)
@@ -85,22 +85,19 @@ def _reliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
 
 
 def _unreliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
-    """Faults that no studied degree makes reliable, by what is missing."""
-    unseen: list[FaultKind] = []
-    missed: list[FaultKind] = []
-    unnamed: list[FaultKind] = []
+    """Faults that are not reliable at any studied degree, by what is missing."""
+    unnamed = "Found, but not always with the true fault among the named"
+    missed = "Not always found, even at the largest degree"
+    invisible = "Cannot be seen"
+    groups: dict[str, list[FaultKind]] = {unnamed: [], missed: [], invisible: []}
     for kind, cells in rows.items():
         largest = cells[-1]
         if reliable_from(cells) is not None or not largest.recordings:
             continue
         share = largest.found / largest.recordings
-        group = unseen if share < BLIND else missed if share < RELIABLE else unnamed
-        group.append(kind)
-    for kinds, what in (
-        (unnamed, "Found, but not always with the true fault among the named"),
-        (missed, "Not always found, even at the largest degree"),
-        (unseen, "Cannot be seen"),
-    ):
+        what = invisible if share < BLIND else missed if share < RELIABLE else unnamed
+        groups[what].append(kind)
+    for what, kinds in groups.items():
         if kinds:
             yield f"{what}: {_names(kinds)}."
 
@@ -114,7 +111,7 @@ def _names(kinds: Sequence[FaultKind]) -> str:
 
 
 def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
-    """Faults that are often taken for none that is known."""
+    """Faults that are often taken for an unknown one."""
     for kind, cells in rows.items():
         count, of = sum(c.kinds[Kind.UNKNOWN] for c in cells), sum(c.recordings for c in cells)
         if of and count >= CONFUSED * of:
@@ -125,13 +122,11 @@ def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
 
 
 def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
-    """How far degrees are off, over all faults that were named first."""
+    """Errors of the degrees, over all faults that were named first."""
     named = sum(c.named for c in cells)
     if named:
-        error, bias = (
-            sum(value * c.named for value, c in part) / named
-            for part in ([(c.error, c) for c in cells], [(c.bias, c) for c in cells])
-        )
+        error = sum(c.error * c.named for c in cells) / named
+        bias = sum(c.bias * c.named for c in cells) / named
         yield (
             f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
             f"{bias:+.3f}); its bounds hold the true one in "
@@ -159,12 +154,12 @@ def _alarmed(tally: Tally) -> str:
 
 
 def percent(share: float) -> str:
-    """A share for readers, two digits."""
+    """A share in percent, with two digits."""
     return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
 
 
 def figures_of(cell: Cell) -> tuple[str, ...]:
-    """Cells of a table behind degree and number of recordings."""
+    """Cells of a table after degree and number of recordings."""
     if not cell.recordings:
         return ("-",) * 6
     shares = [n / cell.recordings for n in (cell.found, cell.named, cell.named + cell.shared)]

@@ -16,7 +16,7 @@ from rulec.study.judge import Kind, Outcome
 
 @dataclass(frozen=True)
 class FaultKind:
-    """A fault of a module type; `name` and `title` are without the module."""
+    """A fault of a module type; `name` and `title` do not contain the module."""
 
     type: str
     name: str
@@ -27,10 +27,9 @@ class FaultKind:
 class Cell:
     """One fault kind at one degree.
 
-    `kinds` counts all recordings by what became of them, `shared` those in which the true fault
-    was an alternative only. Of those in which it was named first: `covered` counts bounds that
-    hold the true degree, `error` and `bias` are the means of the degree's absolute and signed
-    error.
+    `kinds` counts all recordings by outcome, `shared` those in which the true fault was only an
+    alternative. For those in which it was named first, `covered` counts bounds that hold the true
+    degree; `error` and `bias` are the means of the degree's absolute and signed error.
     """
 
     fault: FaultKind
@@ -43,23 +42,23 @@ class Cell:
 
     @property
     def recordings(self) -> int:
-        """Recordings that could be made: the plant has an operating point."""
+        """Number of recordings for which the plant has an operating point."""
         return sum(self.kinds.values()) - self.kinds[Kind.NO_POINT]
 
     @property
     def named(self) -> int:
-        """Recordings in which the true fault was named first."""
+        """Number of recordings in which the true fault was named first."""
         return self.kinds[Kind.NAMED]
 
     @property
     def found(self) -> int:
-        """Recordings in which the diagnoser said that something is wrong."""
+        """Number of recordings in which the diagnosis reported something."""
         return self.named + self.kinds[Kind.OTHER] + self.kinds[Kind.UNKNOWN]
 
 
 @dataclass(frozen=True)
 class Confusion:
-    """A fault taken for another one: how often, of how many recordings of the former."""
+    """A fault taken for another one: `count` of `of` recordings of the former."""
 
     fault: FaultKind
     taken_for: FaultKind
@@ -70,7 +69,7 @@ class Confusion:
 
 @dataclass(frozen=True)
 class Alarms:
-    """False alarms in healthy recordings, with an upper bound of their rate."""
+    """False alarms in healthy recordings, with an upper bound for their rate."""
 
     alarms: int
     recordings: int
@@ -102,7 +101,10 @@ def tally(
     types : module type by module.
     samples, lead_in : length of a healthy recording, and of the healthy part of a faulty one.
     """
-    kinds = {f.id: _kind(ruleset, types, f.id) for f in ruleset.faults}
+    kinds = {}
+    for f in ruleset.faults:
+        name, title = (text.removeprefix(f"{f.module}.") for text in (f.id, f.title))
+        kinds[f.id] = FaultKind(types[f.module], name, title)
     groups: dict[tuple[FaultKind, float], list[Outcome]] = {}
     for kind in kinds.values():
         for degree in sorted({o.degree for o in outcomes if o.fault}):
@@ -120,12 +122,6 @@ def tally(
         _alarms(alarms, len(healthy), samples + lead_in),
         _alarms(early, len(faulty) if lead_in else 0, lead_in),
     )
-
-
-def _kind(ruleset: Ruleset, types: Mapping[str, str], fault: str) -> FaultKind:
-    spec = ruleset.fault_by_id[fault]
-    name, title = (text.removeprefix(f"{spec.module}.") for text in (fault, spec.title))
-    return FaultKind(types[spec.module], name, title)
 
 
 def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
@@ -146,26 +142,25 @@ def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
 def _confusions(
     ruleset: Ruleset, kinds: Mapping[str, FaultKind], faulty: Iterable[Outcome]
 ) -> tuple[Confusion, ...]:
-    """Which fault was named first in place of which, the most frequent confusion first."""
+    """Which fault was named first instead of which, the most frequent confusion first."""
     total: Counter[FaultKind] = Counter()
     count: Counter[tuple[FaultKind, FaultKind, bool]] = Counter()
     for outcome in faulty:
         total[kinds[outcome.fault]] += 1
         if outcome.kind == Kind.OTHER:
-            modules = [ruleset.fault_by_id[f].module for f in (outcome.fault, outcome.first)]
-            same = modules[0] == modules[1]
+            true, first = (ruleset.fault_by_id[f] for f in (outcome.fault, outcome.first))
+            same = true.module == first.module
             count[kinds[outcome.fault], kinds[outcome.first], same] += 1
     found = [Confusion(a, b, same, n, total[a]) for (a, b, same), n in count.items()]
     return tuple(sorted(found, key=lambda c: (-c.count / c.of, -c.count, c.fault.name)))
 
 
 def _alarms(alarms: int, recordings: int, samples: int) -> Alarms:
-    bound = upper_bound(alarms, recordings)
-    return Alarms(alarms, recordings, samples * recordings, bound)
+    return Alarms(alarms, recordings, samples * recordings, upper_bound(alarms, recordings))
 
 
 def upper_bound(count: int, of: int) -> float:
-    """Rate that is exceeded with 5 % confidence only, after `count` events in `of` trials.
+    """Upper bound of a rate with 95 % confidence, after `count` events in `of` trials.
 
     Source: Clopper and Pearson 1934, one-sided: a quantile of the beta distribution.
     """

@@ -1,4 +1,4 @@
-"""What each sensor is needed for: faults that cannot be seen, or told apart, without it."""
+"""What each sensor is needed for: faults that cannot be detected, or told apart, without it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Without = Mapping[str, Mapping[str, Any]]
 
 
 def without_each(ruleset: Ruleset) -> Without:
-    """Per signal that something reads, as JSON data: `unseen` are faults that cannot be seen
-    without it, `merged` groups of others that modules list, which cannot be told apart then, and
+    """JSON data per signal that something reads: `unseen` are faults that cannot be detected
+    without it, `merged` are groups of other listed faults that cannot be told apart without it and
     can with it, at one operating point."""
     visible = visible_of(ruleset)
     listed_ones = {f.id for f in ruleset.faults}
@@ -46,8 +46,8 @@ def without_each(ruleset: Ruleset) -> Without:
 def _merged(
     now: np.ndarray, before: np.ndarray, one: Sighted, listed_ones: set[str]
 ) -> Iterator[list[str]]:
-    """Groups of listed faults of a part that are alike now, some of which were not before; each
-    flags pairs of all its faults."""
+    """Groups of listed faults of a part that are alike now and were not all alike before; `now` and
+    `before` flag pairs of all its faults, shape (faults, faults)."""
     faults = list(one.highest)
     chosen = np.array([name in listed_ones for name in faults], dtype=bool)
     now = now & np.outer(chosen, chosen)
@@ -63,7 +63,7 @@ def _merged(
 
 
 def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
-    """Which faults of a part move all that is left in the same proportion, shape
+    """Flags of faults of a part that move the remaining readings in the same proportion, shape
     (faults, faults)."""
     products = one.information(lost)
     size = np.sqrt(np.diag(products))
@@ -75,7 +75,7 @@ def _alike(one: Sighted, lost: frozenset[str]) -> np.ndarray:
 
 
 def show_without(out: Console, ruleset: Ruleset, without: Without) -> None:
-    """A row per sensor."""
+    """Print a table with a row per sensor."""
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     for title in ("without", "cannot be seen", "cannot be told apart"):
         table.add_column(title, no_wrap=title == "without")
