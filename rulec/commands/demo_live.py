@@ -68,7 +68,7 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
     out.rule("2. watch: one OPC UA server per module, and the diagnosis beside them")
     with ExitStack() as stack:
         playing = stack.enter_context(servers(place / "played.csv", step))
-        endpoints = playing.told("servers", limits.STARTING)
+        endpoints = playing.wait_for("servers", limits.STARTING)
         names = [s.id for s in ruleset.signals if s.id in ruleset.read]
         write_map(place / "map.yaml", endpoints, names, step)
         for module, endpoint in endpoints.items():
@@ -84,9 +84,9 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
         watching = stack.enter_context(watch(place, ["abc.json", "--source", "opcua", *arguments]))
         began = None
         with suppress(KeyboardInterrupt):
-            began = playing.told("began", limits.STARTING, watching)
+            began = playing.wait_for("began", limits.STARTING, watching)
             if began is not None:
-                playing.told("ended", limits.ROWS * step + limits.STARTING, watching)
+                playing.wait_for("ended", limits.ROWS * step + limits.STARTING, watching)
         return began
 
 

@@ -1,1 +1,1 @@
-"""The demo of a whole plant on one machine: servers of its modules, and the watch beside them."""
+"""The demo of a whole plant on one machine: servers of its modules, and `rulec watch`."""

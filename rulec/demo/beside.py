@@ -1,4 +1,4 @@
-"""Processes of the live demo: the servers, and the watch beside them."""
+"""Processes of the live demo: the servers and the watch."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ Process = subprocess.Popen[Any]
 
 
 class Servers:
-    """Servers of all modules in a process of its own."""
+    """The servers of all modules, in a process of their own."""
 
     def __init__(self, process: Process) -> None:
         self._process = process
-        self._told: Queue[Mapping[str, Any]] = Queue()
+        self._messages: Queue[Mapping[str, Any]] = Queue()
         Thread(target=self._listen, name="servers", daemon=True).start()
 
-    def told(self, what: str, seconds: float, beside: Process | None = None) -> Any:
-        """What they tell next; None if they tell nothing for so long, or if the process `beside`
-        ends before. Raises `SourceRefused` if they end."""
+    def wait_for(self, what: str, seconds: float, watching: Process | None = None) -> Any:
+        """The content of their next message; None after `seconds` without one, or if the watch ends
+        before. Raises `SourceRefused` if the servers end."""
         until = time.monotonic() + seconds
-        while time.monotonic() < until and (beside is None or beside.poll() is None):
+        while time.monotonic() < until and (watching is None or watching.poll() is None):
             try:
-                found = self._told.get(timeout=limits.LOOK)
+                message = self._messages.get(timeout=limits.LOOK)
             except Empty:
                 continue
-            if what not in found:
+            if what not in message:
                 raise SourceRefused("the servers of the demo ended; is there no loopback?")
-            return found[what]
+            return message[what]
         return None
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self._told.put(json.loads(line))
-        self._told.put({})
+            self._messages.put(json.loads(line))
+        self._messages.put({})
 
 
 @contextmanager
 def servers(recording: Path, step: float) -> Iterator[Servers]:
-    """Servers that play a recording, a row every `step` s, once they are subscribed to."""
+    """Servers that play a recording, a row every `step` s, as soon as a client has subscribed."""
     process = subprocess.Popen(
         [sys.executable, "-m", "rulec.demo.servers", str(recording), str(step)],
         stdin=subprocess.PIPE,
@@ -70,7 +70,7 @@ def servers(recording: Path, step: float) -> Iterator[Servers]:
 
 @contextmanager
 def watch(folder: Path, options: Sequence[str]) -> Iterator[Process]:
-    """`rulec watch` in a folder, on our terminal; at the end it is interrupted as by Ctrl-C."""
+    """`rulec watch` in a folder, on our terminal; interrupted at the end as by Ctrl-C."""
     process = subprocess.Popen([sys.executable, "-m", "rulec", "watch", *options], cwd=folder)
     try:
         yield process
@@ -91,7 +91,7 @@ def _ended(process: Process) -> None:
 def write_map(
     target: Path, endpoints: Mapping[str, str], signals: Sequence[str], step: float
 ) -> None:
-    """Which signal is which node: ``M.x`` is ``ns=2;s=x`` of the server of M. JSON is YAML."""
+    """Write the node of each signal: ``M.x`` is ``ns=2;s=x`` of the server of M. JSON is YAML."""
     data = {
         "interval": step,
         "servers": {module: {"endpoint": endpoint} for module, endpoint in endpoints.items()},

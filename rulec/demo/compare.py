@@ -1,4 +1,4 @@
-"""What the journal says was found, against what was planted."""
+"""Comparison of the faults in the journal with the planted ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rulec.simulation.prediction import Injected
 
 @dataclass(frozen=True)
 class Match:
-    """A planted fault, times in s of the play, and the events of what was told of it."""
+    """A planted fault, and the events that report it."""
 
     planted: Injected
     events: tuple[Event, ...]
@@ -24,25 +24,27 @@ class Match:
 def matched(
     planted: Sequence[Injected], events: Sequence[Event]
 ) -> tuple[list[Match], list[Event]]:
-    """Per planted fault the episode of its name that overlaps it; and the beginnings of all faults
-    that nobody planted. Times of both are of one clock, s."""
+    """Each planted fault with the events of its name that overlap it, and the beginnings of all
+    faults that nobody planted. Times are of one clock, s."""
     lasting = [e for e in events if e.episode.kind in ("fault", "sensor", "unknown")]
     taken: set[str] = set()
     matches = []
     for fault in planted:
-        mine = [e for e in lasting if e.episode.subject == fault.fault and _overlap(fault, e)]
-        taken |= {e.episode.id for e in mine}
-        matches.append(Match(fault, tuple(mine)))
+        own = [
+            e
+            for e in lasting
+            if e.episode.subject == fault.fault
+            and e.episode.since <= fault.until
+            and fault.since <= e.episode.until
+        ]
+        taken |= {e.episode.id for e in own}
+        matches.append(Match(fault, tuple(own)))
     others = [e for e in lasting if e.what == "began" and e.episode.id not in taken]
     return matches, others
 
 
-def _overlap(fault: Injected, event: Event) -> bool:
-    return event.episode.since <= fault.until and fault.since <= event.episode.until
-
-
 def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began: float) -> None:
-    """Print it; times in s from `began` on."""
+    """Print the comparison; times in s since `began`."""
     table = Table(box=None, pad_edge=False)
     table.add_column("")
     titles = ("planted", "degree", "from", "to", "told after", "as", "95 % bounds", "over after")
@@ -71,7 +73,7 @@ def tell(out: Console, matches: Sequence[Match], others: Sequence[Event], began:
         )
     out.print(table)
     count = sum(1 for match in matches if match.events)
-    told = "{} of {} planted faults found, {} told that nobody planted"
-    out.print(styled(told, count, len(matches), len(others)))
+    text = "{} of {} planted faults found, {} told that nobody planted"
+    out.print(styled(text, count, len(matches), len(others)))
     for event in others:
         out.print(styled("  {} s  {}", f"{event.time - began:.1f}", event.text))

@@ -1,9 +1,9 @@
 """`python -m rulec.demo.servers RECORDING.csv SECONDS`: an OPC UA server per module plays a
-recording, a row every so many seconds, again and again.
+recording again and again, a row every so many seconds.
 
-Prints one JSON object a line: the servers' endpoints; when the first row was there, s since 1970;
-when the last one was, for the first time. Ends with its standard input. Every server listens on
-loopback alone.
+Prints one JSON object per line: the endpoints of the servers, the time of the first row, s since
+1970, and that of the first end of the recording. Ends with its standard input. The servers listen
+only on loopback.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TITLE = re.compile(r"(?P<module>[^.]+)\.(?P<reading>.+) \[(?P<unit>.+)\]")
 
 
 async def main(recording: Path, step: float) -> None:
-    """Serve, wait until every server is subscribed to, play, wait for the end of our input."""
+    """Serve, wait for a subscription to every server, play until our input ends."""
     with recording.open(encoding="utf-8", newline="") as file:
         titles, *rows = csv.reader(file)
     places = {k: found for k, title in enumerate(titles) if (found := TITLE.fullmatch(title))}
@@ -58,7 +58,7 @@ async def main(recording: Path, step: float) -> None:
 
 
 async def _server(module: str) -> tuple[Server, str]:
-    """A server that has not started, and its endpoint."""
+    """A server that is not started yet, and its endpoint."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"opc.tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -84,25 +84,23 @@ async def _node(server: Server, reading: str, unit: str, first: str) -> Any:
 async def _play(
     servers: Sequence[Server], nodes: Mapping[int, Any], rows: Sequence[Sequence[str]], step: float
 ) -> None:
-    """Write row after row, each with the time at which it is due, until we are cancelled."""
+    """Write row after row, each with its due time, until cancelled."""
     while not all(server.iserver.subscription_service.subscriptions for server in servers):
         await asyncio.sleep(step)
     began = time.time() + step
     _tell(began=began)
     for k in count():
         if k == len(rows):
-            # The plant runs on: readings that stand still would be those of broken sensors.
-            asyncio.get_running_loop().call_later(limits.LAST_ROWS, _tell_ended)
+            # The recording starts again: constant readings would look like broken sensors.
+            asyncio.get_running_loop().call_later(
+                limits.LAST_ROWS, lambda: _tell(ended=time.time())
+            )
         due = began + k * step
         await asyncio.sleep(max(due - time.time(), 0.0))
         stamp = datetime.fromtimestamp(due, UTC)
         for place, node in nodes.items():
             value = ua.Variant(float(rows[k % len(rows)][place]), ua.VariantType.Double)
             await node.write_value(ua.DataValue(value, SourceTimestamp=stamp))
-
-
-def _tell_ended() -> None:
-    _tell(ended=time.time())
 
 
 def _tell(**what: object) -> None:

@@ -1,4 +1,4 @@
-"""What is played: the shipped fault-free recording over and over, with faults simulated in it."""
+"""The played recording: the shipped fault-free one repeated, with simulated faults."""
 
 from __future__ import annotations
 
@@ -10,13 +10,10 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.demo import limits
 
-HEALTHY = "healthy.csv"
-FAULTS = "live.faults.txt"
-
 
 def write_inputs(examples: Path, target: Path) -> None:
-    """`limits.ROWS` rows a second apart, of the rows of the fault-free recording in turn."""
-    with (examples / HEALTHY).open(encoding="utf-8", newline="") as file:
+    """Write `limits.ROWS` rows, 1 s apart, which repeat the fault-free recording."""
+    with (examples / "healthy.csv").open(encoding="utf-8", newline="") as file:
         titles, *rows = csv.reader(file)
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
@@ -27,4 +24,4 @@ def write_inputs(examples: Path, target: Path) -> None:
 
 def planted() -> list[str]:
     """Faults as `rulec simulate --fault` takes them."""
-    return Path(__file__).with_name(FAULTS).read_text(encoding="utf-8").split()
+    return Path(__file__).with_name("live.faults.txt").read_text(encoding="utf-8").split()

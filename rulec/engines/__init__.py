@@ -1,1 +1,1 @@
-"""Many pieces of work that do not depend on each other, on this machine or on a cluster."""
+"""Many independent pieces of work, on this machine or on a cluster."""

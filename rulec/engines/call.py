@@ -1,4 +1,4 @@
-"""Pieces of work, and which engine does them."""
+"""Pieces of work, and the choice of an engine."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ ENGINES = (LOCAL, DASK)
 
 @dataclass(frozen=True)
 class Call:
-    """A piece of work: own arguments, and the name of one that many calls share, if any.
-
-    What is shared is handed over behind the own arguments.
-    """
+    """A piece of work: its own arguments, followed by the one that calls share under a name."""
 
     words: tuple[Any, ...]
     shared: str | None = None
@@ -22,7 +19,7 @@ class Call:
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """Which engine, with how many processes; the scheduler of a cluster that is there."""
+    """The kind of engine, its number of processes, and the scheduler of an existing cluster."""
 
     kind: str = LOCAL
     jobs: int = 1

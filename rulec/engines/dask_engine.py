@@ -1,4 +1,4 @@
-"""Work on a cluster of dask.distributed: one that is there, or one of this machine."""
+"""Work on a cluster of dask.distributed: an existing one, or one on this machine."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def run(
     engine: Engine,
     died: Callable[[int], B],
 ) -> Iterator[tuple[int, B]]:
-    """Do all calls on the cluster of a scheduler, or with so many processes of this machine.
+    """Do all calls on the cluster of a scheduler, or with processes of this machine.
 
-    Where a worker dies, the scheduler has what it had in work done by another one.
+    If a worker dies, the scheduler gives its work to another one.
     """
     try:
         dask: Any = import_module("dask")
@@ -40,7 +40,7 @@ def run(
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(settings))
         client = _client(distributed, engine, stack)
-        # Tasks, and no data that is scattered: what died with a worker is made again.
+        # Tasks and not scattered data, as the scheduler repeats tasks that a dead worker lost.
         there = {name: client.submit(type(value), value) for name, value in shared.items()}
         waiting = list(reversed(range(len(calls))))
         under_way: dict[str, int] = {}

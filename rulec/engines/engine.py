@@ -1,4 +1,4 @@
-"""Where work is done: in processes of this machine, or on a cluster of dask.distributed."""
+"""Do work in processes of this machine, or on a cluster of dask.distributed."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ B = TypeVar("B")
 
 
 def chosen(kind: str = LOCAL, jobs: int | None = None, scheduler: str | None = None) -> Engine:
-    """The engine that is asked for; a process per core where no number is given.
+    """The requested engine; by default with a process per core.
 
-    Raises `Misused` for what makes no sense.
+    Raises `Misused` for arguments that make no sense.
     """
     if kind not in ENGINES:
         raise Misused(f"--engine {kind}: give one of {', '.join(ENGINES)}")
@@ -40,11 +40,11 @@ def run(
     shared: Mapping[str, str | bytes] | None = None,
     died: Callable[[int], B] = given_up,
 ) -> Iterator[tuple[int, B]]:
-    """Do all calls; gives number and result of each as it is done, in no order.
+    """Do all calls; yields number and result of each as it is done, in any order.
 
-    Where a process dies, another one does what it had in work. A call at which processes died again
-    and again has the result that `died` gives. What a call raises ends the run, and so does an
-    interrupt; no process is left behind.
+    If a process dies, another one takes over its work. If processes die repeatedly at a call, its
+    result is that of `died`. An exception in a call ends the run, and so does an interrupt; no
+    process is left behind.
     """
     if engine.kind == DASK:
         from rulec.engines import dask_engine
@@ -62,7 +62,7 @@ def in_order(
     shared: Mapping[str, str | bytes] | None = None,
     done: Callable[[B], None] = lambda _: None,
 ) -> list[B]:
-    """Results in the order of the calls; `done` is told each as it comes."""
+    """Results in the order of the calls; `done` is called with each as it arrives."""
     found: dict[int, B] = {}
     for number, result in run(engine, work, calls, shared):
         found[number] = result

@@ -22,7 +22,7 @@ from rulec.limits import WORK_AHEAD, WORKER_DEATHS
 B = TypeVar("B")
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Matrices are small: threads of the linear algebra would only wait for each other."""
+"""Matrices are small, and threads of the linear algebra would only wait for each other."""
 
 
 def run(
@@ -32,20 +32,30 @@ def run(
     jobs: int,
     died: Callable[[int], B],
 ) -> Iterator[tuple[int, B]]:
-    """Do all calls in so many processes, which share nothing with this one."""
+    """Do all calls in processes that share nothing with this one."""
     waiting, deaths = list(reversed(range(len(calls)))), Counter[int]()
+    under_way: dict[Future[B], int] = {}
+
+    def fill(pool: ProcessPoolExecutor) -> None:
+        """Submit calls, as far as a few are ahead."""
+        while waiting and len(under_way) < WORK_AHEAD * jobs:
+            call = calls[waiting[-1]]
+            more: tuple[Any, ...] = () if call.shared is None else (shared[call.shared],)
+            future = pool.submit(work, *call.words, *more)
+            under_way[future] = waiting.pop()
+
     while waiting:
-        under_way: dict[Future[B], int] = {}
+        under_way.clear()
         with _pool(jobs) as pool:
             try:
                 with interrupts_held():
-                    _fill(pool, work, calls, shared, waiting, under_way, jobs)
+                    fill(pool)
                 while under_way:
                     done, _ = wait(under_way, return_when=FIRST_COMPLETED)
                     for future in done:
                         result = future.result()
                         yield under_way.pop(future), result
-                    _fill(pool, work, calls, shared, waiting, under_way, jobs)
+                    fill(pool)
             except BrokenProcessPool:
                 for future, number in under_way.items():
                     if future.done() and future.exception() is None:
@@ -58,27 +68,10 @@ def run(
                         waiting.append(number)
 
 
-def _fill(
-    pool: ProcessPoolExecutor,
-    work: Callable[..., B],
-    calls: Sequence[Call],
-    shared: Mapping[str, str | bytes],
-    waiting: list[int],
-    under_way: dict[Future[B], int],
-    jobs: int,
-) -> None:
-    """Hand out what waits, as far as a few calls are ahead."""
-    while waiting and len(under_way) < WORK_AHEAD * jobs:
-        call = calls[waiting[-1]]
-        more: tuple[Any, ...] = () if call.shared is None else (shared[call.shared],)
-        future = pool.submit(work, *call.words, *more)
-        under_way[future] = waiting.pop()
-
-
 @contextlib.contextmanager
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that end in the middle of their work when this is left by an exception, and when
-    this process has ended."""
+    """Processes that stop in the middle of their work if an exception leaves this context, or if
+    this process ends."""
     # Not forked: threads of the parent may hold a lock, and other systems cannot fork.
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
@@ -103,7 +96,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _start(lifeline: Connection) -> None:
-    """An interrupt is the parent's business; where its end of the lifeline closes, all is over."""
+    """Leave interrupts to the parent; end if its end of the lifeline closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_outlived, args=(lifeline,), daemon=True).start()
 

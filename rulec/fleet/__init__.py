@@ -1,1 +1,1 @@
-"""Many plants on many days: which there are, who judges them, where results go."""
+"""Many plants on many days: which there are, how they are judged, where results go."""

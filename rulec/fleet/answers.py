@@ -1,7 +1,7 @@
-"""What the models of a fleet leave out: an answer per plant-day, and one table of all.
+"""What the models of a fleet leave out: an answer per plant-day, and one table of all answers.
 
-A plant-day is done where its answer is there. The name of the file holds the key of the work, as
-for what `rulec.fleet.store` keeps.
+A plant-day is done if its answer exists. The name of the file holds the key of the work, as in
+`rulec.fleet.store`.
 """
 
 from __future__ import annotations
@@ -19,31 +19,29 @@ from rulec_runtime.output.write_file import write_data
 
 from rulec.fleet.store import PlantDays, parquet_of
 
-ANSWERS, TABLE = "mismatch-answers", "mismatch"
-
 SOUND = "none"
-"""Verdict where a model and its plant agree."""
+"""Verdict if a model and its plant agree."""
 
 UNASKED = "unread"
-"""Verdict where nothing could be asked."""
+"""Verdict if the recording could not be analysed."""
 
 UNTOLD = ("cannot judge", UNASKED)
-"""Verdicts that say nothing of a model."""
+"""Verdicts that say nothing about a model."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What `rulec mismatch` says of a plant-day.
+    """The result of `rulec mismatch` for a plant-day.
 
     Attributes
     ----------
-    verdict : as `rulec mismatch` has it, or ``unread``, with a `reason`.
+    verdict : of `rulec mismatch`, or ``unread``, with a `reason`.
     text : the answer in a sentence or two.
-    module, place, effect, title : of the first explanation, empty where there is none.
-    probability : of that explanation; None where there is none.
-    signal, unit : what is predicted; the errors in that `unit` are of held-out points.
+    module, place, effect, title : of the first explanation; empty if there is none.
+    probability : of that explanation; None if there is none.
+    signal, unit : the predicted signal, and the unit of its errors at held-out points.
     shipped, recalibrated, repaired, noise : root mean square errors of the model as it is, with
-        other values, with what it left out, and of readings alone; None where nothing was compared.
+        other values, with what it left out, and of readings alone; None if nothing was compared.
     """
 
     plant: str
@@ -65,7 +63,7 @@ class Answer:
 
 
 def answer_of(task: Task, form: Mapping[str, Any]) -> Answer:
-    """The row of an answer in its JSON form, or of a reason why there is none."""
+    """The row of an answer in JSON form, or of a reason why there is none."""
     if "reason" in form:
         return Answer(plant=task.plant, day=task.day, verdict=UNASKED, reason=form["reason"])
     none: dict[str, Any] = {}
@@ -95,7 +93,7 @@ class Answers(PlantDays):
     """Answers in a folder."""
 
     def __init__(self, folder: Path, plant_key: str, day_key: str) -> None:
-        super().__init__(folder, plant_key, day_key, ANSWERS, ".json")
+        super().__init__(folder, plant_key, day_key, "mismatch-answers", ".json")
 
     def keep(self, task: Task, form: Mapping[str, Any]) -> None:
         """Write an answer."""
@@ -103,11 +101,13 @@ class Answers(PlantDays):
 
     def rows(self, tasks: Iterable[Task]) -> list[Answer]:
         """Rows of plant-days that are done."""
-        read = (json.loads(self.file(task).read_text(encoding="utf-8")) for task in tasks)
-        return [answer_of(task, form) for task, form in zip(tasks, read, strict=True)]
+        return [
+            answer_of(task, json.loads(self.file(task).read_text(encoding="utf-8")))
+            for task in tasks
+        ]
 
     def write_table(self, rows: Sequence[Answer]) -> Path:
-        """All rows as one Parquet file."""
+        """Write all rows as one Parquet file; returns its path."""
         import pyarrow
 
         numbers = ("probability", "shipped", "recalibrated", "repaired", "noise")
@@ -115,13 +115,13 @@ class Answers(PlantDays):
             (name, pyarrow.float64() if name in numbers else pyarrow.string())
             for name in Answer.__dataclass_fields__
         )
-        file = self.folder / f"{TABLE}.parquet"
+        file = self.folder / "mismatch.parquet"
         write_data(file, parquet_of(map(asdict, rows), schema))
         return file
 
 
 def differing(rows: Iterable[Answer]) -> list[Answer]:
-    """Plant-days whose models differ from them."""
+    """Plant-days that differ from their models."""
     return [row for row in rows if row.verdict not in (SOUND, *UNTOLD)]
 
 
@@ -135,7 +135,7 @@ def told(rows: Sequence[Answer]) -> str:
         agree = plural(len(sound), "plant agrees with its model", "plants agree with their models")
         return agree if sound else "no recording says anything of a model"
     differ = "differs from its model" if len(which) == 1 else "differ from their models"
-    said = f"{len(which)} of {plural(len(plants), 'plant', 'plants')} {differ}"
+    text = f"{len(which)} of {plural(len(plants), 'plant', 'plants')} {differ}"
     each = Counter(title for title, _ in {(row.title, row.plant) for row in off if row.title})
     title, count = min(each.items(), key=lambda one: (-one[1], one[0]), default=("", 0))
-    return f"{said}; most often by: {title} ({count} plants)" if count > 1 else said
+    return f"{text}; most often by: {title} ({count} plants)" if count > 1 else text

@@ -1,4 +1,4 @@
-"""The file of a fleet: read, checked, and its plants compiled, each ruleset once."""
+"""Read and check the file of a fleet, and compile its plants, each ruleset once."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from rulec.language.reader import Reader
 
 RulesetOf = Callable[[Path], Ruleset]
 
-TIME, LOCAL = "time", "file://"
+LOCAL = "file://"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fleet:
-    """What a fleet file says.
+    """The content of a fleet file.
 
     Attributes
     ----------
@@ -36,11 +36,11 @@ class Fleet:
     plant_key, day_key : names of the partitions, as in ``plant=P1/day=2026-01-01/``.
     results : folder of results.
     rulesets : text of each ruleset by its hash.
-    judged_by : folder of the plant, or its ruleset file, that each ruleset is of, by its hash.
+    judged_by : the plant folder or ruleset file of each ruleset, by its hash.
     titles : whether the fleet names columns.
-    plants : hash of the ruleset of each plant; of one that is not named, `default` counts.
+    plants : hash of the ruleset of each named plant; others have the `default`.
     only_named : whether plants that are not named are left out.
-    first, last : days, ISO 8601; empty where there is no end.
+    first, last : days, ISO 8601; empty without a limit.
     trace : whether every sample is judged.
     """
 
@@ -62,10 +62,10 @@ class Fleet:
 
 
 def read_fleet(path: Path, ruleset_of: RulesetOf, results: Path | None = None) -> Fleet:
-    """Read a fleet; `ruleset_of` gives the ruleset of a plant's folder or of a ruleset file,
-    `results` is a folder for them in place of the one that the file names.
+    """Read a fleet; raises `Refused` with every mistake in the file.
 
-    Raises `Refused` with every mistake in the file.
+    `ruleset_of` gives the ruleset of a plant folder or ruleset file; `results` replaces the folder
+    of results that the file names.
     """
     document, units = read_alone(path, "fleet")
     reader = Reader(document, table_of(units, []), [])
@@ -122,7 +122,7 @@ def read_fleet(path: Path, ruleset_of: RulesetOf, results: Path | None = None) -
 
 
 def _recordings(reader: Reader, base: Path) -> str:
-    """Where recordings are: a folder near the file, or an address elsewhere."""
+    """The place of the recordings: a folder near the file, or an address elsewhere."""
     place: str = reader.document.data["recordings"]
     if "://" in place:
         try:
@@ -138,15 +138,13 @@ def _recordings(reader: Reader, base: Path) -> str:
 
 
 def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
-    found = {}
     for key, text in part.items():
-        found[key] = text
         try:
             date.fromisoformat(text)
         except ValueError:
             message = f"there is no day '{text}'"
             reader.report(("days", key), "KB151", message, "write it as 2026-01-31")
-    first, last = found.get("from", ""), found.get("to", "")
+    first, last = part.get("from", ""), part.get("to", "")
     if first and last and first > last and not reader.found:
         message = f"'from' {first} is behind 'to' {last}"
         reader.report(("days", "from"), "KB151", message)
@@ -154,8 +152,8 @@ def _days(reader: Reader, part: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _ruleset(reader: Reader, path: tuple[str, ...], base: Path, ruleset_of: RulesetOf) -> str:
-    """Text of the ruleset of a plant, with the fleet's names of columns; empty where there is
-    none."""
+    """Text of the ruleset of a plant, with the column names of the fleet; empty, with a report, if
+    there is no such plant."""
     file = base / reader.part(path)
     if not (file / PLANT).is_file() and not is_near(file, base):
         reader.found.append(leads_out(reader.document.place(*path), reader.part(path)))
@@ -175,12 +173,12 @@ def _ruleset(reader: Reader, path: tuple[str, ...], base: Path, ruleset_of: Rule
 
 
 def _columns(reader: Reader, ruleset: Ruleset) -> tuple[list[ColumnMap], str]:
-    """What columns of the files are, and which of them is the time."""
+    """The column map of the fleet's files, and the title of the time column."""
     found, time = [], ""
     for title, meant in reader.document.data.get("titles", {}).items():
         path = ("titles", title)
         name, text = parts_of(meant)
-        if name == TIME:
+        if name == "time":
             time = title
             continue
         signal = ruleset.signal_by_id.get(name)

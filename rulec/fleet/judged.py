@@ -1,4 +1,4 @@
-"""Judge plant-days, on whatever engine."""
+"""Judge plant-days, on any engine."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rulec.limits import WORKER_DEATHS
 def judged(
     engine: Engine, tasks: Sequence[Task], rulesets: Mapping[str, str]
 ) -> Iterator[tuple[Task, Row]]:
-    """Rows as they are done; `rulesets` holds their texts by their hashes.
+    """Rows as they are done; `rulesets` are texts by hash.
 
-    A plant-day at which processes died again and again becomes a row that says so.
+    If processes die repeatedly at a plant-day, its row says so.
     """
     calls = [Call((task,), task.ruleset) for task in tasks]
 

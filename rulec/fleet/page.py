@@ -1,4 +1,4 @@
-"""The page of a fleet: its verdict, then a row per plant, the worst ones first."""
+"""The page of a fleet: its verdict, then a row per plant, the worst first."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from rulec.fleet.trends import Trend
 
 TITLES = ("plant", "status", "health", "days", "with findings", "not judged",
           "partly blind", "worst day", "what")  # fmt: skip
-NUMBERS = 7
-"""Columns from the third to the seventh hold numbers."""
 
 
 def fleet_page(
@@ -47,11 +45,11 @@ def _row(one: Ranked) -> str:
     health = NOT_JUDGED if one.health is None else percent(one.health)
     counts = map(str, (one.days, one.bad, one.unread, one.partly))
     shown = (one.plant, one.status, health, *counts, one.worst, one.text)
-    # What nobody judged is neither sound nor ill.
+    # A plant that was not judged is neither sound nor faulty.
     grey = ' class="soft"' if one.health is None else ""
     cells = "".join(f"<td{_number(i)}>{safe(s)}</td>" for i, s in enumerate(shown))
     return f"<tr{grey}>{cells}</tr>"
 
 
 def _number(column: int) -> str:
-    return ' class="num"' if 2 <= column < NUMBERS else ""
+    return ' class="num"' if 2 <= column < 7 else ""  # from health to partly blind

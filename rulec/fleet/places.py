@@ -1,4 +1,4 @@
-"""Which plant-days there are: files below folders that name plant and day."""
+"""The plant-days of a fleet: files below folders that name plant and day."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from rulec_runtime.recordings.formats import is_called_recording
 from rulec.fleet.fleet_file import Fleet
 
 Found = tuple[str, str]
-"""Address of a file, and its mark: size and time of change."""
+"""Address of a file, and its mark, which contains size and time of change."""
 
 
 def tasks_of(fleet: Fleet) -> list[Task]:
-    """All plant-days of a fleet, in order of days and plants. Raises `Refusal` where there are
-    none."""
+    """All plant-days of a fleet, in order of days and plants. Raises `Refusal` if there is none."""
     days: dict[tuple[str, str], list[Found]] = {}
     for address, mark in _files(fleet.recordings):
         keys = _keys(address)
@@ -29,24 +28,17 @@ def tasks_of(fleet: Fleet) -> list[Task]:
         if plant is None or day is None or not _wanted(fleet, plant, day):
             continue
         days.setdefault((day, plant), []).append((address, mark))
-    found = [_task(fleet, *name, sorted(files)) for name, files in sorted(days.items())]
-    if not found:
+    if not days:
         raise Refusal(
             f"{fleet.recordings}: no recording below {fleet.plant_key}=.../{fleet.day_key}=... of "
             "the plants and days that the fleet asks for"
         )
-    return found
-
-
-def _task(fleet: Fleet, day: str, plant: str, files: list[Found]) -> Task:
-    return Task(
-        plant=plant,
-        day=day,
-        files=tuple(address for address, _ in files),
-        marks=tuple(mark for _, mark in files),
-        ruleset=fleet.plants.get(plant, fleet.default),
-        trace=fleet.trace,
-    )
+    tasks = []
+    for (day, plant), files in sorted(days.items()):
+        addresses, marks = zip(*sorted(files), strict=True)
+        ruleset = fleet.plants.get(plant, fleet.default)
+        tasks.append(Task(plant, day, addresses, marks, ruleset, fleet.trace))
+    return tasks
 
 
 def _wanted(fleet: Fleet, plant: str, day: str) -> bool:
@@ -56,7 +48,7 @@ def _wanted(fleet: Fleet, plant: str, day: str) -> bool:
 
 
 def _keys(address: str) -> dict[str, str]:
-    """Names and values of the partitions that a file is in.
+    """Names and values of the partitions of a file.
 
     >>> _keys("data/plant=P%201/day=2026-01-01/a.parquet")
     {'plant': 'P 1', 'day': '2026-01-01'}
@@ -76,7 +68,7 @@ def _files(place: str) -> Iterator[Found]:
         for name in names:
             file = Path(folder) / name
             if is_called_recording(file):
-                # What a link to nothing is worth its plant-day tells, and stops nobody else.
+                # A broken link fails with its own plant-day, and does not stop the others.
                 state = file.stat() if file.exists() else file.lstat()
                 yield str(file), f"{state.st_size} {state.st_mtime_ns}"
 
@@ -94,9 +86,9 @@ def _elsewhere(place: str) -> Iterator[Found]:
         listed = system.find(root, detail=True)
     except Refusal:
         raise
-    except Exception as error:  # each of the libraries behind it has exceptions of its own
-        told = f"{place}: cannot be listed ({error})"
-        raise Refusal(re.sub("//[^/@]*@", "//", told)) from None  # without a password
+    except Exception as error:  # the libraries behind fsspec have exceptions of their own
+        message = f"{place}: cannot be listed ({error})"
+        raise Refusal(re.sub("//[^/@]*@", "//", message)) from None  # without a password
     for path, state in listed.items():
         if is_called_recording(Path(path)):
             marks = (state.get(k) for k in ("size", "mtime", "LastModified", "etag", "ETag"))

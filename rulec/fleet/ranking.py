@@ -1,4 +1,4 @@
-"""The plants of a fleet, the worst ones first."""
+"""The plants of a fleet, the worst first."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from rulec_runtime.fleet.plant_day import UNREAD, Row
 from rulec_runtime.output.plural import plural
 
 ORDER = ("F", "C", "S", "M", UNREAD, "ok")
-"""Letters of NE 107 from the worst on; what could not be read stands before what is sound."""
-
+"""Letters of NE 107, the worst first; unreadable days rank before sound ones."""
 
 NOT_JUDGED = "not judged"
-"""Stands where health is not known."""
+"""Shown if health is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,12 +22,12 @@ class Ranked:
     Attributes
     ----------
     status : the worst of its days.
-    health : mean share of the time of all faults in which they could be seen and nothing was found;
-        None where nothing was judged.
-    days, bad, unread, partly : how many days it has, on how many something was found, how many
-        could not be judged, and on how many some faults could not be seen.
-    worst : day of the worst status, and what was found then.
-    text : what was found then, in words.
+    health : mean share of the time of all faults in which they were detectable and nothing was
+        found; None if nothing was judged.
+    days, bad, unread, partly : numbers of all days, of those with findings, of those that could not
+        be judged, and of those on which some faults were not detectable.
+    worst : day of the worst status.
+    text : what was found on that day, in words.
     """
 
     plant: str
@@ -43,8 +42,8 @@ class Ranked:
 
 
 def ranked(rows: Iterable[Row]) -> list[Ranked]:
-    """Plants in order: those with findings, those of which not all could be seen, the others;
-    of each the worst status first, then the least health."""
+    """Plants in order: those with findings, those that were not fully judged, the others; in each
+    group the worst status first, then the lowest health."""
     plants: dict[str, list[Row]] = {}
     for row in rows:
         plants.setdefault(row["plant"], []).append(row)
@@ -78,17 +77,17 @@ def _ranked(plant: str, rows: Sequence[Row]) -> Ranked:
 
 
 def verdict(plants: Sequence[Ranked]) -> str:
-    """What there is to say of all of them."""
+    """The result for all plants in a sentence."""
     count = plural(len(plants), "plant", "plants")
     bad = [one for one in plants if one.bad]
     unread = sum(one.unread > 0 for one in plants)
     partly = sum(one.partly > 0 for one in plants)
-    blind = f"; {plural(unread, 'plant has', 'plants have')} days that could not be judged"
-    blind = blind * bool(unread)
+    blind = ""
+    if unread:
+        blind = f"; {plural(unread, 'plant has', 'plants have')} days that could not be judged"
     if partly:
         blind += f"; {plural(partly, 'is', 'are')} partly blind"
     if not bad:
         return f"Nothing was found in {count}{blind}"
     need = "needs" if len(bad) == 1 else "need"
-    worst = f": {bad[0].plant} first"
-    return f"{len(bad)} of {count} {need} attention{worst}{blind}"
+    return f"{len(bad)} of {count} {need} attention: {bad[0].plant} first{blind}"

@@ -1,7 +1,7 @@
-"""Results of a fleet: a file per plant-day, written as a whole when it is done, and tables per day.
+"""Results of a fleet: a file per plant-day, written at once when it is done, and tables per day.
 
-A plant-day is done where its file is there. The name of the file holds the key of the work, so the
-same work is not done twice, and other work (a new ruleset, a changed recording) replaces it.
+A plant-day is done if its file exists. The name of the file holds the key of the work, so the same
+work is not done twice, and other work (a new ruleset, a changed recording) replaces it.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ class PlantDays:
         return self.file(task).is_file()
 
     def file(self, task: Task) -> Path:
-        """Where the result of a plant-day stands."""
+        """The file for the result of a plant-day."""
         day, plant = (quote(part, safe="") for part in (task.day, task.plant))
         folder = self.folder / self._room / f"{self._day}={day}" / f"{self._plant}={plant}"
         return folder / f"{task.key}{self._suffix}"
 
     def put(self, task: Task, data: bytes) -> None:
-        """Write the result of a plant-day, in the place of the one before."""
+        """Write the result of a plant-day; it replaces an earlier one."""
         file = self.file(task)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_data(file, data)
@@ -84,7 +84,7 @@ class Store(PlantDays):
         ]  # fmt: skip
 
     def keep(self, task: Task, row: Row) -> None:
-        """Write what is told of a plant-day, in the place of what was told before."""
+        """Write the row of a plant-day; it replaces an earlier one."""
         pyarrow = self._arrow
         fields = [
             *self._health,
@@ -95,7 +95,7 @@ class Store(PlantDays):
         self.put(task, parquet_of([row], pyarrow.schema(fields)))
 
     def rows(self, tasks: Iterable[Task]) -> list[Row]:
-        """What is told of plant-days that are done."""
+        """The rows of plant-days that are done."""
         read = self._arrow.parquet.ParquetFile
         return [row for task in tasks for row in read(self.file(task)).read().to_pylist()]
 
@@ -111,7 +111,7 @@ class Store(PlantDays):
     def _table(self, kind: str, day: str, rows: Sequence[Row], schema: Any) -> None:
         file = self.folder / kind / f"{self._day}={quote(day, safe='')}" / f"{kind}.parquet"
         file.parent.mkdir(parents=True, exist_ok=True)
-        # The day stands in the name of the folder.
+        # The name of the folder contains the day.
         names = [n for n in schema.names if n != "day"]
         write_data(file, parquet_of(rows, self._arrow.schema([schema.field(n) for n in names])))
 
@@ -127,7 +127,7 @@ def parquet_of(rows: Iterable[Mapping[str, Any]], schema: Any) -> bytes:
 
 
 def tables(store: Store, tasks: Sequence[Task], advance: Callable[[int], None]) -> list[Row]:
-    """Write the tables of all days; gives health of all plant-days, in order of days and plants."""
+    """Write the tables of all days; returns the health of all plant-days, by day and plant."""
     days: dict[str, list[Task]] = {}
     for task in tasks:
         days.setdefault(task.day, []).append(task)

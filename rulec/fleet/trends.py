@@ -1,7 +1,7 @@
-"""What grows in a plant over its days, by the operating points that were kept of each.
+"""Faults that grow over the days of a plant, by the operating points kept of each day.
 
-The days of a plant are judged as one recording, with the passes of one: a fault that stays below
-its threshold on each of thirty days is told where all of them together show that it grows.
+The days of a plant are judged as one recording: a fault that stays below its threshold on each of
+thirty days is reported if all days together show that it grows.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Trend:
 
 
 def trends_of(rows: Iterable[Row], rulesets: Mapping[str, str]) -> Iterator[Trend]:
-    """What grows in each plant; days of an earlier ruleset are left out."""
+    """Faults that grow in each plant; days of an earlier ruleset are left out."""
     plants: dict[str, list[Row]] = {}
     for row in rows:
         if row[POINTS]:

@@ -1,1 +1,1 @@
-"""Active diagnosis: the change of set points that tells faults apart."""
+"""Active diagnosis: changes of set points that tell faults apart."""

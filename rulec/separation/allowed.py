@@ -1,4 +1,4 @@
-"""What an operator may do with the inputs of a plant: how far, how fast, for how long."""
+"""How far, how fast and for how long an operator may change the inputs of a plant."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rulec.study.points import range_of
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """How an input may be moved: between two values as its sensor shows them, at `rate` per second
-    at most, and for `hold` seconds at least; whether that costs product."""
+    """The allowed change of an input: between two values as its sensor shows them, at most `rate`
+    per second, for at least `hold` seconds; and whether it costs product."""
 
     signal: SignalSpec
     lowest: float
@@ -27,10 +27,8 @@ class Range:
     costs: bool = False
 
     def levels(self, count: int) -> Array:
-        """Values spread over the range, as its sensor shows them, that are easy to set.
-
-        They are multiples of a power of ten, and none lies outside.
-        """
+        """Values spread over the range, as its sensor shows them, that are multiples of a power of
+        ten and thus easy to set."""
         if not self.highest > self.lowest:
             return np.zeros(0)
         unit, first, last = self._ticks
@@ -39,7 +37,7 @@ class Range:
         return inside
 
     def easy(self, values: Array) -> Array:
-        """The values in the range that are easy to set and nearest to some, shape (n,), SI."""
+        """The nearest values in the range that are easy to set, shape (n,), SI."""
         unit, first, last = self._ticks
         shown = (values - self.signal.offset) / self.signal.factor
         ticks = np.clip(np.round(shown / unit), first, last)
@@ -66,8 +64,8 @@ def _decimal(ticks: Array, unit: float) -> Array:
 
 @dataclass(frozen=True)
 class Allowed:
-    """Inputs that may be moved, modules whose flow must not change for free, and the ends between
-    which readings must stay, SI."""
+    """Inputs that may be changed, modules for which a change of flow costs product, and bounds of
+    readings, SI."""
 
     inputs: Mapping[str, Range]
     costly: frozenset[str] = field(default_factory=frozenset)
@@ -75,10 +73,10 @@ class Allowed:
 
 
 def allowed_of(ruleset: Ruleset, given: Allowed | None = None) -> Allowed:
-    """Ranges of the inputs: of their sensors, calibrated, and as a file of limits has them.
+    """Ranges of the inputs, by their sensors, the calibration and the `given` limits.
 
-    Where there is a file, what it does not name stays as it is. Where there is none, an input that
-    was not calibrated stays near its reference.
+    With given limits, inputs that they do not name stay constant. Without, an input that was not
+    calibrated stays near its reference.
     """
     named = {} if given is None else given.inputs
     signals = (ruleset.signal_by_id[name] for name in ruleset.simulation.given)
@@ -92,11 +90,11 @@ def allowed_of(ruleset: Ruleset, given: Allowed | None = None) -> Allowed:
 
 
 def _range(signal: SignalSpec, part: Range | None) -> Range | None:
-    """None where nothing is left of the range."""
+    """The range of an input; None if it is empty."""
     low, high = _of_plant(signal, part is not None)
     if not high > low:
         return None
-    # A negative factor would turn the ends round.
+    # A negative factor would swap the ends.
     lowest, highest = sorted((signal.shown(low), signal.shown(high)))
     if part is None:
         return Range(signal=signal, lowest=lowest, highest=highest)
@@ -106,7 +104,7 @@ def _range(signal: SignalSpec, part: Range | None) -> Range | None:
 
 
 def _of_plant(signal: SignalSpec, by_file: bool) -> tuple[float, float]:
-    """From and to by the plant alone, SI."""
+    """The range of an input by the plant alone, SI."""
     low, high = signal.ends
     calibrated = signal.valid_from is not None and signal.valid_to is not None
     if calibrated or not by_file:

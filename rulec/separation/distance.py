@@ -1,9 +1,9 @@
-"""How far one fault at some operating points lies from what another could do there.
+"""Distance between two faults at some operating points.
 
-The readings of a plant with the one fault are simulated, without errors of sensors. The other fault
-is then undone in them as in a diagnosis, at the degree that fits all points together best. The
-chi-square that is left counts noise, lasting errors of sensors, the calibration and the tolerance
-of the law. Its root is the distance in standard deviations; half of it is the expected logarithm of
+The readings of a plant with one fault are simulated without errors of sensors. The other fault is
+then undone in them as in a diagnosis, at the degree that fits all points best. The remaining
+chi-square accounts for noise, systematic errors of sensors, the calibration and the tolerance of
+the law. Its root is the distance in standard deviations; half of it is the expected logarithm of
 the Bayes factor between the two.
 """
 
@@ -28,12 +28,12 @@ from rulec.simulation.equations import Equations
 from rulec.simulation.simulate import simulate_with
 
 SOUND, PRESENT = 0, 1
-"""The first two of all points: the present one without a fault, and with it."""
+"""Indices of the first two points: the present one without the fault, and with it."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A fault that is there with a degree, and one that it may be taken for."""
+    """A present fault with its degree, and another one that it may be taken for."""
 
     fault: FaultSpec
     degree: float
@@ -44,8 +44,8 @@ class Case:
 class Faulty:
     """A plant with one fault at n operating points.
 
-    `possible`, shape (n,): it runs there, and no reading leaves its range. `flows` per module,
-    shape (n,), m3/s.
+    `possible`, shape (n,): the plant runs there, and no reading leaves its range. `flows` per
+    module, shape (n,), m3/s.
     """
 
     observed: Observed
@@ -55,11 +55,11 @@ class Faulty:
 
 @dataclass(frozen=True, kw_only=True)
 class FaultMeasure:
-    """Measures how far faults are apart at some point and the present one together.
+    """Measures the distance of faults at a point and the present one together.
 
-    `present` per signal that no equation determines its reading, SI. Each of `rows` holds the cases
-    of which the least far counts. With `baseline` the present point was also seen without a fault.
-    `bounds`, SI, are those within which readings must stay.
+    `present` is the reading, SI, of each signal that no equation determines. The smallest distance
+    of the cases in each of `rows` counts. With `baseline`, the present point was also recorded
+    without a fault. Readings must stay within `bounds`, SI.
     """
 
     equations: Equations
@@ -80,23 +80,23 @@ class FaultMeasure:
         return Looked(np.where(np.isfinite(apart), apart, np.nan), flows)
 
     def degree_of(self, other: FaultSpec, fault: FaultSpec, degree: float) -> float:
-        """The degree at which another fault looks most like one at the present point."""
+        """The degree at which another fault looks most like this one at the present point."""
         fitted = self._undone(self._faulty([{}], fault, degree), other, [PRESENT])
         return 0.0 if fitted is None else _legal(other, float(fitted.degree[0, 0, 0]))
 
     def _apart(self, truth: Faulty, other: FaultSpec, place: int, point: Point) -> float:
         there = [PRESENT, 2 + place] if point else [PRESENT]
-        # The present point is what it is, even where readings leave their ranges.
+        # The present point counts even if readings leave their ranges.
         if not truth.possible[there[1:]].all():
             return float("nan")
         fitted = self._undone(truth, other, there)
         if fitted is None:
             return float("nan")
-        # Of a perfect fit rounding may leave less than nothing.
+        # Rounding may make the distance of a perfect fit negative.
         return float(np.sqrt(np.maximum(fitted.distance[0, 0], 0.0)))
 
     def _faulty(self, points: Sequence[Point], fault: FaultSpec, degree: float) -> Faulty:
-        """Readings at the present point, without the fault and with it, and at others with it."""
+        """The plant at the present point, without the fault and with it, and at others with it."""
         n = 2 + len(points)
         given = {name: np.full(n, value) for name, value in self.present.items()}
         for i, point in enumerate(points, 2):
@@ -108,7 +108,7 @@ class FaultMeasure:
         return faulty(self.equations, given, fault, degrees, self.bounds)
 
     def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcomes | None:
-        """None where no estimate that can be used at all points shows the fault."""
+        """The fit of another fault; None if no estimate that is valid at all points shows it."""
         members = np.array([SOUND, *points] if self.baseline else points)[:, None]
         ruleset, observed = self.equations.ruleset, truth.observed
         valid = np.asarray(observed.valid[:, members[:, 0]].all(axis=1))
@@ -127,8 +127,8 @@ def faulty(
 ) -> Faulty:
     """Readings with a fault, as means over the time for which a set point is held.
 
-    `given` per signal that no equation determines an array, shape (n,), SI; degrees, shape (n,);
-    `bounds` per reading that must stay within them, SI.
+    `given` is an array, shape (n,), SI, per signal that no equation determines; `degrees` have
+    shape (n,); `bounds` are limits of readings, SI.
     """
     simulated = simulate_with(equations, given, {fault.id: degrees})
     possible = simulated.solved.copy()

@@ -1,4 +1,4 @@
-"""The file of limits: read, and checked against the plant that it is for."""
+"""Read a file of limits, and check it against its plant."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, Range]:
 
 
 def _readings(reader: Reader, ruleset: Ruleset) -> dict[str, tuple[float, float]]:
-    """From where to where readings must stay, SI."""
+    """Bounds of readings, SI."""
     known = {s.id: s for s in ruleset.signals if not s.is_input}
     read = {}
     for name, part in reader.document.data.get("readings", {}).items():
@@ -77,7 +77,7 @@ def _readings(reader: Reader, ruleset: Ruleset) -> dict[str, tuple[float, float]
 
 
 def _unit(reader: Reader, path: tuple[str, str], signal: SignalSpec) -> Unit | None:
-    """The unit of limits; None, and a report, where it does not fit."""
+    """The unit of limits; None, with a report, if it does not fit."""
     unit, own = reader.unit(*path, "unit"), reader.units.parse(signal.unit)
     if unit.dimension == UNKNOWN:
         return None
@@ -91,7 +91,7 @@ def _unit(reader: Reader, path: tuple[str, str], signal: SignalSpec) -> Unit | N
 def _one(
     reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
 ) -> Range | None:
-    """The limits of an input in the unit that its sensor shows; None where they are wrong."""
+    """The limits of an input in the unit of its sensor; None, with a report, for mistakes."""
     unit = _unit(reader, path, signal)
     if unit is None:
         return None

@@ -1,4 +1,4 @@
-"""Pairs of faults that are hard to tell apart at the reference point, and the step that does."""
+"""Pairs of faults that are hard to tell apart at the reference point, and steps that do so."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.limits import SEPARATED, STEP_DEGREES
 from rulec.separation.allowed import Allowed
@@ -17,10 +17,8 @@ from rulec.simulation.equations import Equations, equations_of
 
 @dataclass(frozen=True)
 class Separated:
-    """Two faults, how they are alike (as in the matrix), and the step that separates them best.
-
-    The proposal has a row for each of STEP_DEGREES.
-    """
+    """Two faults, the kind of their similarity as in the matrix, and the step that separates them
+    best. The proposal has a row for each of `STEP_DEGREES`."""
 
     faults: tuple[str, str]
     kind: str
@@ -38,16 +36,16 @@ class Separated:
 
 
 def separate_pairs(ruleset: Ruleset, allowed: Allowed) -> Iterator[Separated]:
-    """All pairs that the matrix calls alike, in its order.
+    """All pairs that the matrix calls ambiguous, in its order.
 
-    Raises `SimulationRefused` where the plant cannot be simulated.
+    Raises `SimulationRefused` if the plant cannot be simulated.
     """
     equations = equations_of(ruleset)
-    known: set[frozenset[str]] = set()
+    done: set[frozenset[str]] = set()
     for group in ruleset.ambiguous:
         for pair in itertools.combinations(group.faults, 2):
-            if frozenset(pair) not in known:
-                known.add(frozenset(pair))
+            if frozenset(pair) not in done:
+                done.add(frozenset(pair))
                 yield Separated(pair, group.kind, _proposed(equations, allowed, pair))
 
 
@@ -58,10 +56,6 @@ def _proposed(equations: Equations, allowed: Allowed, pair: tuple[str, str]) -> 
         equations=equations,
         present={s.id: s.reference for s in signals},
         bounds=allowed.readings,
-        rows=[[_case(a, b, degree), _case(b, a, degree)] for degree in STEP_DEGREES],
+        rows=[[Case(a, d * a.scale, b), Case(b, d * b.scale, a)] for d in STEP_DEGREES],
     )
     return propose(allowed, {s.id: s.shown(s.reference) for s in signals}, measure)
-
-
-def _case(fault: FaultSpec, other: FaultSpec, degree: float) -> Case:
-    return Case(fault, degree * fault.scale, other)

@@ -1,7 +1,6 @@
-"""The change of inputs that separates best, within limits: one input, or more where one is not
-enough.
+"""The change of inputs that separates best within limits: of one input, or of more if necessary.
 
-What separates is asked of a *measure*; so the search knows neither faults nor physics.
+A *measure* says what separates, so the search knows neither faults nor physics.
 
 Source: the design that maximises the smallest expected log Bayes factor, after Box and Hill 1967.
 """
@@ -23,10 +22,10 @@ Point = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Looked:
-    """What a measure says of n points, each together with the present one.
+    """The results of a measure at n points, each together with the present one.
 
     `apart` has a row for each pair of faults, shape (rows, n), standard deviations; NaN where the
-    plant cannot be. `flows` per module, m3/s, shape (n,).
+    plant cannot run. `flows` per module, m3/s, shape (n,).
     """
 
     apart: Array
@@ -40,10 +39,10 @@ Measure = Callable[[Sequence[Point]], Looked]
 class Proposal:
     """A change of inputs.
 
-    `changes` per input the value to set, as its sensor shows it; empty where nothing that is
-    allowed separates more than the present point does. `here` and `apart` are standard deviations
-    per row of the measure, before and with it. `ramp` is how long the way there takes at
-    least, `hold` how long to stay there, s. `costs` names inputs and modules that cost product.
+    `changes` are the values to set per input, as its sensor shows them; empty if no allowed change
+    separates better than the present point. `here` and `apart` are standard deviations per row of
+    the measure, without and with the change. `ramp` is the shortest duration of the change, `hold`
+    that of the stay, s. `costs` names inputs and modules that cost product.
     """
 
     changes: Mapping[str, float]
@@ -55,7 +54,7 @@ class Proposal:
 
 
 def propose(allowed: Allowed, present: Mapping[str, float], measure: Measure) -> Proposal:
-    """The best step from a point: inputs as their sensors show them."""
+    """The best step from the `present` inputs, as their sensors show them."""
     base = measure([{}])
     here = tuple(float(v) for v in np.nan_to_num(base.apart[:, 0]))
     stay = Proposal(changes={}, here=here, apart=here)
@@ -68,7 +67,9 @@ def propose(allowed: Allowed, present: Mapping[str, float], measure: Measure) ->
         found = max(further, key=_worth, default=best)
         if _separated(found) == _separated(best):
             found = max(further, key=lambda p: sum(p.apart), default=best)
-        if not _is_better(found, best):
+        more = _separated(found) - _separated(best)
+        farther = sum(found.apart) >= sum(best.apart) + limits.CLEARLY_FARTHER
+        if more < 0 or (more == 0 and not farther):
             break
         best = found
     return best
@@ -77,7 +78,7 @@ def propose(allowed: Allowed, present: Mapping[str, float], measure: Measure) ->
 def _points(
     allowed: Allowed, present: Mapping[str, float], before: Point
 ) -> Iterator[dict[str, float]]:
-    """One more input is moved, to each of its levels."""
+    """Points at which one more input is moved, to each of its levels."""
     for name, own in allowed.inputs.items():
         if name in before:
             continue
@@ -95,15 +96,15 @@ def _judged(
     measure: Measure,
     base: Looked,
 ) -> Iterator[Proposal]:
-    looked = measure(points)
+    measured = measure(points)
     for i, point in enumerate(points):
-        apart = looked.apart[:, i]
+        apart = measured.apart[:, i]
         if np.isfinite(apart).any():
             ranges = {name: allowed.inputs[name] for name in point}
             moved = [
                 module
                 for module in sorted(allowed.costly)
-                if _moves(looked.flows[module][i], base.flows[module][0])
+                if _moves(measured.flows[module][i], base.flows[module][0])
             ]
             yield Proposal(
                 changes=point,
@@ -116,7 +117,7 @@ def _judged(
 
 
 def _moves(there: float, here: float) -> bool:
-    """Does a flow change? One that is not known may."""
+    """Whether a flow changes; an unknown flow counts as changed."""
     return not abs(there - here) <= limits.SAME_FLOW * abs(here)
 
 
@@ -125,11 +126,5 @@ def _separated(proposal: Proposal) -> int:
 
 
 def _worth(proposal: Proposal) -> tuple[int, int, float]:
-    """Pairs that are told apart come first, then what it costs, then how far they are."""
+    """The number of separated pairs counts first, then the costs, then the distances."""
     return _separated(proposal), -len(proposal.costs), sum(proposal.apart)
-
-
-def _is_better(found: Proposal, best: Proposal) -> bool:
-    """More pairs are told apart, or all of them together clearly farther."""
-    more = sum(found.apart) >= sum(best.apart) + limits.CLEARLY_FARTHER
-    return _separated(found) > _separated(best) or (more and _separated(found) == _separated(best))

@@ -1,4 +1,4 @@
-"""A step for each finding that may be something else: the change of inputs that tells which."""
+"""A step for each ambiguous finding: the change of inputs that tells its causes apart."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from rulec.simulation.equations import Equations, SimulationRefused, equations_o
 def add_steps(diagnosis: Diagnosis, allowed: Allowed) -> Diagnosis:
     """The same diagnosis with steps, for the largest finding of each fault.
 
-    Two faults at once and plants that store get none; where the plant cannot be simulated, a note
-    says so.
+    Findings of two faults at once and plants that store get none. If the plant cannot be simulated,
+    a note says so.
     """
     unclear = [f for f in worst_first(diagnosis.findings) if f.alternatives and not f.together]
     if not unclear:
@@ -40,7 +40,7 @@ def add_steps(diagnosis: Diagnosis, allowed: Allowed) -> Diagnosis:
 
 
 def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
-    """The change that tells a finding from its alternatives, from the point where it shows most."""
+    """The change that tells a finding from its alternatives, starting where it shows most."""
     ruleset, readings = equations.ruleset, dict(finding.readings)
     signals = equations.given_signals
     measure = FaultMeasure(
@@ -62,7 +62,7 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
     names, listed = [*rows], [name for name in rows if not ruleset.fault_by_id[name].unlisted]
     proposal = proposed(names)
     if 0 < len(listed) < len(names):
-        # What no module lists is too seldom to spoil product for.
+        # Faults that no module lists are too rare to spoil product for.
         cheaper = proposed(listed)
         if len(cheaper.costs) < len(proposal.costs):
             names, proposal = listed, cheaper
@@ -81,8 +81,8 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
 
 
 def _cases(measure: FaultMeasure, finding: Finding, other: FaultSpec) -> list[Case]:
-    """The finding seen as another cause, and that one as the finding."""
+    """The finding taken for another cause, and vice versa."""
     degree = measure.degree_of(other, finding.fault, finding.degree)
     row = [Case(finding.fault, finding.degree, other)]
-    # What cannot look like the finding here has no degree from which to look back.
+    # A cause that cannot look like the finding here has no degree for the second case.
     return row + ([Case(other, degree, finding.fault)] if degree > 0.0 else [])

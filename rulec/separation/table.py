@@ -16,7 +16,7 @@ from rulec.separation.words import costs_in_words, set_points
 
 
 def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -> None:
-    """What one step can do first, then pair by pair."""
+    """Print what one step achieves, then a row per pair."""
     close = [p for p in pairs if not p.is_apart]
     split = sum(p.is_split for p in close)
     degrees = " and ".join(f"{d:g}" for d in STEP_DEGREES)
@@ -34,12 +34,9 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
         table.add_column(title, no_wrap=title != "step from the reference point")
     for pair in close:
         now, then = pair.proposal.here, pair.proposal.apart if pair.proposal.changes else ()
-        table.add_row(", ".join(pair.faults), _far(now), _far(then), _step(ruleset, pair))
+        sigma = (" / ".join(f"{v:.1f}" for v in part) or "–" for part in (now, then))
+        table.add_row(", ".join(pair.faults), *sigma, _step(ruleset, pair))
     out.print(table)
-
-
-def _far(sigma: Sequence[float]) -> str:
-    return " / ".join(f"{v:.1f}" for v in sigma) or "–"
 
 
 def _step(ruleset: Ruleset, pair: Separated) -> str:

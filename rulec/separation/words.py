@@ -19,21 +19,21 @@ def step_in_words(
     others: Sequence[str],
     proposal: Proposal,
 ) -> str:
-    """One sentence; `present` are the inputs as their sensors show them."""
+    """A step in a sentence; `present` are the inputs as their sensors show them."""
     if not proposal.changes:
         which = f"{fault} from {' or '.join(others)}"
         if not allowed.inputs:
             return f"no set point may be changed, so nothing tells {which}"
         most = ", ".join(f"{v:.1f}" for v in proposal.apart)
         return f"no change of set points within the limits tells {which} better ({most} sigma)"
-    far = zip(others, proposal.here, proposal.apart, strict=True)
-    apart = ", ".join(_told(fault, *part) for part in far)
-    return f"{set_points(ruleset, present, proposal)}: {apart}{costs_in_words(proposal)}"
-
-
-def _told(fault: str, other: str, here: float, there: float) -> str:
-    enough = "" if there >= SEPARATED else f"; it takes {SEPARATED:g} to be sure"
-    return f"{fault} and {other} then differ by {there:.1f} sigma (now {here:.1f}{enough})"
+    parts = []
+    for other, here, there in zip(others, proposal.here, proposal.apart, strict=True):
+        enough = "" if there >= SEPARATED else f"; it takes {SEPARATED:g} to be sure"
+        parts.append(
+            f"{fault} and {other} then differ by {there:.1f} sigma (now {here:.1f}{enough})"
+        )
+    step = set_points(ruleset, present, proposal)
+    return f"{step}: {', '.join(parts)}{costs_in_words(proposal)}"
 
 
 def set_points(ruleset: Ruleset, present: Mapping[str, float], proposal: Proposal) -> str:
@@ -48,5 +48,5 @@ def set_points(ruleset: Ruleset, present: Mapping[str, float], proposal: Proposa
 
 
 def costs_in_words(proposal: Proposal) -> str:
-    """Empty where nothing is lost."""
+    """What costs product; empty if nothing does."""
     return f"; this costs product ({', '.join(proposal.costs)})" if proposal.costs else ""
