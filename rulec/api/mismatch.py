@@ -18,14 +18,7 @@ from rulec_runtime.report.subject import Subject
 from rulec_runtime.report.text import listed
 
 from rulec.api.frames import Columns, parts_of
-from rulec.api.given import (
-    Plant,
-    Recorded,
-    folder_of,
-    is_path,
-    names_given,
-    recording_given,
-)
+from rulec.api.given import Plant, Recorded, folder_of, is_path, names_given, recording_given
 from rulec.api.result import PageResult
 from rulec.effects.made_from import basis_of
 from rulec.mismatch.refused import MismatchRefused

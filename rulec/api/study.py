@@ -187,12 +187,7 @@ def study(
 
 
 def _checked(
-    degrees: Sequence[float],
-    points: int,
-    seeds: int,
-    lead_in: int,
-    mode: str,
-    bounded: bool,
+    degrees: Sequence[float], points: int, seeds: int, lead_in: int, mode: str, bounded: bool
 ) -> Settings:
     """Settings of a study; raises `Misused` for a bad number."""
     if not all(math.isfinite(d) and d > 0 for d in degrees):

@@ -106,22 +106,31 @@ class Calibrated:
 
 
 def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrated:
-    """Fit every module whose true flow a fault-free recording determines.
+    """Fit every module that ran and whose true flow a fault-free recording determines.
 
-    Parameters
-    ----------
-    models : results of all passes.
-    name : name of the recording in messages.
-
-    Raises
-    ------
-    CalibrationRefused
-        Nothing settled, no module has a true flow, or one cannot be fitted.
+    `name` is that of the recording in messages. Raises `CalibrationRefused` if nothing settled, if
+    no module has a true flow, or if one cannot be fitted.
     """
     settled = settled_points(models, recording, name)
+    modules = models.plant.modules.values()
+    local = {m.name: local_readings(models, settled.points, m) for m in modules}
+    flows = true_flows(models, local)
+    fits = []
+    for module in modules:
+        if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
+            continue
+        flow = flows[module.name]
+        if np.isfinite(flow.values).any():  # else the module never ran, and keeps its values
+            readings = Readings(local[module.name], flow)
+            fits.append(fit_module(module, models.types[module.type.key], readings))
+    if not fits:
+        raise CalibrationRefused(
+            "no module has a true flow to fit to: the recording needs a flow meter column, "
+            "or a module type an observer with 'reference: true'"
+        )
     return Calibrated(
         models=models,
-        fits=tuple(_fit_all(models, settled.points)),
+        fits=tuple(fits),
         points=len(settled.points),
         table=settled.table,
         sensors=settled.sensors,
@@ -158,27 +167,6 @@ def settled_points(models: Compilation, recording: Recording, name: str) -> Sett
         table,
         tuple(f"{f.text}; {kept_of(f)}" for f in health.findings),
     )
-
-
-def _fit_all(models: Compilation, points: Points) -> list[ModuleFit]:
-    """Fit every module that ran and whose true flow is known; refuse if there is none."""
-    plant = models.plant
-    local = {m.name: local_readings(models, points, m) for m in plant.modules.values()}
-    flows = true_flows(models, local)
-    fits = []
-    for module in plant.modules.values():
-        model = models.types[module.type.key]
-        if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
-            continue
-        flow = flows[module.name]
-        if np.isfinite(flow.values).any():  # else the module never ran, and keeps its values
-            fits.append(fit_module(module, model, Readings(local[module.name], flow)))
-    if not fits:
-        raise CalibrationRefused(
-            "no module has a true flow to fit to: the recording needs a flow meter column, "
-            "or a module type an observer with 'reference: true'"
-        )
-    return fits
 
 
 def local_readings(models: Compilation, points: Points, module: Module) -> Local:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import socket
 import tempfile
 import time
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ from rulec.api.simulate import parse_fault, simulate
 from rulec.demo import limits
 from rulec.demo.beside import servers, watch, write_map
 from rulec.demo.compare import matched, tell
-from rulec.demo.stage import planted, write_inputs
+from rulec.demo.stage import free_port, planted, write_inputs
 from rulec.passes.compile_cache import ruleset_of_plant
 from rulec.simulation.prediction import Injected
 
@@ -73,7 +72,7 @@ def _watched(place: Path, ruleset: Ruleset, step: float, out: Console) -> float 
         write_map(place / "map.yaml", endpoints, names, step)
         for module, endpoint in endpoints.items():
             out.print(styled("module {}: {}", module, endpoint))
-        port = _free_port()
+        port = free_port()
         arguments = ["--map", "map.yaml", "--journal", "journal.db", "--page", str(port)]
         first, second = " ".join(arguments[:2]), " ".join(arguments[2:])
         out.print(f"$ rulec watch abc.json --source opcua {first} \\\n    {second}")
@@ -107,9 +106,3 @@ def _compared(
     ]
     matches, others = matched(played, events)
     tell(out, matches, others, began)
-
-
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])

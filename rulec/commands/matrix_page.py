@@ -23,13 +23,8 @@ SIGNS = {1: "<b>+</b>", -1: "<b>−</b>", 0: '<span class="soft">·</span>'}
 def matrix_page(
     ruleset: Ruleset, made: Made | None = None, stores: Mapping[str, Any] | None = None
 ) -> str:
-    """The page as HTML; the same ruleset gives the same text.
-
-    Parameters
-    ----------
-    stores : for a plant that stores, how faults change the readings that balances predict, as
-        JSON data.
-    """
+    """The page as HTML; the same ruleset gives the same text. For a plant that stores, `stores` is
+    JSON data on how faults change the readings that balances predict."""
     sections = []
     if stores is not None:
         sections.append(section("What each fault does to readings", _of_stores(stores)))

@@ -25,11 +25,7 @@ def run(options: argparse.Namespace) -> int:
     _check_target(options.inputs, options.output)
     with progress_of(options, "simulating"):
         found = simulate(
-            options.plant,
-            options.inputs,
-            faults=faults,
-            noise=options.noise,
-            start=options.start,
+            options.plant, options.inputs, faults=faults, noise=options.noise, start=options.start
         )
     if options.output == STANDARD_OUTPUT:
         write_to(options.output, found.to_csv())

@@ -14,7 +14,6 @@ import json
 import logging
 import re
 import signal
-import socket
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -27,6 +26,7 @@ from asyncua import Server, ua
 from rulec_runtime.output.terminal import write_machine_text
 
 from rulec.demo import limits
+from rulec.demo.stage import free_port
 
 TITLE = re.compile(r"(?P<module>[^.]+)\.(?P<reading>.+) \[(?P<unit>.+)\]")
 
@@ -59,9 +59,7 @@ async def main(recording: Path, step: float) -> None:
 
 async def _server(module: str) -> tuple[Server, str]:
     """A server that is not started yet, and its endpoint."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        endpoint = f"opc.tcp://127.0.0.1:{free.getsockname()[1]}"
+    endpoint = f"opc.tcp://127.0.0.1:{free_port()}"
     server = Server()
     await server.init()
     server.set_endpoint(endpoint)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import socket
 from pathlib import Path
 
 from rulec_runtime.output.write_file import write_text
@@ -20,6 +21,13 @@ def write_inputs(examples: Path, target: Path) -> None:
     table.writerow(titles)
     table.writerows([k, *rows[k % len(rows)][1:]] for k in range(limits.ROWS))
     write_text(target, out.getvalue())
+
+
+def free_port() -> int:
+    """A free port of the loopback interface."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
 
 
 def planted() -> list[str]:

@@ -24,12 +24,8 @@ LOGIC: Mapping[str, Callable[..., Value]] = {
 
 
 def run(routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
-    """Outputs of a routine by name.
-
-    Parameters
-    ----------
-    values : the value of each input, or an array of them, shape (n,); in the input's unit.
-    """
+    """Outputs of a routine by name; `values` are those of its inputs, or arrays of shape (n,), in
+    the units of the inputs."""
     known: dict[str, Value] = {v.name: values[v.name] for v in routine.inputs}
     known |= {p.name: p.value for p in routine.parameters}
     # Readings are compared before the routine knows that they are not numbers.

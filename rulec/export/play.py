@@ -28,10 +28,7 @@ Execute = Callable[[Routine, Mapping[str, Value]], Mapping[str, Value]]
 
 
 def played(
-    recording: Recording,
-    ruleset: Ruleset,
-    codes: Iterable[ModuleCode],
-    execute: Execute = run,
+    recording: Recording, ruleset: Ruleset, codes: Iterable[ModuleCode], execute: Execute = run
 ) -> dict[str, Array]:
     """Results of all modules: an array per column of the results file, with an entry per window.
 

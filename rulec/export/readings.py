@@ -11,15 +11,7 @@ from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.recordings.recording_file import largest_reading
 
 from rulec.export.identifiers import Identifiers
-from rulec.export.program import (
-    Expression,
-    Name,
-    Number,
-    Section,
-    Statement,
-    Variable,
-    apply,
-)
+from rulec.export.program import Expression, Name, Number, Section, Statement, Variable, apply
 
 
 @dataclass(frozen=True)

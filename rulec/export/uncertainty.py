@@ -8,16 +8,7 @@ import rulec_runtime.limits as runtime_limits
 from rulec_runtime.contract.ruleset import SignalSpec
 
 from rulec.export.identifiers import Outputs
-from rulec.export.program import (
-    Apply,
-    Expression,
-    Name,
-    Number,
-    Statement,
-    Variable,
-    apply,
-    total,
-)
+from rulec.export.program import Apply, Expression, Name, Number, Statement, Variable, apply, total
 from rulec.export.readings import Reading, noise_in_si
 
 Terms = list[tuple[int, Name]]

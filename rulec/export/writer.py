@@ -14,15 +14,7 @@ from rulec_runtime.contract.plan import UNARY, Plan
 
 from rulec import limits
 from rulec.export.identifiers import Identifiers
-from rulec.export.program import (
-    Apply,
-    Expression,
-    Name,
-    Number,
-    Statement,
-    apply,
-    leaves,
-)
+from rulec.export.program import Apply, Expression, Name, Number, Statement, apply, leaves
 from rulec.export.without_plc import sign, tanh, whole_power
 
 JOINED = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}

@@ -36,8 +36,15 @@ def tasks_of(fleet: Fleet) -> list[Task]:
     tasks = []
     for (day, plant), files in sorted(days.items()):
         addresses, marks = zip(*sorted(files), strict=True)
-        ruleset = fleet.plants.get(plant, fleet.default)
-        tasks.append(Task(plant, day, addresses, marks, ruleset, fleet.trace))
+        task = Task(
+            plant=plant,
+            day=day,
+            files=addresses,
+            marks=marks,
+            ruleset=fleet.plants.get(plant, fleet.default),
+            trace=fleet.trace,
+        )
+        tasks.append(task)
     return tasks
 
 

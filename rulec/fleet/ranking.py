@@ -47,13 +47,12 @@ def ranked(rows: Iterable[Row]) -> list[Ranked]:
     plants: dict[str, list[Row]] = {}
     for row in rows:
         plants.setdefault(row["plant"], []).append(row)
-    found = [_ranked(plant, own) for plant, own in plants.items()]
-    return sorted(found, key=_place)
 
+    def place(one: Ranked) -> tuple[int, int, float, str]:
+        group = 0 if one.bad else 1 if one.unread or one.partly else 2
+        return group, ORDER.index(one.status), _size(one.health), one.plant
 
-def _place(one: Ranked) -> tuple[int, int, float, str]:
-    group = 0 if one.bad else 1 if one.unread or one.partly else 2
-    return group, ORDER.index(one.status), _size(one.health), one.plant
+    return sorted((_ranked(plant, own) for plant, own in plants.items()), key=place)
 
 
 def _size(health: float | None) -> float:

@@ -18,6 +18,7 @@ from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.courses import found_of
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_points
 from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.growth import Growth
 from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.fleet.plant_day import POINTS, Row
 from rulec_runtime.recordings.stationary import Timeline, systematic_u
@@ -49,10 +50,19 @@ def trends_of(rows: Iterable[Row], rulesets: Mapping[str, str]) -> Iterator[Tren
         ruleset = parse_ruleset(json.loads(rulesets[last]))
         if ruleset.dynamics is None:
             kept = [point for row in own if row["ruleset"] == last for point in row[POINTS]]
-            yield from (_trend(plant, one) for one in _growing(ruleset, kept))
+            calendar = Calendar(0.0, ((-np.inf, 0.0),))
+            for finding, growth in _growing(ruleset, kept):
+                yield Trend(
+                    plant=plant,
+                    fault=finding.fault.id,
+                    module=finding.fault.module,
+                    since=calendar.iso(finding.since),
+                    text=f"{finding.fault.id}: {grown(finding)}",
+                    growth=growth_form(finding.fault, growth, calendar),
+                )
 
 
-def _growing(ruleset: Ruleset, kept: Sequence[Row]) -> Iterator[Finding]:
+def _growing(ruleset: Ruleset, kept: Sequence[Row]) -> Iterator[tuple[Finding, Growth]]:
     """Faults that grow over operating points, in any order."""
     times = sorted({(p["since"], p["until"], p["samples"]) for p in kept})
     place = {since: i for i, (since, _, _) in enumerate(times)}
@@ -77,17 +87,4 @@ def _growing(ruleset: Ruleset, kept: Sequence[Row]) -> Iterator[Finding]:
     for part in evaluate_points(ruleset, points, halves, "default"):
         for one in found_of(timeline, ruleset, part).findings:
             if one.growth is not None and one.growth.grows and grown(one):
-                yield one
-
-
-def _trend(plant: str, one: Finding) -> Trend:
-    calendar = Calendar(0.0, ((-np.inf, 0.0),))
-    assert one.growth is not None
-    return Trend(
-        plant=plant,
-        fault=one.fault.id,
-        module=one.fault.module,
-        since=calendar.iso(one.since),
-        text=f"{one.fault.id}: {grown(one)}",
-        growth=growth_form(one.fault, one.growth, calendar),
-    )
+                yield one, one.growth

@@ -91,7 +91,13 @@ def allowed_of(ruleset: Ruleset, given: Allowed | None = None) -> Allowed:
 
 def _range(signal: SignalSpec, part: Range | None) -> Range | None:
     """The range of an input; None if it is empty."""
-    low, high = _of_plant(signal, part is not None)
+    low, high = signal.ends
+    calibrated = signal.valid_from is not None and signal.valid_to is not None
+    if calibrated or part is None:
+        own = range_of(signal)
+        low, high = max(low, own[0]), min(high, own[1])
+    else:
+        low = max(low, -math.inf if signal.minimum is None else signal.minimum)
     if not high > low:
         return None
     # A negative factor would swap the ends.
@@ -101,13 +107,3 @@ def _range(signal: SignalSpec, part: Range | None) -> Range | None:
     lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
     hold = max(part.hold, limits.STEP_SECONDS)
     return replace(part, lowest=lowest, highest=highest, hold=hold) if highest > lowest else None
-
-
-def _of_plant(signal: SignalSpec, by_file: bool) -> tuple[float, float]:
-    """The range of an input by the plant alone, SI."""
-    low, high = signal.ends
-    calibrated = signal.valid_from is not None and signal.valid_to is not None
-    if calibrated or not by_file:
-        own = range_of(signal)
-        return max(low, own[0]), min(high, own[1])
-    return max(low, -math.inf if signal.minimum is None else signal.minimum), high

@@ -12,7 +12,7 @@ from rulec.limits import SEPARATED, STEP_DEGREES
 from rulec.separation.allowed import Allowed
 from rulec.separation.distance import Case, FaultMeasure
 from rulec.separation.propose import Proposal, propose
-from rulec.simulation.equations import Equations, equations_of
+from rulec.simulation.equations import equations_of
 
 
 @dataclass(frozen=True)
@@ -41,21 +41,19 @@ def separate_pairs(ruleset: Ruleset, allowed: Allowed) -> Iterator[Separated]:
     Raises `SimulationRefused` if the plant cannot be simulated.
     """
     equations = equations_of(ruleset)
+    signals = equations.given_signals
+    shown = {s.id: s.shown(s.reference) for s in signals}
     done: set[frozenset[str]] = set()
     for group in ruleset.ambiguous:
         for pair in itertools.combinations(group.faults, 2):
-            if frozenset(pair) not in done:
-                done.add(frozenset(pair))
-                yield Separated(pair, group.kind, _proposed(equations, allowed, pair))
-
-
-def _proposed(equations: Equations, allowed: Allowed, pair: tuple[str, str]) -> Proposal:
-    a, b = (equations.ruleset.fault_by_id[name] for name in pair)
-    signals = equations.given_signals
-    measure = FaultMeasure(
-        equations=equations,
-        present={s.id: s.reference for s in signals},
-        bounds=allowed.readings,
-        rows=[[Case(a, d * a.scale, b), Case(b, d * b.scale, a)] for d in STEP_DEGREES],
-    )
-    return propose(allowed, {s.id: s.shown(s.reference) for s in signals}, measure)
+            if frozenset(pair) in done:
+                continue
+            done.add(frozenset(pair))
+            a, b = (ruleset.fault_by_id[name] for name in pair)
+            measure = FaultMeasure(
+                equations=equations,
+                present={s.id: s.reference for s in signals},
+                bounds=allowed.readings,
+                rows=[[Case(a, d * a.scale, b), Case(b, d * b.scale, a)] for d in STEP_DEGREES],
+            )
+            yield Separated(pair, group.kind, propose(allowed, shown, measure))

@@ -41,13 +41,9 @@ class Starts:
 def starts_of(ruleset: Ruleset, recording: RecordingFile) -> Starts:
     """Initial states of a plant by the first readings of a recording.
 
-    A state that no reading determines starts as stated, and a note says so.
-
-    Raises
-    ------
-    SimulationRefused
-        The plant stores nothing, the recording has no reading of a state, or no state reproduces
-        the readings.
+    A state that no reading determines starts as stated, and a note says so. Raises
+    `SimulationRefused` if the plant stores nothing, if the recording has no reading of a state, or
+    if no state reproduces the readings.
     """
     dynamics = ruleset.dynamics
     if dynamics is None:

@@ -36,16 +36,10 @@ class Systems(Protocol):
 
 
 def follow(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
-    """Solve the systems `index` from one starting point.
+    """Solve the systems `index` from `start`, shape (k, m), near the solutions at share 0.
 
-    Parameters
-    ----------
-    start : shape (k, m), near the solutions at share 0.
-
-    Returns
-    -------
-    Solutions, shape (k, m), and the share reached, shape (k,): 1 where the system is solved, -1
-    where not even share 0 is. Below 1 the solution is the last one on the way.
+    Returns solutions, shape (k, m), and the share reached, shape (k,): 1 where the system is
+    solved, -1 where not even share 0 is. Below 1 the solution is the last one on the way.
     """
     at, solved = start.copy(), np.zeros(len(start), dtype=bool)
     for part in _batches(np.arange(len(start)), start, ROWS):

@@ -29,16 +29,10 @@ def predict(
 ) -> Prediction:
     """Predict a recording of one or several files, row by row.
 
-    Parameters
-    ----------
-    seed : of the sensor errors; None for readings without errors.
-    starts : values per file of the parameters from which states start, SI; by default as stated.
-
-    Raises
-    ------
-    SimulationRefused
-        The plant cannot be simulated, a given reading has no column, or the plant has no such
-        fault.
+    `seed` is that of the sensor errors, None for readings without errors; `starts` are values per
+    file of the parameters from which states start, SI, by default as stated. Raises
+    `SimulationRefused` if the plant cannot be simulated, if a given reading has no column, or if
+    the plant has no such fault.
     """
     if ruleset.dynamics is None:
         equations = equations_of(ruleset)

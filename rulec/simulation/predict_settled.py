@@ -42,9 +42,7 @@ def predict_settled(
     simulated = simulate_with(equations, given, degrees)
     values = {name: simulated.values[name] for name in equations.predicted}
     notes = [
-        *_left_out(equations, recorded, given, simulated),
-        *_shut_off(equations, running, simulated),
-        *_without_solution(simulated),
+        *_left_out(equations, recorded, running, simulated),
         *_beyond_sensors(equations, values),
         *_more_than_one(equations, given, degrees, simulated),
     ]
@@ -102,38 +100,30 @@ def _gains(
 def _left_out(
     equations: Equations,
     recorded: Mapping[str, Array],
-    given: Mapping[str, Array],
+    running: Mapping[str, Array],
     simulated: Simulated,
 ) -> Iterator[str]:
-    """Notes on rows that are not predicted, as a module does not run or a reading is missing."""
+    """Notes on rows that are not predicted, or only at the smallest flow."""
     for signal in equations.given_signals:
         blank = ~np.isfinite(recorded[signal.id])
         if blank.any():
             yield f"{rows(blank)}: {signal.id} has no reading{_consequence(blank, simulated)}"
-        stopped = ~np.isfinite(given[signal.id]) & ~blank
+        stopped = ~np.isfinite(running[signal.id]) & ~blank
         if stopped.any() and signal.minimum is not None:
             what = f"{signal.id} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
             yield f"{rows(stopped)}: {what}{_consequence(stopped, simulated)}"
+    for signal in equations.given_signals:
+        shut = without_flow(signal, running[signal.id], equations.ruleset) & simulated.solved
+        if shut.any():
+            yield f"{rows(shut)}: {signal.id} shows no flow; predicted at next to none"
+    failed = simulated.failed >= 0
+    if failed.any():
+        yield f"{rows(failed)} have no solution: {simulated.why(int(np.argmax(failed)))}"
 
 
 def _consequence(rows: np.ndarray, simulated: Simulated) -> str:
     predicted = [v for name, v in simulated.flows.items() if np.isfinite(v[rows]).any()]
     return "; what hangs on it is not predicted" if predicted else "; they are not predicted"
-
-
-def _shut_off(
-    equations: Equations, running: Mapping[str, Array], simulated: Simulated
-) -> Iterator[str]:
-    for signal in equations.given_signals:
-        shut = without_flow(signal, running[signal.id], equations.ruleset) & simulated.solved
-        if shut.any():
-            yield f"{rows(shut)}: {signal.id} shows no flow; predicted at next to none"
-
-
-def _without_solution(simulated: Simulated) -> Iterator[str]:
-    failed = simulated.failed >= 0
-    if failed.any():
-        yield f"{rows(failed)} have no solution: {simulated.why(int(np.argmax(failed)))}"
 
 
 def _beyond_sensors(equations: Equations, values: Mapping[str, Array]) -> Iterator[str]:

@@ -41,15 +41,9 @@ def predict_stored(
 ) -> Prediction:
     """Predict all readings of a plant that stores.
 
-    Parameters
-    ----------
-    starts : values per file of the parameters from which states start, SI; by default as stated.
-
-    Raises
-    ------
-    SimulationRefused
-        A given reading has no column, a state grows without bound, or the plant or its balances
-        have no such fault.
+    `starts` are values per file of the parameters from which states start, SI; by default as
+    stated. Raises `SimulationRefused` if a given reading has no column, if a state grows without
+    bound, or if the plant or its balances have no such fault.
     """
     _check_faults(ruleset, dynamics, injected)
     if refused := ruleset.simulation.refused:

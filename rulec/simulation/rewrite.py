@@ -23,10 +23,8 @@ def rewrite(
 ) -> None:
     """Write a file's rows with the readings of some signals; NaN becomes an empty cell.
 
-    Parameters
-    ----------
-    values : an array per signal, shape (rows of the file,), SI. A signal without a column gets one
-        after the others, under its foreign name if the plant knows one.
+    `values` holds an array per signal, shape (rows of the file,), SI. A signal without a column
+    gets one after the others, under its foreign name if the plant knows one.
     """
     with opened_sheet(file.path, form_of(ruleset)) as sheet:
         writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")

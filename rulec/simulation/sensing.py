@@ -36,17 +36,13 @@ def sense(
     random: np.random.Generator,
     gains: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
-    """Readings of one recording.
+    """Readings of one recording by signal id, shape (n,), SI. Equal generators give equal readings.
 
     Parameters
     ----------
     values : an array per signal id, shape (n,), SI, as a perfect sensor would show it.
     gains : factors by which faults in sensors scale readings, shape (n,); they scale the errors of
         the sensors too, as in the seed paper, which multiplies the reading.
-
-    Returns
-    -------
-    An array per signal id, shape (n,), SI. Equal generators give equal readings.
     """
     readings = {}
     for signal in ruleset.signals:

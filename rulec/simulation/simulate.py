@@ -61,6 +61,8 @@ def simulate_with(
 ) -> Simulated:
     """Find the readings of a plant.
 
+    Raises `SimulationRefused` if the plant has no such name, or if a number is not allowed.
+
     Parameters
     ----------
     given : an array, shape (n,), or a number, per input and per reading that no observer
@@ -70,11 +72,6 @@ def simulate_with(
     offsets : error of the law per observer id, m3/s.
     solve : `newton.follow` or an equivalent; it starts from the reference point.
     start : readings to start from instead, shape (n,), SI.
-
-    Raises
-    ------
-    SimulationRefused
-        The plant has no such name, or a number is not allowed.
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)

@@ -58,7 +58,8 @@ def judge(
     diagnosis = diagnose(
         Recording(time=time, values=readings, segment=segment, missing=(), notes=()), ruleset, mode
     )
-    early = any(part.until < onset for part in (*diagnosis.findings, *diagnosis.unknown))
+    ends = [f.until for f in diagnosis.findings] + [p.until for p in diagnosis.unknown]
+    early = any(end < onset for end in ends)
     late = [f for f in diagnosis.findings if f.until >= onset]
     # The finding that covers most of the time from the onset on.
     finding = max(late, key=lambda f: f.until - max(f.since, onset), default=None)

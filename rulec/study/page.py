@@ -26,13 +26,8 @@ def study_page(
     counts: Tally,
     made: Made | None = None,
 ) -> str:
-    """A study as HTML; the same study gives the same text.
-
-    Parameters
-    ----------
-    types : module type per module.
-    made : when and by which tool the page was made; optional.
-    """
+    """A study as HTML; the same study gives the same text. `types` are module types by module,
+    `made` says when and by which tool the page was made."""
     items = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(counts))
     sections = [
         section("What its diagnosis can do", f"<ul>{items}</ul>"),

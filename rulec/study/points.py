@@ -48,7 +48,9 @@ def operating_points(equations: Equations, count: int) -> Points:
     for _ in range(POINT_ROUNDS if np.any(high > low) else 0):
         if len(found) >= count:
             break
-        share = _latin_hypercube(count - 1, len(ranges), random)
+        # One point in each slice of each dimension, shape (count - 1, inputs).
+        slices = np.array([random.permutation(count - 1) for _ in ranges]).T
+        share = (slices + random.random((count - 1, len(ranges)))) / (count - 1)
         candidates = low + share * (high - low)
         solved = simulate_with(equations, _named(equations, candidates), {}).solved
         for point, runs in zip(candidates, solved, strict=True):
@@ -71,13 +73,6 @@ def range_of(signal: SignalSpec) -> tuple[float, float]:
     if signal.minimum is not None:
         low, high = max(low, signal.minimum), max(high, signal.minimum)
     return low, high
-
-
-def _latin_hypercube(count: int, dimensions: int, random: np.random.Generator) -> Array:
-    """Points in the unit cube, one in each slice of each dimension; shape (count, dimensions)."""
-    slices = np.array([random.permutation(count) for _ in range(dimensions)]).T
-    share: Array = (slices + random.random((count, dimensions))) / count
-    return share
 
 
 def _named(equations: Equations, points: Array) -> dict[str, Array]:

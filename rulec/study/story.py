@@ -19,11 +19,7 @@ from rulec.study.without import show_without, without_each
 
 
 def show(
-    out: Console,
-    ruleset: Ruleset,
-    types: Mapping[str, str],
-    points: Points,
-    counts: Tally,
+    out: Console, ruleset: Ruleset, types: Mapping[str, str], points: Points, counts: Tally
 ) -> None:
     """Print the findings in words, then a table per module type."""
     out.print(styled("\n[bold]{}[/]: what its diagnosis can do\n", ruleset.title))

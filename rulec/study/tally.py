@@ -94,13 +94,8 @@ def tally(
     samples: int,
     lead_in: int,
 ) -> Tally:
-    """Count outcomes.
-
-    Parameters
-    ----------
-    types : module type by module.
-    samples, lead_in : length of a healthy recording, and of the healthy part of a faulty one.
-    """
+    """Count outcomes. `types` are module types by module, `samples` and `lead_in` the lengths of a
+    healthy recording and of the healthy part of a faulty one."""
     kinds = {}
     for f in ruleset.faults:
         name, title = (text.removeprefix(f"{f.module}.") for text in (f.id, f.title))
