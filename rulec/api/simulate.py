@@ -72,8 +72,10 @@ class SimulateResult(Result):
 
         Predicted readings replace recorded ones; all others are as recorded.
         """
-        names = list(dict.fromkeys(n for file in self.files for n in file.values))
-        values = {n: np.concatenate([_of(file, n) for file in self.files]) for n in names}
+        values: dict[str, Array] = {}
+        for name in dict.fromkeys(n for file in self.files for n in file.values):
+            parts = [f.values.get(name, np.full(len(f.time), np.nan)) for f in self.files]
+            values[name] = np.concatenate(parts)
         values |= self.prediction.values
         found = {"time [s]": times_of(self.files)}
         for name, readings in values.items():
@@ -234,11 +236,6 @@ def _starts(
             f"--start {name}: no file {absent[0]}" + (f"; {what}" if is_folder else "")
         )
     return [starts_of(ruleset, read_file(path, ruleset, notes)) for path in wanted]
-
-
-def _of(file: RecordingFile, name: str) -> Array:
-    """Readings of a signal in one file, shape (n,); NaN if it has none."""
-    return file.values.get(name, np.full(len(file.time), np.nan))
 
 
 def _few(names: Iterable[str]) -> str:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import styled
 
 from rulec.calibration.calibrate import Calibrated
 from rulec.effects.recalibrate import FLOW_FACTOR
-from rulec.knowledge.plant import Module
 
 
 def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
@@ -50,15 +47,17 @@ def tell(out: Console, found: Calibrated, name: str, forced: bool) -> None:
 
 
 def _table(found: Calibrated) -> Table:
-    models, fits, plant = found.models, found.fits, found.models.plant
+    models, plant = found.models, found.models.plant
     table = Table(box=None, padding=(0, 2), pad_edge=False)
     for title in ("observer", "misfit (l/h)", "R2", "points", "set aside", "parameters"):
         table.add_column(title, justify="left" if title in ("observer", "parameters") else "right")
-    for fit in fits:
+    for fit in found.fits:
+        kind = plant.modules[fit.module].type
+        units = {name: p.unit for name, p in kind.parameters.items()}
         values = dict(zip(fit.parameters, fit.values, strict=True))
         moved = [n for n in fit.parameters if f"{fit.module}.{n}" in found.moved]
         for o in fit.observers:
-            expression = models.types[plant.modules[fit.module].type.key].observers[o.observer]
+            expression = models.types[kind.key].observers[o.observer]
             used = [n for n in moved if n in {s.name for s in expression.free_symbols}]
             table.add_row(
                 f"{fit.module}.{o.observer}",
@@ -66,11 +65,6 @@ def _table(found: Calibrated) -> Table:
                 f"{o.r2:.4f}",
                 str(o.points),
                 str(o.set_aside),
-                ", ".join(_named(plant.modules[fit.module], n, values) for n in used),
+                ", ".join(f"{n} {units[n].from_si(values[n]):.4g} {units[n].text}" for n in used),
             )
     return table
-
-
-def _named(module: Module, name: str, found: Mapping[str, float]) -> str:
-    unit = module.type.parameters[name].unit
-    return f"{name} {unit.from_si(found[name]):.4g} {unit.text}"

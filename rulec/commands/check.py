@@ -50,12 +50,12 @@ def run(options: argparse.Namespace) -> int:
     elif options.format == "sarif":
         write_json(options, sarif_form(found, version_of_rulec()))
     else:
-        told = {}
+        forms = {}
         if facts:
             from rulec.commands.recording_story import json_form as form_of
 
-            told = {name: form_of(part) for name, part in facts.items()}
-        write_json(options, {"found": json_form(found), "recordings": told})
+            forms = {name: form_of(part) for name, part in facts.items()}
+        write_json(options, {"found": json_form(found), "recordings": forms})
     return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
 
 

@@ -35,13 +35,13 @@ def run(options: argparse.Namespace) -> int:
         write_text(folder / name, text)
         lines += text.count("\n")
     write_text(folder / WIRING, wiring_csv(codes))
-    told = "[green]✓[/] {}: {}, {}, and {}"
-    of_modules, of_lines = plural(len(codes), "module", "modules"), plural(lines, "line", "lines")
-    out.print(styled(told, folder, of_modules, of_lines, WIRING))
-    silent = [name for name in ruleset.modules if name not in {code.module for code in codes}]
-    if silent:
+    counts = plural(len(codes), "module", "modules"), plural(lines, "line", "lines")
+    out.print(styled("[green]✓[/] {}: {}, {}, and {}", folder, *counts, WIRING))
+    written = {code.module for code in codes}
+    others = ", ".join(name for name in ruleset.modules if name not in written)
+    if others:
         note = "[dim]note: without estimates of their flow, and so without code: {}[/]"
-        out.print(styled(note, ", ".join(silent)))
+        out.print(styled(note, others))
     if ruleset.dynamics is not None:
         note = "this plant stores: rulec diagnose judges its recordings, not results of modules"
         out.print(styled("[dim]note: {}[/]", note))

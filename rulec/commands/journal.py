@@ -1,4 +1,4 @@
-"""`rulec journal`: what a watched plant told."""
+"""`rulec journal`: the events of a watched plant."""
 
 from __future__ import annotations
 

@@ -85,6 +85,11 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
     For a plant that stores, `stores` holds the same for the readings that balances predict.
     """
     units = [fault.unit for fault in ruleset.faults]
+    unlisted = {  # sensor errors that no module lists
+        "faults": [f.id for f in ruleset.unlisted],
+        "units": [f.unit or "1" for f in ruleset.unlisted],
+        **_cells(ruleset, ruleset.unlisted),
+    }
     return {
         **({"stores": stores} if stores else {}),
         "plant": ruleset.plant,
@@ -112,16 +117,7 @@ def json_form(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> dict
             if g.sensors
         ],
         "unobserved": list(ruleset.unobserved),
-        **({"unlisted": _unlisted(ruleset)} if ruleset.unlisted else {}),
-    }
-
-
-def _unlisted(ruleset: Ruleset) -> dict[str, Any]:
-    """The matrix of the sensor errors that no module lists."""
-    return {
-        "faults": [f.id for f in ruleset.unlisted],
-        "units": [f.unit or "1" for f in ruleset.unlisted],
-        **_cells(ruleset, ruleset.unlisted),
+        **({"unlisted": unlisted} if ruleset.unlisted else {}),
     }
 
 

@@ -85,7 +85,7 @@ def verdict(ruleset: Ruleset, stores: Mapping[str, Any] | None = None) -> str:
 
 
 def _meaning(ruleset: Ruleset) -> str:
-    groups, unseen = len(marked(ruleset)), len(ruleset.unobserved)
+    groups, invisible = len(marked(ruleset)), len(ruleset.unobserved)
     parts = [f"{counted(groups, 'group')} of faults that are alike"] if groups else []
-    parts += [f"{counted(unseen, 'fault')} without any trace"] if unseen else []
+    parts += [f"{counted(invisible, 'fault')} without any trace"] if invisible else []
     return "; ".join(parts)

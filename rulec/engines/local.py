@@ -97,11 +97,11 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
 def _start(lifeline: Connection) -> None:
     """Leave interrupts to the parent; end if its end of the lifeline closes."""
+
+    def wait_for_parent() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            lifeline.recv_bytes()
+        os._exit(1)
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlived, args=(lifeline,), daemon=True).start()
-
-
-def _outlived(lifeline: Connection) -> None:
-    with contextlib.suppress(EOFError, OSError):
-        lifeline.recv_bytes()
-    os._exit(1)
+    threading.Thread(target=wait_for_parent, daemon=True).start()

@@ -43,8 +43,8 @@ def _struct(name: str, variables: Sequence[Variable]) -> list[str]:
     lines = [f"struct {name} {{"]
     for v in variables:
         unit = f" [{v.unit}]" if v.unit else ""
-        line = f"{TYPES[v.kind]} {v.name}; /*{_plain(unit)} {_plain(v.text)} */"
-        lines += broken(line, "    ")
+        text = f"{TYPES[v.kind]} {v.name}; /*{_plain(unit)} {_plain(v.text)} */"
+        lines += broken(text, "    ")
     return [*lines, "};", ""]
 
 

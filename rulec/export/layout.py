@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
 
 WIDTH = 99
 
@@ -31,9 +30,9 @@ def wrapped(line: str, width: int) -> list[str]:
     return lines or [""]
 
 
-def broken(line: str, indent: str) -> Iterator[str]:
+def broken(line: str, indent: str) -> list[str]:
     """A statement, wrapped at blanks."""
-    yield from textwrap.wrap(
+    return textwrap.wrap(
         line,
         WIDTH,
         initial_indent=indent,

@@ -27,6 +27,7 @@ def blocks(code: ModuleCode) -> str:
 
 
 def _variables(routine: Routine) -> Iterator[str]:
+    outputs = {v.name for v in routine.outputs}
     yield from _declared("VAR_INPUT", routine.inputs)
     yield from _declared("VAR_OUTPUT", routine.outputs)
     if routine.parameters:
@@ -35,11 +36,9 @@ def _variables(routine: Routine) -> Iterator[str]:
             line = f"{p.name} : LREAL := {literal(p.value)}; (* {_plain(p.text)} *)"
             yield from broken(line, "    ")
         yield "END_VAR"
-    outputs = {v.name for v in routine.outputs}
     yield "VAR"
-    for s in routine.statements:
-        if s.name not in outputs:
-            yield f"    {s.name} : {TYPES[s.kind]};"
+    values = (s for s in routine.statements if s.name not in outputs)
+    yield from (f"    {s.name} : {TYPES[s.kind]};" for s in values)
     yield "END_VAR"
 
 

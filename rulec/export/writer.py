@@ -191,12 +191,12 @@ def _uses(plan: Plan) -> Counter[int]:
 def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
     """The factors of values that are products and quotients, without constants."""
     first = plan.first_operation
-    seen: set[int] = set()
+    visited: set[int] = set()
     while left:
         number = left.pop()
-        if number in seen or len(plan.inputs) <= number < first:
+        if number in visited or len(plan.inputs) <= number < first:
             continue
-        seen.add(number)
+        visited.add(number)
         name, a, b = plan.operations[number - first] if number >= first else ("input", 0, 0)
         if name in ("mul", "div"):
             left += [a, b]

@@ -18,11 +18,11 @@ def judged(
 
     If processes die repeatedly at a plant-day, its row says so.
     """
-    calls = [Call((task,), task.ruleset) for task in tasks]
 
     def died(number: int) -> Row:
         reason = f"{WORKER_DEATHS} processes died at it; is there enough memory?"
         return blank(tasks[number]) | {"reason": reason}
 
+    calls = [Call((task,), task.ruleset) for task in tasks]
     for number, row in run(engine, judge_day, calls, rulesets, died):
         yield tasks[number], row

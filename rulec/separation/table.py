@@ -32,19 +32,16 @@ def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("faults", "sigma now", "then", "step from the reference point"):
         table.add_column(title, no_wrap=title != "step from the reference point")
+    reference = {s.id: s.shown(s.reference) for s in ruleset.signals}
     for pair in close:
         now, then = pair.proposal.here, pair.proposal.apart if pair.proposal.changes else ()
         sigma = (" / ".join(f"{v:.1f}" for v in part) or "–" for part in (now, then))
-        table.add_row(", ".join(pair.faults), *sigma, _step(ruleset, pair))
+        step = "none within the limits does"
+        if pair.proposal.changes:
+            step = set_points(ruleset, reference, pair.proposal) + costs_in_words(pair.proposal)
+            step += "" if pair.is_split else "; not enough at every degree"
+        table.add_row(", ".join(pair.faults), *sigma, step)
     out.print(table)
-
-
-def _step(ruleset: Ruleset, pair: Separated) -> str:
-    if not pair.proposal.changes:
-        return "none within the limits does"
-    reference = {s.id: s.shown(s.reference) for s in ruleset.signals}
-    text = set_points(ruleset, reference, pair.proposal) + costs_in_words(pair.proposal)
-    return text if pair.is_split else f"{text}; not enough at every degree"
 
 
 def separated_form(ruleset: Ruleset, pairs: Sequence[Separated]) -> list[dict[str, Any]]:

@@ -31,6 +31,11 @@ def other_point(
     simulated: Simulated,
 ) -> OtherPoint | None:
     """The first other operating point found; None does not prove that there is none."""
+
+    def damped(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+        at, solved = newton(systems, start, np.ones(len(start)), index)
+        return at, np.where(solved, 1.0, 0.0)
+
     rows = np.flatnonzero(simulated.solved)
     if not rows.size or not equations.predicted:
         return None
@@ -45,7 +50,7 @@ def other_point(
         for name, values in found.items():
             zero = equations.ruleset.signal_by_id[name].offset
             start[name] = zero + factor * (values - zero)
-        other = simulate_with(equations, some_given, some_degrees, solve=_damped, start=start)
+        other = simulate_with(equations, some_given, some_degrees, solve=damped, start=start)
         for i in np.flatnonzero(_possible(equations, other)):
             gaps = {n: abs(other.values[n][i] / values[i] - 1.0) for n, values in found.items()}
             name = max(gaps, key=lambda n: gaps[n])
@@ -53,11 +58,6 @@ def other_point(
                 also = float(other.values[name][i])
                 return OtherPoint(int(rows[i]), name, float(found[name][i]), also)
     return None
-
-
-def _damped(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
-    at, solved = newton(systems, start, np.ones(len(start)), index)
-    return at, np.where(solved, 1.0, 0.0)
 
 
 def _possible(equations: Equations, points: Simulated) -> np.ndarray:
