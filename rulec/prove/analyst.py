@@ -1,6 +1,6 @@
-"""The analysis of a case, as a user would run it: with the plant's folder and the recording only.
+"""What a user does with a case: analyse it, plan an experiment, analyse both recordings together.
 
-This file imports nothing of the truth, and its process gets the path of a folder only.
+This file imports nothing of the truth, and its processes get paths of folders only.
 """
 
 from __future__ import annotations
@@ -17,26 +17,74 @@ from typing import Any
 from rulec_runtime.output.write_file import write_text
 
 from rulec.limits import UNSURE
+from rulec.prove.limits import USUAL_HOURS
 
 FORM, SERIES, EARLIER = "mismatch.json", "series.csv", "earlier.csv"
 ANSWER = "answer.json"
-"""What the tool wrote."""
+"""The file that the tool writes."""
+
+PLAN, ROUND = "experiment.json", "round-2"
+FIRST, SECOND = "first.csv", "second.csv"
+"""Recordings with dates: the first, shared by all folders of a round, and the further one."""
 
 
 def analyse(folder: Path) -> dict[str, Any]:
     """Calibrate the plant, if there is an earlier run, and run `rulec mismatch`.
 
-    Returns the JSON form with `seconds`, its duration, and `error` where there is no answer. The
-    folder keeps it, so that a run that was killed goes on where it was.
+    Returns the JSON form with `seconds`, its duration, and `error` if there is no answer. The
+    folder keeps it, so that a run that was killed can be resumed.
     """
-    return answered(folder / FORM, lambda: _asked(folder))
+
+    def ask() -> dict[str, Any]:
+        calibrate(folder)
+        answer, files = folder / ANSWER, (folder / "plant", folder / "recording.csv")
+        run_tool("mismatch", *files, "--json", answer, "--series", folder / SERIES)
+        return _read(answer)
+
+    return answered(folder / FORM, ask)
+
+
+def plan(folder: Path) -> dict[str, Any]:
+    """Run `rulec experiment` on the first answer, no longer than the first recording or a shift.
+
+    Returns its JSON form; `error` if the tool refuses. The folder keeps it.
+    """
+
+    def ask() -> dict[str, Any]:
+        recorded = (folder / "recording.csv").read_text(encoding="utf-8").splitlines()
+        hours = max(float(recorded[-1].partition(",")[0]) / 3600.0, USUAL_HOURS)
+        recipe, limits = folder / "recipe.json", folder / "limits.yaml"
+        allowed = ("--limits", limits) if limits.exists() else ()
+        words = ("--hours", f"{hours:.6g}", "--json", recipe, *allowed)
+        run_tool("experiment", folder / ANSWER, *words)
+        return _read(recipe)
+
+    return answered(folder / PLAN, ask)
+
+
+def ask_again(folder: Path) -> dict[str, Any]:
+    """Run `rulec mismatch` on both recordings; `folder` is that of one further recording.
+
+    Returns the JSON form as `analyse` does; the folder keeps it.
+    """
+
+    def ask() -> dict[str, Any]:
+        plant, answer = folder.parents[1] / "plant", folder / ANSWER
+        run_tool("mismatch", plant, folder.parent / FIRST, folder / SECOND, "--json", answer)
+        return _read(answer)
+
+    return answered(folder / FORM, ask)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return found
 
 
 def answered(form: Path, ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The answer that a file keeps; asked, and kept in it, where it is not there."""
+    """Return the answer in a file; if the file does not exist, ask and write it first."""
     if form.exists():
-        kept: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
-        return kept
+        return _read(form)
     begin = time.perf_counter()
     try:
         found = ask()
@@ -49,29 +97,19 @@ def answered(form: Path, ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def calibrate(folder: Path) -> None:
-    """Calibrate the plant of a case, if there is an earlier run and it was not done yet."""
+    """Calibrate the plant of a case, if there is an earlier run and it is not calibrated yet."""
     plant = folder / "plant"
     file = plant / "plant.yaml"
     plain = file.read_text(encoding="utf-8")
     if (folder / EARLIER).exists() and "calibration:" not in plain:
-        # Where the earlier run does not determine a parameter, a user keeps the data sheet.
+        # If the earlier run does not determine a parameter, a user keeps the data sheet.
         with contextlib.suppress(ValueError):
             run_tool("calibrate", plant, folder / EARLIER, "-o", plant / "calibration.yaml")
             write_text(file, f"{plain}calibration: [calibration.yaml]\n")
 
 
-def _asked(folder: Path) -> dict[str, Any]:
-    calibrate(folder)
-    plant, answer = folder / "plant", folder / ANSWER
-    series = folder / SERIES
-    recording = folder / "recording.csv"
-    run_tool("mismatch", plant, recording, "--json", answer, "--series", series)
-    found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
-    return found
-
-
 def run_tool(*words: object) -> None:
-    """A command of the tool; ValueError with its message where it refuses."""
+    """Run a command of the tool; raises ValueError with its message if it refuses."""
     from rulec.cli import main
 
     out, err = io.StringIO(), io.StringIO()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rulec.prove.limits import TOLD
+from rulec.prove.limits import PROBABILITIES
 from rulec.prove.results import Judged
 from rulec.prove.scores import wilson
 
@@ -45,7 +45,7 @@ def reliability(judged: Sequence[Judged]) -> list[Reliability]:
     """All names in the answers by their probability; bins with names only."""
     claims = [claim for j in judged for claim in j.claims]
     found = []
-    for low, high in pairwise(TOLD):
+    for low, high in pairwise(PROBABILITIES):
         own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
         if own:
             right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)

@@ -27,22 +27,27 @@ from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
-from rulec.prove.results import Run
+from rulec.prove.results import Further, Run
 from rulec.prove.run_folder import unusable
 from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
 
 Ask = Callable[[argparse.Namespace, Console, Console], int]
-"""Does what options ask for, with a terminal for results and one for what is said aside."""
+"""Runs the command, given its options and the terminals for results and for messages."""
 
 FIRST_CONTACT = 1
-"""Seed of the first of the first contacts; each has its own."""
+"""Default seed of the first case of first contacts; later cases count up from it."""
 
 
 def main(words: list[str] | None = None, ask: Ask | None = None) -> int:
-    """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
-    options = parser().parse_args(words)
+    """Run; returns 0 whatever the scores, 1 if the folder holds another run."""
+    parser = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
+    prove_options(parser)
+    quiet_option(parser)
+    # `rulec prove` passes this; it holds the other end of standard input.
+    parser.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args(words)
     out, aside = terminal(quiet=options.quiet), terminal(aside=True)
     try:
         with interruptible(options.lifeline):
@@ -57,18 +62,16 @@ def main(words: list[str] | None = None, ask: Ask | None = None) -> int:
 
 
 def ended(aside: Console, code: int, why: str) -> int:
-    """Say why the command ends; returns its exit code."""
+    """Print why the command ends; returns its exit code."""
     aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
     return code
 
 
 def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
-    """Do what the options ask for; returns the exit code."""
-    mistake = _mistake(options)
-    if mistake is not None:
+    if (mistake := _mistake(options)) is not None:
         return ended(aside, 2, mistake)
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        # Workers of a cluster have a working folder of their own.
+        # Absolute, because the workers of a cluster run in other working directories.
         work = Path(options.keep or temporary).absolute()
         if options.contacts:
             return _contacts(options, work, out, aside)
@@ -94,7 +97,7 @@ def _contacts(options: argparse.Namespace, work: Path, out: Console, aside: Cons
 
 
 def _mistake(options: argparse.Namespace) -> str | None:
-    """What is wrong with the options; asked before the long work."""
+    """Return the first mistake in the options, before the long work starts."""
     if options.final and options.contacts:
         return "--final: first contacts are drawn, none is kept apart; leave --final out"
     if options.final and register()["final"]["seed"] is None:
@@ -103,23 +106,23 @@ def _mistake(options: argparse.Namespace) -> str | None:
         engine_of(options)
     except Misused as misused:
         return str(misused)
-    lone = {"--hidden-names": options.hidden_names, "--limit": options.limit is not None}
-    if any(lone.values()):
-        first = next(name for name, given in lone.items() if given)
+    if options.hidden_names or options.limit is not None:
+        first = "--hidden-names" if options.hidden_names else "--limit"
         return f"{first}: this is for real recordings; add --real DIR"
     if options.contacts and options.report:
         return "--report: there is no page of first contacts, a table and --json only"
     if not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
-    mistake = _mistake_of_rounds(options)
-    if mistake is not None:
-        return mistake
+    return _mistake_of_rounds(options) or mistake_of_places(options)
+
+
+def mistake_of_places(options: argparse.Namespace) -> str | None:
+    """Return why results cannot be written, or the kept folder not be used; None if they can."""
     unwritable = without_folder(options, "json", "report")
     return unwritable or (unusable(Path(options.keep)) if options.keep else None)
 
 
 def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
-    """What is wrong with the options of a second round."""
     if options.baselines is not None and options.rounds < 2:
         return "--baselines: they are asked beside a second recording; add --rounds 2"
     if options.rounds < 2:
@@ -134,22 +137,12 @@ def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
 
 
 def engine_of(options: argparse.Namespace) -> Engine:
-    """Where the work is done; `Misused` for what makes no sense."""
+    """Return the engine that does the work; raises `Misused` for contradictory options."""
     return chosen(options.engine, options.jobs, options.scheduler)
 
 
-def parser() -> argparse.ArgumentParser:
-    """Options of the command."""
-    made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
-    prove_options(made)
-    quiet_option(made)
-    # Given by `rulec prove`, which holds the other side of standard input.
-    made.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
-    return made
-
-
 def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
-    """Which cases, and how often they were opened."""
+    """Return the cases, and how often they were opened."""
     known = register()
     made = functools.partial(
         Partition,
@@ -168,23 +161,19 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
-    partition, openings = partition_of(options)
-    engine = engine_of(options)
+    (partition, openings), engine = partition_of(options), engine_of(options)
+    arms, further = arms_of(options.baselines), list[Further]()
     with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
         seals = sealed(partition, work, engine, on_progress)
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
         aside.print(f"{made} answers sealed, hash {digest[:16]}")
         analysed(work, seals, engine, on_progress)
-        arms = arms_of(options.baselines)
         if options.rounds > 1:
             asked_again(partition, work, seals, arms, engine, on_progress)
         found, away = judged(partition, work, seals, engine, on_progress)
-        further = (
-            judged_again(partition, work, seals, found, arms, engine, on_progress)
-            if options.rounds > 1
-            else []
-        )
+        if options.rounds > 1:
+            further = judged_again(partition, work, seals, found, arms, engine, on_progress)
     lost = len(seals) - made
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(

@@ -1,4 +1,4 @@
-"""How a run is interrupted: by a signal, or by the end of the process that started it."""
+"""Interruption of a run: by a signal, or by the end of the process that started it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ INPUT = 0
 
 @contextlib.contextmanager
 def interruptible(lifeline: bool) -> Iterator[None]:
-    """Raise KeyboardInterrupt for SIGINT, for SIGTERM, and where the lifeline ends.
+    """Raise KeyboardInterrupt on SIGINT, on SIGTERM, and when the lifeline ends.
 
-    A signal that is ignored at the start (`nohup`) stays ignored. With a `lifeline` standard input
-    is read: its end means that the process at the other side wants an interrupt, or is gone.
+    A signal that is ignored at the start (`nohup`) stays ignored. The `lifeline` is standard input:
+    its end means that the process at the other end wants an interrupt, or has ended.
     """
     heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
     if lifeline and signal.SIGTERM not in heard:
-        heard.append(signal.SIGTERM)  # by which the lifeline speaks
+        heard.append(signal.SIGTERM)  # the lifeline sends it
     before = {number: signal.signal(number, _interrupt) for number in heard}
     left = threading.Event()
     if lifeline:
@@ -35,7 +35,7 @@ def interruptible(lifeline: bool) -> Iterator[None]:
     finally:
         left.set()
         for number, handler in before.items():
-            # The last call of a lifeline may be under way still.
+            # The lifeline may still be about to send its last signal.
             signal.signal(number, signal.SIG_IGN if lifeline else handler)
 
 
@@ -46,12 +46,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _listen(left: threading.Event) -> None:
-    # Not by sys.stdin: the lock of its buffer would be held when the interpreter ends.
+    # Not sys.stdin: the interpreter would end while the lock of its buffer is held.
     while os.read(INPUT, 1024):
         pass
     main = threading.main_thread().ident
-    # The main thread itself must get it, or it goes on waiting for a result; and more than once,
-    # as compiled code (numpy's random numbers) swallows an exception that is raised below it.
+    # The main thread must get the signal, or it goes on waiting for a result; and more than once,
+    # because compiled code (numpy's random numbers) swallows an exception raised below it.
     while main is not None and not left.is_set():
         signal.pthread_kill(main, signal.SIGTERM)
         left.wait(INTERRUPT_AGAIN)

@@ -9,7 +9,7 @@ from typing import Any
 
 from rulec.prove.further_inputs import RECIPE
 from rulec.prove.judge import is_named, judged_words
-from rulec.prove.limits import TOLD_AT_ALL
+from rulec.prove.limits import LEAST_REPORTED
 from rulec.prove.results import COVERED, RUN, Further, Judged
 from rulec.prove.truth.sealed import Answer, Planted
 
@@ -148,5 +148,5 @@ def _nats(stood: Sequence[bool], recipe: Form, after: Form) -> tuple[float | Non
     odds = [now.get(frozenset(sets[i]["names"]), 0.0) for i in (true, other)]
     was = math.log(sets[true]["probability"] / sets[other]["probability"])
     expected = float(recipe["factors"][true][other])
-    floor = [max(p, TOLD_AT_ALL) for p in odds]
+    floor = [max(p, LEAST_REPORTED) for p in odds]
     return expected, math.log(floor[0] / floor[1]) - was if any(odds) else None

@@ -14,7 +14,7 @@ from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import counted, fixed, number, percent
 
 from rulec.prove.further_inputs import ARMS, RECIPE
-from rulec.prove.limits import TOLD, WORST_CASES
+from rulec.prove.limits import PROBABILITIES, WORST_CASES
 from rulec.prove.results import COVERED, RUN, Further, Judged
 from rulec.prove.scores import FALSE_NAMES as FALSE
 from rulec.prove.scores import Row, table
@@ -57,7 +57,7 @@ class Gained:
 def gained(further: Sequence[Further]) -> list[Gained]:
     """Expected against realised certainty; bins with recipes only."""
     ran, found = [f for f in further if f.outcome == RUN], []
-    for low, high in pairwise(TOLD):
+    for low, high in pairwise(PROBABILITIES):
         own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
         if own:
             stood = [f.sure[RECIPE] for f in own if f.stood]

@@ -1,4 +1,4 @@
-"""The folder of a run, which `--keep` names: can it be used, and whose is it?"""
+"""The folder of a run that `--keep` names: whether it can be used, and by which tool."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SEALS, CASES = "seals.txt", "cases"
 
 
 def tool_digest() -> str:
-    """Hash of the tool and its knowledge base: a run never mixes answers of two states."""
+    """Return a hash of the tool and its knowledge base, so that no run mixes two versions."""
     digest = hashlib.sha256()
     for root in (Path(rulec.__path__[0]), Path(rulec_runtime.__path__[0]), shipped("kb")):
         for file in sorted(f for f in root.rglob("*") if f.suffix in {".py", ".yaml", ".json"}):
@@ -25,9 +25,9 @@ def tool_digest() -> str:
 
 
 def unusable(work: Path) -> str | None:
-    """Why the folder cannot be used, before any work is done; None if it can.
+    """Return why the folder cannot be used, before any work is done; None if it can.
 
-    Makes the folder where it does not exist; changes nothing in it. Other files in it do no harm.
+    Creates the folder if it does not exist, and changes nothing in it. Other files may be in it.
     """
     try:
         work.mkdir(parents=True, exist_ok=True)

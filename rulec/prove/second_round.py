@@ -1,13 +1,14 @@
-"""A second round of a run: plan for every answer, run the same true plants, ask again.
+"""A second round of a run: plan for every answer, run the same true plants, analyse again.
 
-The tool's processes get paths of folders; the truth's get the recipe and give recordings. Nothing
-is opened before all is asked.
+The tool's processes get paths of folders; the truth's get the recipe and return recordings. No
+answer is opened before the last analysis.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,8 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.engines.call import Engine
 from rulec.prove import campaign
-from rulec.prove.analyst import FORM
-from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan
+from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan
 from rulec.prove.campaign import Changed, OnProgress, folder_of
-from rulec.prove.dated import dated
 from rulec.prove.further_inputs import ARMS, RECIPE, run_again
 from rulec.prove.further_scores import further_of
 from rulec.prove.partition import Partition, Planned
@@ -26,9 +25,15 @@ from rulec.prove.results import Further, Judged
 from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.settled.plan import SettledCase
 
+BEGAN = datetime(2026, 1, 5, 6)
+"""When every first recording began."""
+
 
 def arms_of(baselines: Sequence[str] | None) -> tuple[str, ...]:
-    """How plants are run again: as proposed, and in ways that are named; in all where none is."""
+    """Return the ways to run plants again: as proposed, and by the named baselines.
+
+    None asks for no baseline, an empty sequence for all of them.
+    """
     if baselines is None:
         return (RECIPE,)
     return tuple(arm for arm in ARMS if arm in (RECIPE, *baselines) or not baselines)
@@ -42,9 +47,9 @@ def asked_again(
     engine: Engine,
     on_progress: OnProgress,
 ) -> None:
-    """Plan, run and ask about every case whose first answer leaves something open.
+    """Plan, run and analyse again every case whose first answer leaves something open.
 
-    What a folder has already is kept. Raises Changed where an answer is not what was sealed.
+    Files that a folder has already are kept. Raises Changed if an answer is not what was sealed.
     """
 
     def done(work_: Callable[..., object], what: str, todo: list[tuple[Any, ...]]) -> None:
@@ -73,7 +78,7 @@ def judged_again(
     engine: Engine,
     on_progress: OnProgress,
 ) -> list[Further]:
-    """Open the answers once more, and judge what was said of both recordings."""
+    """Open the answers again, and judge the analyses of both recordings."""
     cases = [(case, i) for i, case in enumerate(partition.cases()) if seals[i]]
     todo = [(case, folder_of(work, i), j, arms) for (case, i), j in zip(cases, first, strict=True)]
     what = "judging again"
@@ -81,19 +86,19 @@ def judged_again(
 
 
 def recorded(folder: Path, arm: str) -> bool:
-    """Is there a further recording of a case, or the word that the plant cannot be run so?"""
+    """Return whether a case has a further recording, or a note that its plant cannot be run so."""
     own = folder / ROUND / arm
     return (own / SECOND).exists() or (own / FORM).exists()
 
 
 def _recipe(folder: Path) -> dict[str, Any]:
-    """The recipe of a case; empty where it has no step."""
+    """Return the recipe of a case; empty if it has no step."""
     found: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
     return found if found.get("steps") else {}
 
 
 def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
-    """Write the first recording with dates, and one for each way to run the plant."""
+    """Write the first recording with dates, and a further one for each arm."""
     made = case.make()
     assert isinstance(made, SettledCase)
     if made.answer.digest != seal:
@@ -108,7 +113,7 @@ def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
         try:
             columns = run_again(made, _recipe(folder), arm, made.answer.seed)
         except ValueError as refused:
-            # The plant cannot be run so: the operator is left with the first answer.
+            # The plant cannot be run so, and the operator keeps the first answer.
             write_text(own / arm / FORM, json.dumps({"not_run": str(refused)}))
             continue
         seconds = own / arm / "seconds.csv"
@@ -126,3 +131,14 @@ def _judge(case: Planned, folder: Path, first: Judged, arms: Sequence[str]) -> F
         if recipe.get("steps")
     }
     return further_of(case.make().answer, first, recipe, before, after)
+
+
+def dated(text: str) -> str:
+    """Replace seconds in a CSV recording by dates, so that two recordings share a time axis."""
+    head, *rows = text.splitlines()
+    lines = [f"time,{head.partition(',')[2]}"]
+    for row in rows:
+        seconds, _, rest = row.partition(",")
+        date = BEGAN + timedelta(seconds=round(float(seconds)))
+        lines.append(f"{date.isoformat(sep=' ')},{rest}")
+    return "\n".join(lines) + "\n"

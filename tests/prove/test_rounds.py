@@ -15,17 +15,15 @@ from rulec_runtime.output.terminal import Terminal
 
 from rulec.engines.call import Engine
 from rulec.prove import campaign, further_inputs
-from rulec.prove.analyst import FORM
-from rulec.prove.ask_again import FIRST, PLAN, ROUND
+from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND
 from rulec.prove.campaign import folder_of, sealed
 from rulec.prove.command import main as suite
-from rulec.prove.dated import dated
 from rulec.prove.further_inputs import ARMS, run_again, samples_of, steps_of
 from rulec.prove.further_scores import further_of, right_set
 from rulec.prove.further_told import after_of, gained, tell_further
 from rulec.prove.partition import Partition
 from rulec.prove.results import Further, Run, run_from_json
-from rulec.prove.second_round import asked_again, judged_again
+from rulec.prove.second_round import asked_again, dated, judged_again
 from rulec.prove.truth.sealed import Answer, Planted
 from rulec.prove.truth.settled.further import (
     displayed,
