@@ -1,4 +1,4 @@
-"""`python -m rulec.prove`: the command, or what it lacks where only the product is installed."""
+"""`python -m rulec.prove`: the command, or the packages it lacks if only rulec is installed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rulec_runtime.output.refusal import to_install
 from rulec_runtime.output.terminal import say_aside
 
 NEEDS = ("sklearn", "pysindy")
-"""Packages that the suite needs besides those of the product; some are imported at its end only."""
+"""Packages that only the suite needs; some are first imported at its end."""
 
 
 def main(command: str = "rulec.prove.command") -> int:
-    """Run the command, a module; 1 where packages of the suite are absent."""
+    """Run the module of a command; returns 1 if packages of the suite are absent."""
     absent = [name for name in NEEDS if find_spec(name) is None]
     if absent:
         say_aside(

@@ -1,4 +1,4 @@
-"""A predicted reading over time, and the columns that may explain its residual: lags, folds."""
+"""A predicted reading over time, and the columns that may explain its residual."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ TIME = "time [s]"
 
 @dataclass(frozen=True)
 class Course:
-    """A predicted signal; arrays of shape (n,), NaN where there is nothing.
+    """A predicted signal; arrays of shape (n,), NaN where there is no value.
 
-    `heldout` flags samples that nothing may be learnt from.
+    `heldout` flags samples that may not be used for learning.
     """
 
     signal: str
@@ -33,12 +33,12 @@ class Course:
 
     @property
     def residual(self) -> Array:
-        """Measured less recalibrated."""
+        """Measured minus recalibrated."""
         return self.measured - self.recalibrated
 
     @property
     def learnt(self) -> NDArray[np.bool_]:
-        """Samples that may be learnt from."""
+        """Training samples."""
         flags: NDArray[np.bool_] = np.isfinite(self.residual) & ~self.heldout
         return flags
 
@@ -50,7 +50,7 @@ class Course:
 
     @property
     def folds(self) -> NDArray[np.intp]:
-        """Number of the fold of each sample, by chunks in a row; -1 where nothing is learnt."""
+        """Fold of each sample, in successive blocks; -1 for samples that are not used."""
         learnt = self.learnt
         rank = np.cumsum(learnt) - 1
         chunk = rank * CHUNKS // max(int(learnt.sum()), 1)
@@ -58,7 +58,7 @@ class Course:
 
 
 def columns_of(text: str) -> dict[str, Array]:
-    """A table as columns by header; NaN in cells that hold no number."""
+    """Read a CSV table as columns by header; NaN in cells without a number."""
     head, *rows = csv.reader(io.StringIO(text))
     return {
         name: np.array([_number(row[i]) for row in rows], dtype=float)
@@ -67,7 +67,7 @@ def columns_of(text: str) -> dict[str, Array]:
 
 
 def courses_of(text: str) -> list[Course]:
-    """The courses in what `rulec mismatch --series` wrote."""
+    """Read the courses in a file of `rulec mismatch --series`."""
     table = columns_of(text)
     named = {header.rpartition(" [")[0]: values for header, values in table.items()}
     signals = [n.removesuffix(" measured") for n in named if n.endswith(" measured")]
@@ -84,9 +84,9 @@ def courses_of(text: str) -> list[Course]:
 
 
 def drivers_of(columns: Columns, course: Course, own: Sequence[str] = ()) -> dict[str, Array]:
-    """Columns at the times of the course, without that of the predicted signal.
+    """Return the columns at the times of the course, without that of the predicted signal.
 
-    That one is recognised by its name (`own` where the plant calls it otherwise) or its values.
+    That one is recognised by its name (`own` if the plant has another one) or its values.
     """
     aligned = at_times(columns, course.time)
     return {
@@ -101,9 +101,9 @@ def drivers_of(columns: Columns, course: Course, own: Sequence[str] = ()) -> dic
 
 
 def at_times(columns: Columns, time: Array) -> dict[str, Array]:
-    """Columns at other times: the mean of the samples that belong to each.
+    """Resample columns at other times: the mean of the samples that belong to each.
 
-    A sample belongs to the nearest time, if it is nearer than half their usual distance.
+    A sample belongs to the nearest time if it is nearer than half the usual interval.
     """
     raw = columns[TIME]
     if len(raw) == len(time) and np.allclose(raw, time, rtol=1e-8):
@@ -115,7 +115,7 @@ def at_times(columns: Columns, time: Array) -> dict[str, Array]:
 
 
 def lagged(columns: Columns) -> dict[str, Array]:
-    """Columns with LAGS; before the first sample they have its value."""
+    """Delay columns by LAGS; before the first sample they have its value."""
     return {
         f"{header} {lag} ago": values[np.maximum(np.arange(len(values)) - lag, 0)]
         for header, values in columns.items()
@@ -124,7 +124,7 @@ def lagged(columns: Columns) -> dict[str, Array]:
 
 
 def rms(values: Array) -> float:
-    """Root mean square; NaN of nothing."""
+    """Return the root mean square; NaN of no values."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
@@ -142,7 +142,7 @@ def _means(
 
 
 def _same(values: Array, course: Course) -> bool:
-    """Is a column the predicted reading? Held-out samples are not looked at."""
+    """Whether a column is the predicted reading, by samples that are not held out."""
     both = course.learnt & np.isfinite(values)
     own = course.measured[both]
     return bool(both.any()) and rms(values[both] - own) <= SAME * rms(own)
@@ -156,7 +156,7 @@ def _number(cell: str) -> float:
 
 
 def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
-    """Absolute correlation of a reconstructed course with the truth; 0 where there is none.
+    """Return the absolute correlation of a reconstructed course with the truth; 0 without one.
 
     `time` and `course` have shape (n,), `clock` and `driver` shape (m,).
     """

@@ -1,8 +1,8 @@
-"""A blind test on somebody's own plant: every effect of the catalogue concealed in their recording.
+"""A blind test on a user's plant: every effect of the catalogue is concealed in their recording.
 
 The plant's own model replays the recording with its noise, the classes of its sensors and the
 accuracies of its laws: with nothing missing, and with each effect in turn at its usual size. What
-would `rulec mismatch` have told? The answer belongs to this plant and this recording alone.
+would `rulec mismatch` report? The answer holds for this plant and this recording only.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ from rulec.mismatch.answer.json_form import power_form
 from rulec.mismatch.result import Detectability, SelfProof
 
 OFTEN, SOMETIMES = 0.9, 0.1
-"""Shares of the replays from which on an effect counts as told, and as told at times."""
+"""Least shares of the replays for an effect to count as reported, and as reported at times."""
 
 COLUMNS = ("effect", "usual size", "told", "told from", "told instead")
-
 
 MEANING = (
     "told: with a probability of 0.9, alone or with those that predict the same here; told from: "
@@ -42,7 +41,7 @@ NEVER = "{} would not be told at any size that it may have."
 
 @dataclass(frozen=True)
 class Blind:
-    """What replays say of each effect, those told most often first."""
+    """The result of the replays for each effect."""
 
     plant: str
     recording: str
@@ -50,7 +49,7 @@ class Blind:
 
     @property
     def groups(self) -> tuple[tuple[str, list[Detectability]], ...]:
-        """Effects by how often they are told at their usual size, the most often first."""
+        """Groups of effects by how often they are reported at their usual size, in that order."""
         many = self.proof.replays
         shown = sorted(self._shown, key=lambda e: (-e.told_usual, e.id))
         often = [e for e in shown if e.told_usual >= OFTEN * many]
@@ -65,13 +64,13 @@ class Blind:
 
     @property
     def unseen(self) -> list[str]:
-        """Titles of effects that no reading shows, or not for sure at any size."""
+        """Titles of effects that are not reported at any size."""
         there = {e.id for _, effects in self.groups for e in effects}
         return [title_of(e) for e in self.proof.effects if e.id not in there]
 
     @property
     def headline(self) -> str:
-        """The answer in one sentence."""
+        """The result in one sentence."""
         least, count = OFTEN * self.proof.replays, len(self.proof.effects)
         often = sum(e.told_usual >= least for e in self._shown)
         return (
@@ -81,14 +80,14 @@ class Blind:
         )
 
     def form(self) -> dict[str, Any]:
-        """Machine form; sizes in the unit beside them."""
+        """Return the machine form; each size has its unit beside it."""
         return {"plant": self.plant, "recording": self.recording, **power_form(self.proof)}
 
 
 def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind:
     """Conceal every effect that a plant may have in replays of a recording.
 
-    Raises what `rulec.mismatch` raises: the plant or the recording is refused.
+    Raises what `rulec.mismatch` raises if it refuses the plant or the recording.
     """
     _, builder = open_builder(plant)
     ids = list(dict.fromkeys(c.id for c in builder.candidates))
@@ -98,7 +97,7 @@ def blind(plant: Path, recording: str, progress: Callable[[str], None]) -> Blind
 
 
 def title_of(seen: Detectability) -> str:
-    """What an effect is, and where.
+    """Return the title of an effect, with its place.
 
     >>> title_of(Detectability(id="B.slip@Q_geo", title="Slip in B"))
     'Slip in B, at Q_geo'
@@ -108,7 +107,7 @@ def title_of(seen: Detectability) -> str:
 
 
 def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
-    """One effect as a row of the table.
+    """Return the cells of an effect's row.
 
     >>> leak = Detectability(id="A.leak", title="Leak in A", usual=10.0, unit="%", told_usual=3)
     >>> cells(leak, 200)
@@ -122,7 +121,7 @@ def cells(seen: Detectability, replays: int) -> tuple[str, ...]:
 
 
 def show(out: Console, found: Blind) -> None:
-    """The finding, then one table per group."""
+    """Print the result, then one table per group."""
     out.print(styled("[bold]{}[/]", found.headline))
     for title, effects in found.groups:
         shown = Table(*COLUMNS, title=f"\n{title}", title_justify="left", box=None, pad_edge=False)
@@ -137,7 +136,7 @@ def show(out: Console, found: Blind) -> None:
 
 
 def page(found: Blind, made: Made | None = None) -> str:
-    """One page to hand on; the same answer gives the same text."""
+    """Write the page; the same result gives the same text."""
     parts = [section(t, _rows(t, effects, found)) for t, effects in found.groups]
     if found.unseen:
         body = f"<p>{safe('; '.join(found.unseen))}.</p>"

@@ -1,8 +1,8 @@
 """A run of the proof: seal all answers, analyse, open the answers, judge.
 
 Case folders are numbered; names, seeds and answers are in no file until every case is judged. A run
-that was killed goes on where it was: it makes the answers again and compares their hashes with
-those that were sealed.
+that was killed can be resumed: it makes the answers again and compares their hashes with those that
+were sealed.
 """
 
 from __future__ import annotations
@@ -28,22 +28,21 @@ from rulec.prove.truth.sealed import Case
 OPENED = "answer-opened.json"
 
 OnProgress = Callable[[str, int, int], None]
-"""Called with the name of the work, how much of it is done, and how much there is."""
+"""Called with the name of the work, the number of finished parts, and that of all parts."""
 
 B = TypeVar("B")
 
 
 class Changed(Exception):
-    """The folder belongs to another run or tool, or answers are not what was sealed."""
+    """The folder belongs to another run or tool, or an answer is not what was sealed."""
 
 
 def sealed(partition: Partition, work: Path, engine: Engine, on_progress: OnProgress) -> list[str]:
-    """Make all cases; returns their hashes by number, empty where no plant shows the effect.
+    """Make all cases; returns their hashes by number, empty if no plant shows the effect.
 
-    Raises Changed where a folder was sealed with other answers.
+    Raises Changed if the folder was sealed with other answers.
     """
-    kept = owned(work, partition.digest)
-    if kept:
+    if kept := owned(work, partition.digest):
         return kept
     cases = partition.cases()
     todo = [(case, folder_of(work, i)) for i, case in enumerate(cases)]
@@ -55,7 +54,7 @@ def sealed(partition: Partition, work: Path, engine: Engine, on_progress: OnProg
 def owned(work: Path, whose: str) -> list[str]:
     """Claim a folder for a run; returns the hashes that were sealed in it, none at first.
 
-    Raises Changed where the folder belongs to another run, or to this one with another tool.
+    Raises Changed if the folder belongs to another run, or to this one with another tool.
     """
     head = _head(whose)
     file = work / SEALS
@@ -79,32 +78,30 @@ def _write_seals(work: Path, lines: Sequence[str]) -> None:
 
 
 def digest_of(seals: Sequence[str]) -> str:
-    """One hash over all answers."""
+    """Return one hash over all answers."""
     return hashlib.sha256("\n".join(seals).encode()).hexdigest()
 
 
 def analysed(work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress) -> None:
-    """Ask the tool about every case that has no answer of the tool yet."""
+    """Analyse every case that the tool has not analysed yet."""
     asked([folder_of(work, i) for i, seal in enumerate(seals) if seal], engine, on_progress)
 
 
 def asked(folders: Sequence[Path], engine: Engine, on_progress: OnProgress) -> None:
-    """Ask the tool about every folder with a plant, a recording, and no answer of the tool yet."""
+    """Analyse every folder with a plant and a recording that the tool has not analysed yet."""
     todo = [(f,) for f in folders if not (f / FORM).exists()]
-    done = len(folders) - len(todo)
-    on_progress("analysing", done, len(folders))
-    for _ in spread(
-        analyse, todo, engine, lambda n: on_progress("analysing", done + n, len(folders))
-    ):
+    done, count = len(folders) - len(todo), len(folders)
+    on_progress("analysing", done, count)
+    for _ in spread(analyse, todo, engine, lambda n: on_progress("analysing", done + n, count)):
         pass
 
 
 def judged(
     partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
 ) -> tuple[list[Judged], int]:
-    """Open the answers and judge; also counts the baselines whose simulation ran away.
+    """Open the answers and score them; also counts the baselines whose simulation diverged.
 
-    Raises Changed where an answer is not what was sealed.
+    Raises Changed if an answer is not what was sealed.
     """
     todo = [
         (case, folder_of(work, i), seals[i], partition.name)
@@ -116,7 +113,7 @@ def judged(
 
 
 def folder_of(work: Path, number: int) -> Path:
-    """Of a case."""
+    """Return the folder of a case."""
     return work / CASES / f"{number:04d}"
 
 
@@ -126,15 +123,14 @@ def _seal(case: Planned, folder: Path) -> str:
     except ValueError:
         return ""
     folder.mkdir(parents=True, exist_ok=True)
-    digest = made.answer.digest
     made.write(folder)
-    return digest
+    return made.answer.digest
 
 
 def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]]:
-    """A case made again, and what the tool wrote of it.
+    """Make a case again; returns it with the tool's answer.
 
-    Raises Changed where its answer is not what was sealed.
+    Raises Changed if its sealed answer is not what it was.
     """
     made = case.make()
     if made.answer.digest != seal:
@@ -156,7 +152,6 @@ def spread(
     engine: Engine,
     on_count: Callable[[int], None],
 ) -> Iterator[B]:
-    """Results in the order of the list, from processes that share nothing with this one."""
-    counted = itertools.count(1)
-    calls = [Call(words) for words in todo]
+    """Yield results in the order of the list, from processes that share nothing with this one."""
+    counted, calls = itertools.count(1), [Call(words) for words in todo]
     yield from in_order(engine, work, calls, done=lambda _: on_count(next(counted)))

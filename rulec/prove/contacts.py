@@ -1,7 +1,7 @@
-"""First contacts judged: is what the tool tells of a plant from its data sheet believable?
+"""Scores of first contacts: is the report on a plant from its data sheet believable?
 
-Five figures: parameters told near the truth, ticks without an error, sound plants called sound,
-laws of another form named, and names that are sure and wrong.
+Five figures: reported parameters near the truth, ticks without an error, sound plants reported
+sound, laws of another form named, and names that are certain and wrong.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from rulec.prove.terminal import MARK
 from rulec.prove.truth.contacts import Contact, ContactAnswer
 
 TICK = "none"
-VALUES_TELL_NOTHING = ("unsure", "unnamed", "failed")
-"""Verdicts that say themselves that the values are not to be believed."""
+WITHOUT_VALUES = ("unsure", "unnamed", "failed")
+"""Verdicts that themselves declare the values not believable."""
 
 FIGURES = "believed", "ticks", "sound", "others", "wrong"
 """Names of the five figures in JSON."""
@@ -42,13 +42,13 @@ class Judged:
 
     Attributes
     ----------
-    other : which law is of another form; empty on a sound plant
+    other : the law of another form; empty on a sound plant
     said : findings with the probability of their class
-    far : largest distance of a parameter that is told from the truth, in u of the sheet
-    beyond : largest error of what has a tick, noise taken off, over what class and accuracy
+    far : largest distance of a reported parameter from the truth, in u of the data sheet
+    beyond : largest error of an output with a tick, noise subtracted, over what class and accuracy
         explain; None without a tick
-    found : is the sound plant called sound, or the other law named in a class that is sure?
-    wrong : findings that are sure and of which no member is right
+    found : the sound plant is reported sound, or the other law is named in a certain class
+    wrong : findings that are certain and of which no member is right
     """
 
     case: str
@@ -64,7 +64,7 @@ class Judged:
 
 
 def judge(answer: ContactAnswer, form: Form) -> Judged:
-    """Score the answer of the tool, its JSON; what failed says nothing."""
+    """Score the tool's answer in JSON; a failed analysis reports nothing."""
     verdict, effects = str(form.get("verdict", "failed")), list(form.get("effects", ()))
     sure = [e for e in effects if _probability(e) >= CERTAIN and e.get("sort") != "free"]
     right = [_in_class(answer.names, e) for e in sure]
@@ -77,7 +77,7 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
         answer.other,
         verdict,
         tuple((str(e["id"]), _probability(e)) for e in effects),
-        0.0 if verdict in VALUES_TELL_NOTHING else _far(answer, form),
+        0.0 if verdict in WITHOUT_VALUES else _far(answer, form),
         _beyond(answer, form) if verdict == TICK else None,
         found,
         tuple(str(e["id"]) for e, good in zip(sure, right, strict=True) if not good),
@@ -87,18 +87,18 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
 
 
 def _probability(effect: Form) -> float:
-    """Of a finding's class."""
+    """Probability of a finding's class."""
     return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 
 def _in_class(names: Sequence[str], effect: Form) -> bool:
-    """Is the finding, or one that coincides with it, right? There is one module."""
+    """Whether the finding, or one that coincides with it, is right; there is one module."""
     same = {str(a["effect"]) for a in effect["alternatives"] if a.get("same")}
     return bool({str(effect["effect"]), *same} & set(names))
 
 
 def _far(answer: ContactAnswer, form: Form) -> float:
-    """What is not strained lies near the sheet, as the truth does."""
+    # A parameter that is not strained is near the data sheet, as the truth is.
     strain = (s for s in form["strain"] if s["parameter"] in answer.values)
     return max(
         (abs(s["value"] - answer.values[s["parameter"]]) / s["u"] for s in strain), default=0
@@ -116,7 +116,7 @@ def _beyond(answer: ContactAnswer, form: Form) -> float:
 def judged(
     partition: Partition, work: Path, seals: Sequence[str], engine: Engine, on_progress: OnProgress
 ) -> list[Judged]:
-    """Open the answers and judge. Raises Changed where an answer is not what was sealed."""
+    """Open the answers and score them. Raises Changed if an answer is not what was sealed."""
     cases = partition.cases()
     todo = [(case, folder_of(work, i), seals[i]) for i, case in enumerate(cases)]
     found = spread(_opened, todo, engine, lambda n: on_progress("judging", n, len(todo)))
@@ -130,7 +130,7 @@ def _opened(case: Planned, folder: Path, seal: str) -> Judged:
 
 
 def figures(found: Sequence[Judged]) -> list[Row]:
-    """The five figures with their goals."""
+    """Return the five figures with their goals."""
     ticks = [j.beyond for j in found if j.beyond is not None]
     sound, others = ([j.found for j in found if bool(j.other) == other] for other in (False, True))
     near, wrong = sum(j.far <= BELIEVED for j in found), sum(bool(j.wrong) for j in found)
@@ -150,17 +150,19 @@ def figures(found: Sequence[Judged]) -> list[Row]:
 
 
 def why(judged: Judged) -> str:
-    """What is wrong with an answer; empty where nothing is."""
-    told = [f"parameter {judged.far:.1f} u off the truth"] if judged.far > BELIEVED else []
+    """Return the mistakes of an answer as text; empty without any."""
+    mistakes = [f"parameter {judged.far:.1f} u off the truth"] if judged.far > BELIEVED else []
     if judged.beyond is not None and judged.beyond > 1.0:
-        told.append(f"tick at {judged.beyond:.1f} times the accuracy")
-    told += [f"wrong at {CERTAIN:g}: {', '.join(judged.wrong)}"] if judged.wrong else []
-    told += [f"not {'named' if judged.other else 'called sound'}"] if not judged.found else []
-    return "; ".join([*told, judged.error] if judged.error else told)
+        mistakes.append(f"tick at {judged.beyond:.1f} times the accuracy")
+    if judged.wrong:
+        mistakes.append(f"wrong at {CERTAIN:g}: {', '.join(judged.wrong)}")
+    if not judged.found:
+        mistakes.append(f"not {'named' if judged.other else 'called sound'}")
+    return "; ".join([*mistakes, judged.error] if judged.error else mistakes)
 
 
 def show(out: Console, found: Sequence[Judged]) -> None:
-    """Write the figures, and the cases that went wrong."""
+    """Print the figures, and the cases with mistakes."""
     shown = Table(box=None, pad_edge=False)
     for title in ("score", "goal", "reached", "95 % interval", ""):
         shown.add_column(title, no_wrap=True)
@@ -179,10 +181,9 @@ def show(out: Console, found: Sequence[Judged]) -> None:
 
 
 def form_of(found: Sequence[Judged]) -> dict[str, Any]:
-    """Figures with value, count and of how many, and all cases."""
+    """Return the figures and all cases in the machine form."""
     rows = {
         name: {"value": r.share if r.count else None, "count": r.hits, "of": r.count}
         for name, r in zip(FIGURES, figures(found), strict=True)
     }
-    cases = [dataclasses.asdict(j) for j in found]
-    return {"figures": rows, "cases": cases}
+    return {"figures": rows, "cases": [dataclasses.asdict(j) for j in found]}

@@ -1,4 +1,4 @@
-"""What the plant is run with in a second round: the recipe, and baselines of equal length."""
+"""Inputs of the plant in a second round: the recipe, and baselines of equal length."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ ARMS = {
 """Ways to run the plant again, in words; all but the first are baselines."""
 
 Held = tuple[Point, int]
-"""Set points by input, and for how many samples."""
-
-Recorded = dict[str, Array]
+"""Set points by input, and the number of samples for which they are held."""
 
 
-def run_again(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> Recorded:
-    """Columns of a further recording by header, as long as the recipe asks.
+def run_again(
+    case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int
+) -> dict[str, Array]:
+    """Return the columns of a further recording by header, as long as the recipe.
 
-    Steps at which the plant cannot run are left out, as an operator leaves them out. Raises
-    ValueError where the recipe sets what nobody can set, and where no step is left.
+    Steps at which the plant cannot run are left out, as an operator would. Raises ValueError if the
+    recipe sets what nobody can set, or if no step is left.
     """
     if arm == SAME:
         samples = sum(samples_of(recipe, case.scene.pace))
@@ -54,7 +54,7 @@ def run_again(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int)
         return _run(case, [step for step in steps if _runs(case, step)] or steps)
 
 
-def _run(case: SettledCase, steps: Sequence[Held]) -> Recorded:
+def _run(case: SettledCase, steps: Sequence[Held]) -> dict[str, Array]:
     points, samples = zip(*steps, strict=True)
     return recorded_further(case, held(case, points, samples))
 
@@ -68,9 +68,9 @@ def _runs(case: SettledCase, step: Held) -> bool:
 
 
 def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) -> list[Held]:
-    """Set points of each step, in the units of the sensors, and for how many samples.
+    """Return the set points of each step, in the units of the sensors, and its samples.
 
-    Raises ValueError where the recipe sets what nobody can set.
+    Raises ValueError if the recipe has another unit than the sensor.
     """
     samples, points = samples_of(recipe, case.scene.pace), _points(case.scene, recipe)
     if arm == RECIPE:
@@ -88,7 +88,7 @@ def steps_of(case: SettledCase, recipe: Mapping[str, Any], arm: str, seed: int) 
 
 
 def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:
-    """Samples of each step, s from sample to sample; one at least."""
+    """Return the samples of each step, at least one; `pace` is the sampling interval in s."""
     ends = [0.0, *(float(step["until"]) for step in recipe["steps"])]
     return [max(round(b / pace) - round(a / pace), 1) for a, b in pairwise(ends)]
 
@@ -105,7 +105,7 @@ def _points(scene: Scene, recipe: Mapping[str, Any]) -> list[Point]:
 
 
 def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Displayed ends between which inputs may be set, else those of the first recording."""
+    """Displayed limits of the inputs, or else their range in the first recording."""
     found = {}
     for name in names:
         values = case.scene.given[name][case.scene.first :]

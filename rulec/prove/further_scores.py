@@ -1,4 +1,4 @@
-"""How a second recording changed an answer, and whether that is what the recipe foretold."""
+"""How a second recording changed an answer, and whether the recipe predicted that."""
 
 from __future__ import annotations
 
@@ -15,90 +15,72 @@ from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
 
-EXPERIMENT = "rulec experiment"
-
 NAMELESS, PERIODS = "~", "!/"
-"""Mark of a term without a name in the name of a set's part, and marks of how a fault came."""
+"""Mark of a nameless term in a candidate set, and marks of how a fault began."""
 
 
 def further_of(
     answer: Answer, first: Judged, recipe: Form, before: Form, after: Mapping[str, Form]
 ) -> Further:
-    """Judge a second round; `after` are answers with a second recording by the way it was made."""
-    known = _titles(before, *after.values())
-    foretold = recipe.get("explanations", before.get("standing", ()))
-    stood = [right_set(answer, one["names"], known) for one in foretold]
+    """Judge a second round; `after` has the answers with a second recording by arm."""
+    known = _entries(before, *after.values())
+    candidates = recipe.get("explanations", before.get("standing", ()))
+    right = [right_set(answer, one["names"], known) for one in candidates]
     sure_before = sure_of(answer, before, known)
-    told = Further(
+    judged = Further(
         case=answer.case,
-        outcome=_outcome(recipe, after),
-        why=_said(str(recipe.get("error", ""))),
+        outcome="refused" if "error" in recipe else "alike",
+        why=_message(str(recipe.get("error", ""))),
         sure_before=sure_before,
-        stood=any(stood),
+        stood=any(right),
     )
     if not after:
-        return told
-    judged = {arm: _judged(answer, first, form) for arm, form in after.items()}
-    sure = {
-        arm: sure_before if "not_run" in form else sure_of(answer, form, known)
-        for arm, form in after.items()
-    }
-    steps = recipe["steps"]
-    expected, realised = _nats(stood, recipe, after[RECIPE])
+        return judged
+    # If the plant could not be run so, the first answer stays.
+    sure, again = {}, {}
+    for arm, form in after.items():
+        stalled = "not_run" in form
+        sure[arm] = sure_before if stalled else sure_of(answer, form, known)
+        again[arm] = first if stalled else judged_words(answer, form, first.partition)
+    steps, covers = recipe["steps"], _covers(recipe)
+    expected, realised = _nats(right, recipe, after[RECIPE])
     return replace(
-        told,
+        judged,
+        outcome="stalled" if "not_run" in after[RECIPE] else COVERED if covers else RUN,
         why=str(after[RECIPE].get("not_run", "")),
         steps=len(steps),
         minutes=float(steps[-1]["until"]) / 60.0,
-        expected=_foretold(recipe),
+        expected=() if covers else tuple(float(recipe["certainty"][end]) for end in (0, -1)),
         sure=sure,
         nats_expected=expected,
         nats=realised,
-        after=judged,
+        after=again,
     )
 
 
 def _covers(recipe: Form) -> bool:
-    """Does a recipe cover what may be set, and tell nothing apart?"""
+    """Whether a recipe only covers the allowed range and distinguishes nothing."""
     return all(step["covers"] for step in recipe["steps"])
 
 
-def _foretold(recipe: Form) -> tuple[float, ...]:
-    """How sure the truth is before and after, by the recipe; nothing where it only covers."""
-    if _covers(recipe):
-        return ()
-    return float(recipe["certainty"][0]), float(recipe["certainty"][-1])
-
-
-def _said(error: str) -> str:
-    """What the tool said, without what the proof writes around it."""
-    said = error.rpartition(f"{EXPERIMENT}: ")[2].rpartition(" (")
+def _message(error: str) -> str:
+    """The tool's message without the text that the proof adds around it."""
+    said = error.rpartition("rulec experiment: ")[2].rpartition(" (")
     return said[0].removeprefix("rulec: ") or error
 
 
-def _outcome(recipe: Form, after: Mapping[str, Form]) -> str:
-    if after:
-        return "stalled" if "not_run" in after[RECIPE] else COVERED if _covers(recipe) else RUN
-    return "refused" if "error" in recipe else "alike"
-
-
-def _judged(answer: Answer, first: Judged, form: Form) -> Judged:
-    """The first answer stays where the plant could not be run so."""
-    return first if "not_run" in form else judged_words(answer, form, first.partition)
-
-
 def sure_of(answer: Answer, form: Form, known: Mapping[str, str]) -> float:
-    """Probability of the true explanation in an answer; 0 where it is not told."""
+    """Return the probability of the true explanation in an answer; 0 if it is not reported."""
     sets = form.get("standing", ())
     right = (s["probability"] for s in sets if right_set(answer, s["names"], known))
     return float(sum(right))
 
 
 def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) -> bool:
-    """Does a set hold what is planted, and nothing else?
+    """Return whether a candidate set contains what is planted, and nothing else.
 
-    What has no name must be nameless in the set, at a right place; what nobody recorded drives
-    several places at once, so any number of them will do.
+    An effect without a name must be nameless in the set, at a right place. An unrecorded driver
+    acts at several places at once, so any number of them is right.
     """
     if answer.verdict == "unnamed":
         places = {place for p in answer.effects for place in p.places}
@@ -111,23 +93,22 @@ def right_set(answer: Answer, names: Sequence[str], known: Mapping[str, str]) ->
 
 
 def _is(planted: Planted, name: str, known: Mapping[str, str]) -> bool:
-    id_ = name.rstrip(PERIODS)
     if NAMELESS in name:
         return False
+    id_ = name.rstrip(PERIODS)
     module, _, rest = id_.partition(".")
     entry, _, place = rest.partition("@")
     effect = known.get(id_, entry)
-    said = {"effect": effect, "id": id_, "modules": (module,), "place": place}
-    return is_named(planted, said)
+    return is_named(planted, {"effect": effect, "id": id_, "modules": (module,), "place": place})
 
 
 def _place(name: str) -> str:
-    """Where a term without a name is, such as `B.P_el` of `signal:B.P_el~B.l`."""
+    """The place of a nameless term, such as `B.P_el` of `signal:B.P_el~B.l`."""
     return name.partition(":")[2].partition(NAMELESS)[0]
 
 
-def _titles(*forms: Form) -> dict[str, str]:
-    """Entries of the catalogue by the ids that answers tell."""
+def _entries(*forms: Form) -> dict[str, str]:
+    """Entries of the catalogue by the ids in answers."""
     found: dict[str, str] = {}
     for form in forms:
         for effect in form.get("effects", ()):
@@ -138,7 +119,7 @@ def _titles(*forms: Form) -> dict[str, str]:
 
 def _nats(stood: Sequence[bool], recipe: Form, after: Form) -> tuple[float | None, float | None]:
     """Log Bayes factor of the likeliest true explanation against the likeliest other, expected and
-    realised; None where the truth did not stand, or is not told any more."""
+    realised; None if the truth was no candidate, or is not reported any more."""
     sets = recipe["explanations"]
     true = next((i for i, right in enumerate(stood) if right), None)
     other = next((i for i, right in enumerate(stood) if not right), None)

@@ -1,4 +1,4 @@
-"""A second round in the terminal: what it was worth, beside baselines of equal length."""
+"""A second round in the terminal: its benefit, beside that of baselines of equal length."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from rulec_runtime.report.text import counted, fixed, number, percent
 from rulec.prove.further_inputs import ARMS, RECIPE
 from rulec.prove.limits import PROBABILITIES, WORST_CASES
 from rulec.prove.results import COVERED, RUN, Further, Judged
-from rulec.prove.scores import FALSE_NAMES as FALSE
-from rulec.prove.scores import Row, table
+from rulec.prove.scores import table
 from rulec.prove.tables import planted_words, said_words, value_of
 
 FALSE_NAMES = 6
 SCORES = {0: "place right", 1: "name right", 2: "clean", 3: "unnamed", FALSE_NAMES: "false names"}
-"""Scores of `scores.table` that a second recording is judged by."""
+"""Scores of a second recording, by their position in `scores.table`."""
 
 OUTCOMES = {
     RUN: "run again as proposed",
@@ -38,11 +37,11 @@ BAR = 20
 
 @dataclass(frozen=True)
 class Gained:
-    """Recipes by the certainty that they foretell, from `low` to `high`.
+    """Recipes by the certainty that they predict, from `low` to `high`.
 
-    `said` and `found` are mean probabilities of the true explanation, foretold and realised;
-    `stood` and `found_of_stood` are how many had the truth among what they tell apart, and what was
-    realised of those.
+    `said` and `found` are mean probabilities of the true explanation, predicted and realised.
+    `stood` counts the recipes that distinguish the truth from others; `found_of_stood` is the mean
+    realised by those.
     """
 
     low: float
@@ -55,7 +54,7 @@ class Gained:
 
 
 def gained(further: Sequence[Further]) -> list[Gained]:
-    """Expected against realised certainty; bins with recipes only."""
+    """Return predicted against realised certainty; bins with recipes only."""
     ran, found = [f for f in further if f.outcome == RUN], []
     for low, high in pairwise(PROBABILITIES):
         own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
@@ -76,7 +75,7 @@ def gained(further: Sequence[Further]) -> list[Gained]:
 
 
 def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Further]) -> None:
-    """Write what became of the cases, scores before and after, and what was foretold."""
+    """Print the outcomes, the scores before and after, and the predicted certainty."""
     first = {j.case: j for j in judged}
     ran = [f for f in further if f.outcome in (RUN, COVERED)]
     out.print(styled("\n[bold]{}[/]", headline(further)))
@@ -121,24 +120,19 @@ def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Furth
 
 
 def headline(further: Sequence[Further]) -> str:
-    """What was open, and how sure of the truth the answers are after it, in one sentence."""
+    """Return in a sentence how certain answers are of the truth before and after the round."""
     ran = [f for f in further if f.outcome in (RUN, COVERED)]
     if not ran:
         return f"Round two: none of {counted(len(further), 'case')} was run again."
-    before, after = (fmean(values) for values in zip(*_sure(ran), strict=True))
+    before, after = fmean(f.sure_before for f in ran), fmean(f.sure[RECIPE] for f in ran)
     return (
         f"Round two: {len(ran)} of {counted(len(further), 'case')} were run again. There the true "
         f"one was {percent(before)} sure on average, and is {percent(after)} sure now."
     )
 
 
-def _sure(ran: Sequence[Further]) -> Iterator[tuple[float, float]]:
-    for f in ran:
-        yield f.sure_before, f.sure[RECIPE]
-
-
 def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:
-    """Answers with a second recording; the first one where there is none."""
+    """Return the answers with a second recording; the first answer if there is none."""
     changed: Mapping[str, Judged] = {f.case: f.after[arm] for f in further if arm in f.after}
     return [changed.get(j.case, j) for j in judged]
 
@@ -153,19 +147,16 @@ def _scores(judged: Sequence[Judged], further: Sequence[Further]) -> Table:
         shown.add_column(title, justify="right", no_wrap=True)
     for place, title in SCORES.items():
         rows = [column[place] for column in columns]
-        of = "" if place == FALSE_NAMES else f" ({rows[0].count})"
-        shown.add_row(title + of, *map(_cell, rows))
+        if place == FALSE_NAMES:
+            shown.add_row(title, *(f"{row.hits:g} of {row.count}" for row in rows))
+        else:
+            shown.add_row(f"{title} ({rows[0].count})", *map(value_of, rows))
     shown.add_row(
         "sure of the truth",
         percent(fmean(f.sure_before for f in further)),
         *(percent(fmean(f.sure.get(arm, f.sure_before) for f in further)) for arm in arms),
     )
     return shown
-
-
-def _cell(row: Row) -> str:
-    """A share; of false names how many, and of how many that are told as certain."""
-    return f"{row.hits:g} of {row.count}" if row.score == FALSE else value_of(row)
 
 
 def _gained(bins: Sequence[Gained]) -> Table:
@@ -194,7 +185,7 @@ def _bar(one: Gained) -> str:
 
 
 def _remarks(ran: Sequence[Further]) -> Iterator[str]:
-    """Log Bayes factors, and how often the truth was not among what a recipe could tell apart."""
+    """How often recipes distinguish the truth from others, and the log Bayes factors."""
     ran = [f for f in ran if f.outcome == RUN]
     stood = [f for f in ran if f.stood]
     yield "bars: realised where the truth stood; |: foretold"
@@ -214,6 +205,6 @@ def _remarks(ran: Sequence[Further]) -> Iterator[str]:
 
 
 def _right(judged: Judged) -> float:
-    """Score of a case by which it can become worse."""
+    """The score by which a case can become worse."""
     scores = (judged.name_right, judged.clean_right, judged.unnamed_right)
     return next((float(s) for s in scores if s is not None), 0.0)

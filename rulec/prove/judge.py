@@ -22,7 +22,7 @@ Form = Mapping[str, Any]
 
 
 def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
-    """Score a case; second: did the simulation of a baseline run away?"""
+    """Score a case; the second value tells whether the simulation of a baseline diverged."""
     answer, fit = case.answer, form.get("fit")
     known = _reference(case, form) if answer.effects and fit else Reference({})
     baselines = _baselines(answer, fit, folder) if answer.effects and fit else None
@@ -37,7 +37,7 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
 
 
 def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
-    """Scores of what is said, without those of a course or a prediction."""
+    """Score the reported effects, without the scores of a course or a prediction."""
     effects = list(form.get("effects", ()))
     verdict = form.get("verdict", "failed")
     named = [p for p in answer.effects if p.names]
@@ -61,9 +61,11 @@ def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
         name_right=name_right(named, effects) if asked else None,
         clean_right=None if answer.effects else float(verdict == "none"),
         unnamed_right=(
-            unnamed_right(answer.effects, form) if answer.verdict == "unnamed" else None
+            float(verdict == "unnamed" and place_right(answer.effects, form) > 0)
+            if answer.verdict == "unnamed"
+            else None
         ),
-        told_right=_told(answer, verdict),
+        told_right=_is_sort_right(answer, verdict),
         inside=_inside(named, effects),
         claims=_claims(named, effects),
         errors=_errors(form.get("fit")),
@@ -73,8 +75,8 @@ def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
     )
 
 
-def _set_of(effect: Form) -> list[tuple[str, str]]:
-    """Names that a finding tells, its own first, each with its id."""
+def _candidates(effect: Form) -> list[tuple[str, str]]:
+    """Names and ids that a finding leaves open, its own first."""
     names = [(str(effect["effect"]), str(effect["id"]))]
     if (effect["probability"] or 0.0) < CERTAIN:
         others = (a for a in effect["alternatives"] if a["probability"] >= MENTIONED)
@@ -82,27 +84,27 @@ def _set_of(effect: Form) -> list[tuple[str, str]]:
     return names
 
 
-def _is(planted: Planted, effect: Form) -> float:
-    """Share of the names left open that are right, in the right module or at an equivalent place.
+def _share_right(planted: Planted, effect: Form) -> float:
+    """Share of the candidates that are right, in the right module or at an equivalent place.
 
-    1/n of n, and more where the key has several names for the same in this plant.
+    It is 1/n of n candidates, and more if the key has several names for the effect in this plant.
     """
-    open_, right = _set_of(effect), 0
-    for name, id_ in open_:
+    candidates, right = _candidates(effect), 0
+    for name, id_ in candidates:
         modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
         at = {f"{m}.{effect['place']}" for m in modules}
         here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
         right += name in planted.names and here
-    return right / len(open_)
+    return right / len(candidates)
 
 
 def is_named(planted: Planted, effect: Form) -> bool:
-    """Is the name of a finding, whatever it leaves open beside it, right?"""
-    return _is(planted, {**effect, "alternatives": (), "probability": 1.0}) == 1.0
+    """Return whether the name of a finding is right, whatever else it leaves open."""
+    return _share_right(planted, {**effect, "alternatives": (), "probability": 1.0}) == 1.0
 
 
 def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim, ...]:
-    """Every name with the probability that it was told with; a free curve is no name."""
+    """Every reported name with its probability; a free curve is no name."""
     names = [e for e in effects if e.get("sort") != "free" and e["probability"] is not None]
     return tuple(
         Claim(float(e["probability"]), any(is_named(p, e) for p in planted)) for e in names
@@ -111,47 +113,41 @@ def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim,
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
     """The best share of any finding."""
-    return max((_is(planted, e) for e in effects), default=0.0)
+    return max((_share_right(planted, e) for e in effects), default=0.0)
 
 
 def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
-    """Share of effects named rightly; each false name besides lowers it."""
+    """Return the share of effects named correctly; false names beyond their number lower it."""
     credit = sum(_credit(p, effects) for p in planted)
     return float(credit / max(len(planted), len(effects)))
 
 
-def _said_places(form: Form) -> set[str]:
-    """All places in an answer."""
-    places = [*form.get("effects", ()), *form.get("locations", ())]
+def _reported_places(form: Form) -> set[str]:
+    effects, locations = form.get("effects", ()), form.get("locations", ())
     hidden = form.get("hidden_driver")
-    found = {f"{e['module']}.{e['place']}" for e in [*places, *([hidden] if hidden else [])]}
-    if not form.get("effects"):
-        # What has no name and may be at one of several places is one thing, told at the first.
-        found |= {place for e in form.get("locations", ()) for place in e.get("also", ())}
-    for effect in form.get("effects", ()):
-        found |= {f"{m}.{effect['place']}" for m in effect["modules"]}
-    return found
+    parts = [*effects, *locations, *([hidden] if hidden else [])]
+    found = {f"{e['module']}.{e['place']}" for e in parts}
+    if not effects:
+        # A term without a name that may be at several places is reported at the first of them.
+        found |= {place for e in locations for place in e.get("also", ())}
+    return found | {f"{m}.{e['place']}" for e in effects for m in e["modules"]}
 
 
 def place_right(planted: Sequence[Planted], form: Form) -> float:
-    """Share of effects with the right place.
+    """Return the share of effects with the right place.
 
-    What is named rightly has its place; one of several names left open counts as much as its name.
+    A correctly named effect has its place; one of several candidates counts as much as its name.
     """
-    said, effects = _said_places(form), form.get("effects", ())
+    reported, effects = _reported_places(form), form.get("effects", ())
     right = [
-        1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0 for p in planted
+        1.0 if reported & set(p.places) else _credit(p, effects) if p.names else 0.0
+        for p in planted
     ]
     return float(np.mean(right))
 
 
-def unnamed_right(planted: Sequence[Planted], form: Form) -> float:
-    """1 if the verdict is `unnamed` and a place is right, else 0."""
-    return float(form.get("verdict") == "unnamed" and place_right(planted, form) > 0)
-
-
-def _told(answer: Answer, verdict: str) -> bool | None:
-    """Is fault or sensor error told from physics? None where the tool named nothing."""
+def _is_sort_right(answer: Answer, verdict: str) -> bool | None:
+    """Whether a fault or sensor error is distinguished from physics; None if nothing was named."""
     sorts = {p.sort for p in answer.effects}
     if verdict not in ("named", "fault", "sensor") or not sorts or "unnamed" in sorts:
         return None
@@ -161,7 +157,7 @@ def _told(answer: Answer, verdict: str) -> bool | None:
 
 
 def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, int]:
-    """Number of intervals that hold the truth, and of all, for what was named rightly."""
+    """Number of intervals that contain the truth, and of all, of correctly named effects."""
     hits = count = 0
     for p in planted:
         for effect in effects:
@@ -176,7 +172,7 @@ def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, i
 
 
 def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
-    """Interval of a parameter; of a fault in periods, that of its degree."""
+    """Interval of a parameter, or of a fault's degree in its first period."""
     found = effect["parameters"].get(name)
     if found is not None and found.get("lower") is not None and found.get("upper") is not None:
         return float(found["lower"]), float(found["upper"])
@@ -187,26 +183,23 @@ def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
     return None
 
 
-def _request(form: Form) -> Request:
-    spans = tuple((float(a), float(b)) for a, b in form["split"]["heldout"])
-    return Request(spans, {f["signal"]: f["relation"] for f in form["fits"] if f["relation"]})
-
-
 def _reference(case: Case, form: Form) -> Reference:
-    """The true model on what the tool held out; empty where it has no solution."""
+    """The true model on the samples that the tool held out; empty if it has no solution."""
+    spans = tuple((float(a), float(b)) for a, b in form["split"]["heldout"])
+    relations = {f["signal"]: f["relation"] for f in form["fits"] if f["relation"]}
     try:
-        return case.reference(_request(form))
+        return case.reference(Request(spans, relations))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
         return Reference({})
 
 
 def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
-    """Held-out error over the true model's, of the first signal; None without a repair."""
+    """Held-out error of the first signal over that of the true model; None without a repair."""
     fit = form.get("fit")
     if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
         return None
     error = known.errors.get(fit["signal"], NAN)
-    # The true model knows faults and sensors too: it is compared with the whole explanation.
+    # The true model contains faults and sensor errors, so the whole explanation is compared.
     held = fit["heldout"]
     repaired = held["repaired"] if held.get("explained") is None else held["explained"]
     if repaired is None or not error > 0:
@@ -215,7 +208,7 @@ def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
 
 
 def _course(known: Reference, form: Form, folder: Path) -> float:
-    """Correlation of the reconstructed course with the truth; 0 where there is no course."""
+    """Correlation of the reconstructed course with the truth; 0 if there is no course."""
     hidden = form.get("hidden_driver")
     if not hidden or not hidden.get("series") or known.driver is None:
         return 0.0
@@ -233,22 +226,20 @@ def _errors(fit: Form | None) -> Heldout | None:
 
 def _baselines(answer: Answer, fit: Form, folder: Path) -> Baselines | None:
     """The baselines on the same held-out samples."""
-    file = folder / SERIES
-    if not file.exists():
+    if not (folder / SERIES).exists():
         return None
-    courses: list[Course] = courses_of(file.read_text(encoding="utf-8"))
+    courses = courses_of((folder / SERIES).read_text(encoding="utf-8"))
     course = next((c for c in courses if c.signal == fit["signal"]), None)
     if course is None or not course.judged.any():
         return None
     columns = columns_of((folder / "recording.csv").read_text(encoding="utf-8"))
     if answer.half == "stationary":
         return stationary_baselines(columns, course)
-    inputs = [h for h in columns if h != TIME and not _is_output(columns[h], courses)]
+    inputs = [h for h in columns if h != TIME and not _is_predicted(columns[h], courses)]
     return dynamic_baselines(columns, course, inputs)
 
 
-def _is_output(values: np.ndarray, courses: Sequence[Course]) -> bool:
-    """Is a column one of the predicted readings?"""
+def _is_predicted(values: np.ndarray, courses: Sequence[Course]) -> bool:
     return any(
         len(values) == len(c.measured) and np.allclose(values, c.measured, equal_nan=True)
         for c in courses

@@ -1,4 +1,4 @@
-"""What goes wrong: the confusion matrix of planted and reported names, and the worst cases."""
+"""Mistakes: the confusion matrix of planted and reported names, and the worst cases."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from rulec.prove.limits import WORST_CASES
 from rulec.prove.results import Judged
-from rulec.prove.scores import NAN
 
 OTHERS = ("nothing", "unnamed", "failed")
 """Answers without a name."""
@@ -32,7 +31,7 @@ class Confusion:
 
 
 def confusion(judged: Sequence[Judged]) -> Confusion:
-    """Of several reported names the first counts."""
+    """Return the confusion matrix; of several reported names the first counts."""
     single = [j for j in judged if len(j.planted) == 1]
     planted = [j.planted[0] for j in single]
     said = [answer_of(j) for j in single]
@@ -40,7 +39,7 @@ def confusion(judged: Sequence[Judged]) -> Confusion:
     for j in single:
         right[j.planted[0]] += right_of(j)
     rows = sorted(total, key=lambda name: (-right[name] / total[name], name))
-    # A name stands under the row in which it is right, so that right answers form a diagonal.
+    # Columns follow the rows in which their names are right, so that these form a diagonal.
     named = sorted({s for s in said if s not in OTHERS})
     named.sort(key=lambda name: _main(name, single, rows))
     columns = [*named, *(o for o in OTHERS if o in said)]
@@ -55,7 +54,7 @@ def confusion(judged: Sequence[Judged]) -> Confusion:
 
 
 def answer_of(judged: Judged) -> str:
-    """The answer in one word."""
+    """Return the answer in one word."""
     if judged.error:
         return "failed"
     if judged.said:
@@ -64,7 +63,7 @@ def answer_of(judged: Judged) -> str:
 
 
 def right_of(judged: Judged) -> float:
-    """Score of the answer; for an effect without an entry that of `unnamed`."""
+    """Return the score of the name; of an effect without an entry, that of `unnamed`."""
     scores = (judged.name_right, judged.unnamed_right)
     return float(next((s for s in scores if s is not None), 0.0))
 
@@ -78,7 +77,7 @@ class Bad:
 
 
 def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
-    """Wrong and certain first, then false claims on clean cases, no answer, what was missed.
+    """Return certain mistakes first, then false claims on clean cases, no answer, missed effects.
 
     Within each kind the strongest effect comes first.
     """
@@ -88,7 +87,7 @@ def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
 
 
 def _sort(judged: Judged) -> tuple[int, str]:
-    """Rank of the kind of mistake, and why; an empty text where nothing is wrong."""
+    """Rank of the kind of mistake, and its reason; an empty text if nothing is wrong."""
     certain = judged.said and judged.verdict in ("named", "fault", "sensor")
     if judged.error:
         return 2, f"no answer: {judged.error}"
@@ -105,16 +104,8 @@ def _sort(judged: Judged) -> tuple[int, str]:
 
 
 def _main(name: str, judged: Sequence[Judged], rows: Sequence[str]) -> int:
-    """The row in which a name is mostly right; behind all rows if in none."""
+    """The row in which a name is right most often; after all rows if in none."""
     right = Counter(
         rows.index(j.planted[0]) for j in judged if answer_of(j) == name and right_of(j) > 0
     )
     return right.most_common(1)[0][0] if right else len(rows)
-
-
-def median_and_quarters(values: Sequence[float]) -> tuple[float, float, float]:
-    """Median and quartiles; NaN of nothing."""
-    if not len(values):
-        return NAN, NAN, NAN
-    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
-    return float(middle), float(low), float(high)

@@ -1,4 +1,4 @@
-"""The page of a run: goals first, then by strength, confusion, worst cases, how it was measured."""
+"""The page of a run: goals, scores by strength, confusion, worst cases, how it was measured."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def page(run: Run, made: Made | None = None) -> str:
 
 
 def headline(run: Run, rows: Sequence[Row]) -> str:
-    """How many goals are met, on what."""
+    """Return in a sentence how many goals are met, on how many cases."""
     met, judged = (sum(r.met is value for r in rows) for value in (True, None))
     words = f"{met} of {len(rows)} scores reach their goal"
     if judged:
@@ -68,7 +68,7 @@ def headline(run: Run, rows: Sequence[Row]) -> str:
 
 
 def partition_words(run: Run) -> str:
-    """What the partition is worth as proof."""
+    """Return in a sentence what the partition proves."""
     if not run.shown:
         return "No case was judged."
     if run.partition == "final":
@@ -92,7 +92,7 @@ def _remark(run: Run) -> str:
 
 
 def _pictures(judged: Sequence[Judged]) -> list[str]:
-    """Curve, matrix, ratios, baselines: each only if there are cases for it."""
+    """Curve, matrix, ratios and baselines, each only if it has cases."""
     curve, ratio = draw_curve(judged), draw_ratio(judged)
     found = confusion(judged)
     key = (
@@ -139,7 +139,7 @@ def _measured(run: Run) -> str:
 
 
 def _hashes(judged: Sequence[Judged]) -> str:
-    """The hash of every answer, folded away: they are many."""
+    """The hashes of all answers, folded because they are many."""
     hashes = ", ".join(f"{j.case} {j.digest[:12]}" for j in judged if j.digest)
     title = "Hash of each sealed answer (first 12 digits)"
     return f"<details><summary>{title}</summary><p>{safe(hashes)}</p></details>" if hashes else ""

@@ -28,10 +28,10 @@ class Planned(Protocol):
 
     @property
     def group(self) -> str:
-        """What kind of case it is."""
+        """The kind of case."""
 
     def make(self) -> Case:
-        """Simulate it; ValueError where no plant shows it."""
+        """Simulate it; raises ValueError if no plant shows its effects."""
 
 
 DYNAMIC_FULL: Mapping[str, int] = {
@@ -54,27 +54,29 @@ SHORT = 256
 
 @dataclass(frozen=True)
 class Partition:
-    """Cases by seed; `name` is `development` or `final`; `only` those whose name holds a word;
-    `hard` cases with difficulties instead of the others; `produced` plants that make few
-    products; `contacts` first contacts."""
+    """Cases by seed; `name` is `development` or `final`.
+
+    `only` keeps the cases whose name contains it. Instead of ordinary cases, `hard` takes cases
+    with difficulties, `produced` plants that make few products, `contacts` first contacts.
+    """
 
     name: str
     seed: int
     quick: bool = False
     only: str = ""
-    # Not in the digest of the other runs; names of cases tell these apart.
+    # Not in `repr`, so not in the digest of other runs; the names of their cases differ anyway.
     hard: bool = field(default=False, repr=False)
     produced: bool = field(default=False, repr=False)
     contacts: bool = field(default=False, repr=False)
 
     @property
     def digest(self) -> str:
-        """Hash that differs between runs, also where the list of cases has changed."""
+        """Hash that differs between runs, and if the list of cases has changed."""
         names = "\n".join([repr(self), *(case.name for case in self.cases())])
         return hashlib.sha256(names.encode()).hexdigest()
 
     def cases(self) -> list[Planned]:
-        """All of them in random order, so that numbers of folders reveal nothing."""
+        """Return all cases in random order, so that the numbers of folders reveal nothing."""
         found = list(self._in_order())
         order = np.random.default_rng([self.seed, 7]).permutation(len(found))
         return [found[i] for i in order if self.only in found[i].name]
@@ -83,28 +85,21 @@ class Partition:
         if self.contacts:
             count = contacts.QUICK if self.quick else contacts.CASES
             yield from contacts.planned(self.seed, count)
-            return
-        if self.produced:
+        elif self.produced:
             yield from stationary.planned(self.seed, stationary.PRODUCED, small=True)
-            return
-        if self.hard:
-            counts = stationary.HARD_QUICK if self.quick else stationary.HARD
-            yield from stationary.planned(self.seed, counts, self.quick)
-            if self.quick:
-                yield from dynamic.cases(self.seed, DYNAMIC_HARD_QUICK, SHORT, own=1.0)
-            else:
-                yield from dynamic.cases(self.seed, dynamic.HARD)
-            return
-        full = not self.quick
-        settled = stationary.FULL if full else stationary.QUICK
-        yield from stationary.planned(self.seed, settled, self.quick)
-        if full:
-            yield from dynamic.cases(self.seed, DYNAMIC_FULL)
+        elif self.quick:
+            settled = stationary.HARD_QUICK if self.hard else stationary.QUICK
+            tanks = DYNAMIC_HARD_QUICK if self.hard else DYNAMIC_QUICK
+            yield from stationary.planned(self.seed, settled, small=True)
+            yield from dynamic.cases(self.seed, tanks, SHORT, own=1.0)
         else:
-            yield from dynamic.cases(self.seed, DYNAMIC_QUICK, SHORT, own=1.0)
+            settled = stationary.HARD if self.hard else stationary.FULL
+            tanks = dynamic.HARD if self.hard else DYNAMIC_FULL
+            yield from stationary.planned(self.seed, settled)
+            yield from dynamic.cases(self.seed, tanks)
 
 
 def register() -> Mapping[str, Any]:
-    """Seeds of the partitions, and how often each was opened."""
+    """Return the seeds of the partitions, and how often each was opened."""
     found: Mapping[str, Any] = yaml.safe_load(REGISTER.read_text(encoding="utf-8"))
     return found

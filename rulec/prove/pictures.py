@@ -12,23 +12,21 @@ from rulec_runtime.report.text import counted, fixed, number, percent
 
 from rulec.prove.limits import ENOUGH_CASES, MOSTLY
 from rulec.prove.results import Judged
-from rulec.prove.scores import HALVES, RATIO, Bin, curve, seen
+from rulec.prove.scores import HALVES, RATIO, Bin, curve, values_of
 
 ROOM = 1.14
-"""Top of the scale of shares: above 1 there is room for the counts."""
+"""Top of the scale of shares: the space above 1 shows the counts."""
 
-WIDTHS = (0.01, 0.02, 0.05)
-"""Of the bins of ratios; the first that needs no more than so many bins is taken."""
-
-BINS = 36
+WIDTHS, BINS = (0.01, 0.02, 0.05), 36
+"""Widths of the bins of ratios; the first that needs at most BINS bins is used."""
 
 ENDS = (0.5, 2.0)
-"""Ratios beyond stand in the outer bins."""
+"""Ratios outside are counted in the outer bins."""
 
 
 @dataclass(frozen=True)
 class Decades(Axis):
-    """A scale of logarithms, labelled with the numbers themselves."""
+    """A logarithmic scale, labelled with the numbers themselves."""
 
     def labels(self) -> list[str]:
         return [number(10.0**tick, 15) for tick in self.ticks]
@@ -43,7 +41,7 @@ class Percents(Axis):
 
 
 def draw_curve(judged: Sequence[Judged]) -> Figure | None:
-    """Right names and places against strength, a panel per half; None without such cases."""
+    """Draw right names and places against strength, a panel per half; None without cases."""
     names, places = curve(judged, "name_right"), curve(judged, "place_right")
     halves = [half for half in HALVES if names[half] or places[half]]
     every = [b for half in halves for b in (*names[half], *places[half])]
@@ -85,7 +83,7 @@ def _panel(across: Axis, half: str, names: list[Bin], places: list[Bin], foot: b
 
 
 def _say(names: dict[str, list[Bin]]) -> str:
-    """Above which strength nine of ten are named, per half."""
+    """The strength above which nine of ten are named, per half."""
     sentences = []
     for half, bins in names.items():
         if not bins:
@@ -104,8 +102,8 @@ def _say(names: dict[str, list[Bin]]) -> str:
 
 
 def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
-    """How far repairs are off, in errors of the true model refitted; None without any."""
-    ratios = np.array(seen(judged, "ratio"))
+    """Draw the errors of repairs over those of the true model refitted; None without repairs."""
+    ratios = np.array(values_of(judged, "ratio"))
     if not len(ratios):
         return None
     edges = _edges(ratios)
@@ -139,7 +137,7 @@ def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
 
 
 def _edges(ratios: np.ndarray) -> np.ndarray:
-    """Bins that hold the ratios, 1 and the goal among their edges or between them."""
+    """Edges of bins that contain the ratios, 1 and the goal."""
     low = max(min(float(ratios.min()), 0.95), ENDS[0])
     high = min(max(float(ratios.max()), 1.15), ENDS[1])
     width = next((w for w in WIDTHS if (high - low) / w <= BINS), WIDTHS[-1])

@@ -10,13 +10,13 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 PARTITIONS = ("development", "final")
-"""Cases to improve the tool with, and cases that are opened once to measure how good it is."""
+"""Cases to improve the tool with, and cases that are opened once to measure it."""
 
 RUN, COVERED = "run", "covered"
-"""The plant was run again: to tell explanations apart, or only to cover what may be set."""
+"""The plant was run again: to distinguish explanations, or only to cover the allowed range."""
 
 Score = float | None
-"""None where the score does not apply to the case; 0 is wrong, 1 is right."""
+"""0 is wrong, 1 is right; None if the score does not apply to the case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Heldout:
 
 @dataclass(frozen=True)
 class Claim:
-    """A name in an answer: the probability that it was told with, and whether it is right."""
+    """A name in an answer: its reported probability, and whether it is right."""
 
     probability: float
     right: bool
@@ -43,16 +43,16 @@ class Judged:
 
     Attributes
     ----------
-    planted : names of effects, as the truth calls them; none on a clean case
+    planted : names of effects in the truth; none on a clean case
     places : `module.place` that are right
     said : effects in the tool's answer, as `entry@module.place`
     gain : expected gain in log likelihood of the true model over the plain one: the strength
-    margin : the same over the best wrong model; infinite where none was tried
-    name_right : share of names that are right; of n names left open each counts 1/n
-    claims : all names in the answer, those with alternatives too
-    unnamed_right : an effect without an entry is called unnamed, with its place
-    told_right : fault or sensor error is told from physics
-    inside : number of intervals of parameters that hold the truth, and of all intervals
+    margin : the same over the best wrong model; infinite if none was tried
+    name_right : share of names that are right; each of n candidates counts 1/n
+    claims : all names in the answer, also those with alternatives
+    unnamed_right : an effect without an entry is reported unnamed, at its place
+    told_right : a fault or sensor error is distinguished from physics
+    inside : number of intervals of parameters that contain the truth, and of all intervals
     ratio : held-out error over that of the true model
     course : correlation of the course of an unrecorded driver with the truth
     baselines : held-out errors of the baselines over that of recalibration, by name
@@ -102,18 +102,18 @@ class Further:
 
     Attributes
     ----------
-    outcome : `run`; `covered`: run with steps that only cover what may be set; `alike`: the recipe
-        has no step; `refused`: the tool plans nothing; `stalled`: the plant cannot be run as
-        proposed
+    outcome : `run`; `covered`: run with steps that only cover the allowed range; `alike`: the
+        recipe has no step; `refused`: the tool plans nothing; `stalled`: the plant cannot be run
+        as proposed
     steps, minutes : of the recipe
-    expected : probability of the true explanation before, and after, as the recipe foretells it;
-        nothing where it only covers
-    stood : was the true explanation among those that it tells apart?
+    expected : the recipe's probability of the true explanation before and after; empty if the
+        recipe only covers
+    stood : whether the recipe distinguishes the true explanation from others
     sure_before : probability of the true explanation in the first answer
-    sure : the same with a second recording, by the way that was made
+    sure : the same with a second recording, by arm
     nats_expected, nats : log Bayes factor of the true explanation against the likeliest other:
-        expected of the recipe, and realised (at least, where the other is not told any more)
-    after : answers with a second recording, judged; the first one where the plant could not run so
+        expected by the recipe, and realised (a lower bound if the other is not reported any more)
+    after : judged answers with a second recording, by arm; the first one if the plant stalled
     """
 
     case: str
@@ -136,13 +136,13 @@ class Run:
 
     Attributes
     ----------
-    seeds : per partition, in words
+    seeds : by partition, as text
     openings : how often the final partition was opened, this time included
     digest : hash over all sealed answers, shown before the first analysis
     version : of the tool
     seconds : duration of the whole run
     ran_away : number of simulations of PySINDy that diverged
-    further : of each case, what a second recording changed; none in a run of one round
+    further : of each case, what a second recording changed; empty in a run of one round
     """
 
     judged: tuple[Judged, ...]
@@ -158,16 +158,16 @@ class Run:
 
     @property
     def partition(self) -> str:
-        """The partition that is reported: the final one, where there is one."""
+        """The partition that is reported: the final one, if it has cases."""
         return PARTITIONS[any(j.partition == PARTITIONS[1] for j in self.judged)]
 
     @property
     def shown(self) -> tuple[Judged, ...]:
-        """Cases of that partition; scores of both partitions together would mean nothing."""
+        """Cases of that partition, as scores of both together would mean nothing."""
         return tuple(j for j in self.judged if j.partition == self.partition)
 
     def to_json(self) -> str:
-        """As JSON; infinite and undefined numbers are strings in it."""
+        """Return the run as JSON; infinite and undefined numbers are strings."""
         fields = _written(dataclasses.asdict(self))
         return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from rulec.prove.limits import (
     NORMAL_QUANTILE,
     PLAIN_GAIN,
     PLAIN_MARGIN,
+    PROBABILITIES,
     TAILS,
 )
 from rulec.prove.results import Judged
@@ -35,7 +37,7 @@ HALVES = ("stationary", "dynamic")
 
 @dataclass(frozen=True)
 class Goal:
-    """Values that are good enough, both ends included, and their text."""
+    """An interval of values that are good enough, ends included, and its text."""
 
     low: float
     high: float
@@ -51,11 +53,11 @@ class Row:
 
     Attributes
     ----------
-    count, hits : number of cases (or intervals), and of right ones; None where nothing is counted
+    count, hits : number of cases (or intervals), and of right ones; None if nothing is counted
     share : the score; `low` and `high` its 95 % interval; NaN without cases
-    is_share : does the score run from 0 to 1?
+    is_share : whether the score is between 0 and 1
     met : None without cases
-    sure : is the whole interval on the same side of the goal?
+    sure : whether the whole interval is on the same side of the goal
     """
 
     score: str
@@ -73,19 +75,18 @@ class Row:
 
     @property
     def sure(self) -> bool:
-        ends = (self.goal.holds(self.low), self.goal.holds(self.high))
         if self.met:
-            return all(ends)
+            return self.goal.holds(self.low) and self.goal.holds(self.high)
         return self.high < self.goal.low or self.low > self.goal.high
 
     @property
     def verdict(self) -> str:
-        """Met or missed."""
+        """`met`, `missed` or `no case`."""
         return "no case" if self.met is None else "met" if self.met else "missed"
 
     @property
     def words(self) -> str:
-        """The same, and whether the interval leaves a doubt."""
+        """The verdict, and whether the interval leaves it in doubt."""
         return self.verdict + ("" if self.met is None or self.sure else ", not surely")
 
 
@@ -93,7 +94,7 @@ NAN = float("nan")
 
 
 def at_least(share: float) -> Goal:
-    """A share of cases to be reached."""
+    """Return the goal to reach a share of cases."""
     return Goal(share, 1.0, f"{100 * share:.0f} %")
 
 
@@ -115,32 +116,32 @@ COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 
 
 def table(judged: Sequence[Judged]) -> list[Row]:
-    """All scores in the order of their goals; a case that failed counts as it was judged."""
-    rows = [_share(title, goal, seen(judged, name)) for title, name, goal in SHARES]
-    rows += _counted(judged)
-    ratios, courses = seen(judged, "ratio"), seen(judged, "course")
-    title = "held-out error over the true model's"
-    rows.append(_number(f"{title}, median", RATIO, ratios, np.median))
-    rows.append(_number(f"{title}, mean", RATIO, ratios, np.mean))
-    title = "course of an unrecorded driver, mean correlation"
-    return [*rows, _number(title, COURSE, courses, np.mean)]
+    """Return all scores in the order of their goals; failed cases count as they were judged."""
+    ratios, error = values_of(judged, "ratio"), "held-out error over the true model's"
+    course = "course of an unrecorded driver, mean correlation"
+    return [
+        *_shares(judged),
+        _number(f"{error}, median", RATIO, ratios, np.median),
+        _number(f"{error}, mean", RATIO, ratios, np.mean),
+        _number(course, COURSE, values_of(judged, "course"), np.mean),
+    ]
 
 
 def plain(judged: Sequence[Judged]) -> list[Judged]:
-    """Cases with an effect that is plain to see: the readings hold enough to name it."""
+    """Return the cases with an effect that is plain to see: the readings suffice to name it."""
     return [j for j in judged if not j.clean and j.gain >= PLAIN_GAIN and j.margin >= PLAIN_MARGIN]
 
 
-def seen(judged: Sequence[Judged], name: str) -> list[float]:
-    """Values of an attribute, of the cases that have one."""
+def values_of(judged: Sequence[Judged], name: str) -> list[float]:
+    """Return the values of an attribute, of the cases that have one."""
     values = (getattr(j, name) for j in judged)
     return [float(v) for v in values if v is not None and math.isfinite(v)]
 
 
 def wilson(hits: float, count: int) -> tuple[float, float]:
-    """95 % interval of a share; NaN without cases.
+    """Return the 95 % interval of a share; NaN without cases.
 
-    Source: Wilson 1927; hits may be fractions, where an ambiguity set counts by 1/size.
+    Source: Wilson 1927; hits may be fractions, as an ambiguity set counts 1/size.
     """
     if not count:
         return NAN, NAN
@@ -153,7 +154,7 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
 def bootstrap(
     values: Sequence[float] | np.ndarray, of: Callable[..., np.ndarray]
 ) -> tuple[float, float]:
-    """95 % interval of a mean or median by bootstrap over cases; NaN below two of them."""
+    """Return the 95 % interval of a mean or median by bootstrap; NaN below two cases."""
     if len(values) < 2:
         return NAN, NAN
     drawn = np.random.default_rng(0).choice(np.asarray(values), (BOOTSTRAP_SAMPLES, len(values)))
@@ -163,7 +164,7 @@ def bootstrap(
 
 @dataclass(frozen=True)
 class Bin:
-    """Cases of a strength from `low` to `high`: how many, how many right, with 95 % interval."""
+    """Cases with a strength from `low` to `high`; `ends` is the 95 % interval of the share."""
 
     low: float
     high: float
@@ -177,12 +178,12 @@ class Bin:
 
     @property
     def centre(self) -> float:
-        """Geometric."""
+        """Geometric mean of the ends."""
         return math.sqrt(self.low * self.high)
 
 
 def curve(judged: Sequence[Judged], name: str = "name_right") -> dict[str, list[Bin]]:
-    """Share of right names (or `place_right`) against strength, per half; bins with cases only.
+    """Return the bins with cases of `name_right` or `place_right` against strength, per half.
 
     Strengths below 1 are in the first bin.
     """
@@ -205,7 +206,7 @@ def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
 class Group:
     """Cases that have something in common, and their shares (no goal is set for them).
 
-    `best` are shares of places and names that could be reached at best; None without effects.
+    `best` has the best possible shares of places and names; None without effects.
     """
 
     title: str
@@ -215,13 +216,13 @@ class Group:
 
 
 def by_concealment(judged: Sequence[Judged]) -> list[Group]:
-    """A case that is concealed in two ways stands in both groups."""
+    """Group cases by concealment; a case that is concealed in two ways is in both groups."""
     groups = ((w, [j for j in judged if name in j.concealed]) for name, w in CONCEALMENTS.items())
     return [group(title, cases) for title, cases in groups if cases]
 
 
 def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
-    """A case with two difficulties stands in both groups; nothing where no case has any."""
+    """Group cases by difficulty, a case with two in both groups; empty if no case has any."""
     groups = [
         (w, [j for j in judged if name in j.difficulties]) for name, w in DIFFICULTIES.items()
     ]
@@ -231,33 +232,30 @@ def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
 
 
 def by(judged: Sequence[Judged], name: str) -> list[Group]:
-    """By an attribute such as `plant` or `partition`."""
+    """Group cases by an attribute such as `plant` or `partition`."""
     titles = sorted({str(getattr(j, name)) for j in judged})
     return [group(t, [j for j in judged if str(getattr(j, name)) == t]) for t in titles]
 
 
 def group(title: str, judged: Sequence[Judged]) -> Group:
-    """The shares of some cases."""
-    rows = (_share(t, goal, seen(judged, name)) for t, name, goal in SHARES)
-    return Group(title, len(judged), (*rows, *_counted(judged)), at_best(judged))
+    """Return the shares of some cases."""
+    return Group(title, len(judged), _shares(judged), at_best(judged))
 
 
-def _counted(judged: Sequence[Judged]) -> tuple[Row, Row]:
-    """Scores that count intervals, and names, in place of cases."""
+def _shares(judged: Sequence[Judged]) -> tuple[Row, ...]:
+    """Shares of cases, then of intervals and of certain names."""
+    columns = ((title, goal, values_of(judged, name)) for title, name, goal in SHARES)
     inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
-    told = [c.right for j in judged for c in j.claims if c.probability >= CERTAIN]
+    certain = [c.right for j in judged for c in j.claims if c.probability >= CERTAIN]
     return (
+        *(of_hits(title, goal, len(values), sum(values)) for title, goal, values in columns),
         of_hits(COVERAGE, INSIDE, intervals, inside),
-        of_hits(FALSE_NAMES, FALSE, len(told), told.count(False)),
+        of_hits(FALSE_NAMES, FALSE, len(certain), certain.count(False)),
     )
 
 
-def _share(title: str, goal: Goal, values: Sequence[float]) -> Row:
-    return of_hits(title, goal, len(values), sum(values))
-
-
 def of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
-    """A share of cases with its interval."""
+    """Return a share of cases with its interval."""
     low, high = wilson(hits, count)
     share = hits / count if count else NAN
     return Row(score=title, goal=goal, count=count, hits=hits, share=share, low=low, high=high)
@@ -276,3 +274,45 @@ def _number(title: str, goal: Goal, values: Sequence[float], of: Callable[..., n
         high=high,
         is_share=False,
     )
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """Names reported with a probability from `low` to `high`; only 1 is included as upper end.
+
+    Attributes
+    ----------
+    said : mean probability, the share that should be right
+    count, right : number of names, and of right ones
+    ends : 95 % interval of the share of right names
+    """
+
+    low: float
+    high: float
+    said: float
+    count: int
+    right: int
+    ends: tuple[float, float]
+
+    @property
+    def share(self) -> float:
+        """Share of right names."""
+        return self.right / self.count
+
+    @property
+    def words(self) -> str:
+        """Whether the interval contains the mean probability."""
+        low, high = self.ends
+        return "as said" if low <= self.said <= high else "too sure" if high < self.said else "shy"
+
+
+def reliability(judged: Sequence[Judged]) -> list[Reliability]:
+    """Return all names in the answers by their probability; bins with names only."""
+    claims = [claim for j in judged for claim in j.claims]
+    found = []
+    for low, high in pairwise(PROBABILITIES):
+        own = [c for c in claims if low <= c.probability < high or c.probability == high == 1.0]
+        if own:
+            right, said = sum(c.right for c in own), sum(c.probability for c in own) / len(own)
+            found.append(Reliability(low, high, said, len(own), right, wilson(right, len(own))))
+    return found

@@ -1,7 +1,7 @@
 """A residual by sparse regression (PySINDy): as a law of readings, or as a map from step to step.
 
-Thresholds are chosen by cross-validation over chunks of time. A map is simulated freely from its
-first known value through the whole record, held-out blocks too, as the plant's model is.
+Thresholds are chosen by cross-validation over blocks in time. A map is simulated freely from its
+first known value through the whole record, also through held-out blocks, as the plant's model is.
 
 Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares.
 """
@@ -9,7 +9,6 @@ Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,14 +31,15 @@ from rulec.prove.limits import (
 
 @dataclass(frozen=True)
 class Sparse:
-    """The mended prediction, shape (n,); `ran_away`: it is the recalibrated one for that reason."""
+    """The corrected prediction, shape (n,); `ran_away`: it is the recalibrated one, as the map
+    diverged."""
 
     mended: Array
     ran_away: bool = False
 
 
 def mended_by_law(drivers: Columns, course: Course) -> Sparse:
-    """For stationary plants: the residual as a polynomial of the readings."""
+    """Model the residual of a stationary plant as a polynomial of the readings."""
     residual, folds = course.residual, course.folds
     size = rms(residual[folds >= 0])
     if not drivers or (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
@@ -69,13 +69,12 @@ def mended_by_law(drivers: Columns, course: Course) -> Sparse:
 
 
 def mended_by_map(inputs: Columns, course: Course) -> Sparse:
-    """For plants that store: the next residual from this one, the inputs and the prediction."""
+    """Model a plant that stores: the next residual from this one, inputs and prediction."""
     residual, folds = course.residual, course.folds
     size = rms(residual[folds >= 0])
     if (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
         return Sparse(course.recalibrated)
-    given = {**inputs, "predicted": course.recalibrated}
-    control = _standardised(given, folds >= 0)
+    control = _standardised({**inputs, "predicted": course.recalibrated}, folds >= 0)
     state, start = residual / size, int(np.argmax(folds >= 0))
     bound = RAN_AWAY * float(np.max(np.abs(state[folds >= 0])))
 
@@ -87,21 +86,16 @@ def mended_by_map(inputs: Columns, course: Course) -> Sparse:
     for threshold in SPARSE_THRESHOLDS:
         total = 0.0
         for fold in range(FOLDS):
-            course_of_fold = simulated(threshold, (folds >= 0) & (folds != fold))
-            there = folds == fold
-            total += (
-                np.inf
-                if course_of_fold is None
-                else float(np.sum((course_of_fold - state)[there] ** 2))
-            )
+            free = simulated(threshold, (folds >= 0) & (folds != fold))
+            total += np.inf if free is None else float(np.sum((free - state)[folds == fold] ** 2))
         squares.append(total)
     best = int(np.argmin(squares))
     if not best:
         return Sparse(course.recalibrated, not np.isfinite(squares[1:]).any())
-    course_of_all = simulated(SPARSE_THRESHOLDS[best - 1], folds >= 0)
-    if course_of_all is None:
+    free = simulated(SPARSE_THRESHOLDS[best - 1], folds >= 0)
+    if free is None:
         return Sparse(course.recalibrated, True)
-    return Sparse(course.recalibrated + size * course_of_all)
+    return Sparse(course.recalibrated + size * free)
 
 
 def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
@@ -122,23 +116,24 @@ def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
 
 
 def _standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
-    """By what may be learnt from, within its range, gaps at its mean; shape (n, columns)."""
-    return np.column_stack(list(_each(columns, learnt)))
+    """Standardise by the training samples, clip to their range, fill gaps by their mean.
 
-
-def _each(columns: Columns, learnt: NDArray[np.bool_]) -> Iterator[Array]:
+    Shape (n, columns).
+    """
+    found = []
     for values in columns.values():
-        seen = values[learnt & np.isfinite(values)]
-        if not len(seen):
-            yield np.zeros(len(values))
+        known = values[learnt & np.isfinite(values)]
+        if not len(known):
+            found.append(np.zeros(len(values)))
             continue
-        scale = float(seen.std()) or 1.0
-        inside = np.clip(values, seen.min(), seen.max())
-        yield np.where(np.isfinite(values), (inside - seen.mean()) / scale, 0.0)
+        scale = float(known.std()) or 1.0
+        inside = np.clip(values, known.min(), known.max())
+        found.append(np.where(np.isfinite(values), (inside - known.mean()) / scale, 0.0))
+    return np.column_stack(found)
 
 
 def _map(state: Array, control: Array, part: NDArray[np.bool_], threshold: float) -> Any:
-    """A fitted map; None where no two samples follow one another."""
+    """A fitted map; None if no run of samples is long enough."""
     import pysindy
 
     edges = np.flatnonzero(np.diff(np.concatenate([[0], part.astype(int), [0]])))
@@ -153,12 +148,12 @@ def _map(state: Array, control: Array, part: NDArray[np.bool_], threshold: float
 
 
 def _run(model: Any, first: float, control: Array, start: int, bound: float) -> Array | None:
-    """Free course from `start`, 0 before it; None where it runs away."""
+    """The free course from `start`, 0 before it; None if it diverges."""
     powers = np.asarray(model.feature_library.powers_)
     weights = np.asarray(model.coefficients())[0]
     kept = weights != 0
     powers, weights = powers[kept], weights[kept]
-    # What is given is known beforehand: per sample and power of the state one number is left.
+    # The control is known beforehand, which leaves one number per sample and power of the state.
     by_power = np.zeros((len(control), SPARSE_DEGREE + 1))
     for power, weight in zip(powers, weights, strict=True):
         by_power[:, power[0]] += weight * np.prod(control ** power[1:], axis=1)

@@ -5,33 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 from rulec_runtime.report.tables import Cell, Column, columns, framed, table
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
-from rulec.prove.calibration import Reliability, reliability
 from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
 from rulec.prove.mistakes import (
     OTHERS,
     Bad,
     Confusion,
     answer_of,
-    median_and_quarters,
     worst,
 )
 from rulec.prove.results import Judged
-from rulec.prove.scores import Group, Row
-
-NOTHING = "nothing"
+from rulec.prove.scores import Group, Reliability, Row, reliability
 
 PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false", "at best")
 """Columns of a table of groups, after title and number of cases."""
-
 
 PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
 
 
 def goals(rows: Sequence[Row], plainly: Sequence[Row]) -> str:
-    """Every score, its goal, and in words whether it is met; `plainly` of what is plain to see."""
+    """Write every score, its goal and whether it is met; `plainly` are the rows of plain cases."""
     of = columns(
         *("score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right", ".plain to see")
     )
@@ -41,7 +37,7 @@ def goals(rows: Sequence[Row], plainly: Sequence[Row]) -> str:
 
 
 def of_count(row: Row) -> str:
-    """A score and how many cases it is of; a dash without cases."""
+    """Return a score and its number of cases; a dash without cases."""
     return f"{value_of(row)} of {row.count}" if row.count else "–"
 
 
@@ -56,14 +52,14 @@ def _goal(row: Row, plain: Row) -> list[str | Cell]:
 
 
 def value_of(row: Row) -> str:
-    """A score as it is shown; a dash without cases."""
+    """Return a score as text; a dash without cases."""
     if not math.isfinite(row.share):
         return "–"
     return f"{fixed(100 * row.share, 1)} %" if row.is_share else fixed(row.share, 3)
 
 
 def interval_of(row: Row) -> str:
-    """The 95 % interval, or nothing."""
+    """Return the 95 % interval as text; empty if there is none."""
     if not (math.isfinite(row.low) and math.isfinite(row.high)):
         return ""
     if row.is_share:
@@ -72,7 +68,7 @@ def interval_of(row: Row) -> str:
 
 
 def heat(found: Confusion) -> str:
-    """The confusion matrix: planted by rows, reported by columns, tinted by share of the row."""
+    """Write the confusion matrix: planted in rows, reported in columns, tinted by row share."""
     head = '<th scope="col">planted</th><th>right</th>' + "".join(
         f'<th scope="col" class="turned"><span>{safe(name)}</span></th>' for name in found.columns
     )
@@ -102,7 +98,7 @@ def _tinted(count: int, share: float, right: bool, column: str) -> str:
 
 
 def groups(found: Sequence[Group], title: str) -> str:
-    """Shares by group, each with the number of cases it is of."""
+    """Write the shares of each group, each with its number of cases."""
     if not found:
         return ""
     rows = ([safe(g.title), str(g.count), *map(_part, g.shares), best_of(g)] for g in found)
@@ -110,7 +106,7 @@ def groups(found: Sequence[Group], title: str) -> str:
 
 
 def best_of(group: Group) -> str:
-    """Shares of places and names at best; empty without effects."""
+    """Return the best possible shares of places and names; empty without effects."""
     return " / ".join(percent(share) for share in group.best) if group.best else ""
 
 
@@ -121,23 +117,22 @@ def _part(row: Row) -> str | Cell:
 
 
 def probabilities(judged: Sequence[Judged]) -> str:
-    """Names by the probability that they were told with, and how many of them are right."""
-    found = reliability(judged)
-    if not found:
+    """Write how many names are right, by their reported probability."""
+    if not (found := reliability(judged)):
         return ""
     of = columns("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
     return table("names by their probability", of, map(told_cells, found))
 
 
 def told_cells(told: Reliability) -> tuple[str, ...]:
-    """A bin of the probabilities: ends, names, what was said, what is right, its interval."""
+    """Return a bin of probabilities: ends, names, mean, share of right names and its interval."""
     shares = (told.low, told.high, told.said, told.share, *told.ends)
     low, high, said, right, least, most = (percent(share) for share in shares)
     return f"{low} to {high}", str(told.count), said, right, f"{least} to {most}", told.words
 
 
 def baselines(judged: Sequence[Judged]) -> str:
-    """Held-out errors over that of recalibration: of the repair, and of the baselines."""
+    """Write held-out errors over that of recalibration: of the repair, and of the baselines."""
     parts = []
     for title, cases in (
         ("Something is missing", [j for j in judged if not j.clean]),
@@ -156,9 +151,10 @@ def _rows_of(judged: Sequence[Judged]) -> Iterator[tuple[str, ...]]:
         known = [j.baselines.get(name) for j in judged]
         ratios[name] = [v for v in known if v is not None and math.isfinite(v)]
     ratios["noise alone"] = _over(judged, "noise")
-    quartiles = {name: median_and_quarters(values) for name, values in ratios.items() if values}
-    largest = max((middle for middle, _, _ in quartiles.values()), default=0.0)
-    for name, (middle, low, high) in quartiles.items():
+    shares = (0.25, 0.5, 0.75)
+    quartiles = {n: np.quantile(values, shares).tolist() for n, values in ratios.items() if values}
+    largest = max((middle for _, middle, _ in quartiles.values()), default=0.0)
+    for name, (low, middle, high) in quartiles.items():
         width = 100 * middle / largest if largest > 0 else 0.0
         yield (
             safe(name),
@@ -170,16 +166,15 @@ def _rows_of(judged: Sequence[Judged]) -> Iterator[tuple[str, ...]]:
 
 
 def _over(judged: Sequence[Judged], name: str) -> list[float]:
-    """An error over that of recalibration, of the cases that have both."""
+    """Errors over that of recalibration, of the cases that have both."""
     pairs = ((getattr(j.errors, name), j.errors.recalibrated) for j in judged if j.errors)
     known = ((a, b) for a, b in pairs if a is not None and b is not None)
     return [a / b for a, b in known if math.isfinite(a) and math.isfinite(b) and b > 0]
 
 
 def worst_table(judged: Sequence[Judged]) -> str:
-    """The worst cases: what was planted, what was reported, why it is wrong."""
-    found = worst(judged)
-    if not found:
+    """Write the worst cases: what was planted, what was reported, why it is wrong."""
+    if not (found := worst(judged)):
         return "<p>No case went wrong.</p>"
     of = columns("case", "planted", "said", "wrong because", ".strength")
     return table("the worst cases", of, map(_bad, found))
@@ -194,11 +189,11 @@ def _bad(bad: Bad) -> tuple[str, ...]:
 
 
 def planted_words(judged: Judged) -> str:
-    """Effects with their places."""
+    """Return the planted effects with their places."""
     places = f" at {listed(judged.places[:2])}" if judged.places else ""
-    return f"{listed(judged.planted)}{places}" if judged.planted else NOTHING
+    return f"{listed(judged.planted)}{places}" if judged.planted else "nothing"
 
 
 def said_words(judged: Judged) -> str:
-    """Reported names, or the answer without one."""
+    """Return the reported names, or the answer without one."""
     return listed(judged.said) if judged.said and not judged.error else answer_of(judged)

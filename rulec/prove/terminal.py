@@ -10,12 +10,11 @@ from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
-from rulec.prove.calibration import Reliability, reliability
 from rulec.prove.further_told import tell_further
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
-from rulec.prove.scores import Group, Row, by_difficulty, plain, table
+from rulec.prove.scores import Group, Reliability, Row, by_difficulty, plain, reliability, table
 from rulec.prove.tables import (
     PARTS,
     PLAIN,
@@ -33,7 +32,7 @@ MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}
 
 
 def show(out: Console, run: Run) -> None:
-    """Write table and worst cases."""
+    """Print the scores and the worst cases."""
     rows = table(run.shown)
     out.print(styled("[bold]{}[/]", headline(run, rows)))
     out.print(styled("[dim]{}[/]\n", partition_words(run)))
@@ -41,12 +40,10 @@ def show(out: Console, run: Run) -> None:
     for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
         if words:
             out.print(styled("[dim]{}[/]", words))
-    bins = reliability(run.shown)
-    if bins:
+    if bins := reliability(run.shown):
         out.print(styled("\n[bold]Names by their probability[/]"))
-        out.print(_told(bins))
-    parts = by_difficulty(run.shown)
-    if parts:
+        out.print(_probabilities(bins))
+    if parts := by_difficulty(run.shown):
         out.print(styled("\n[bold]By difficulty[/]"))
         out.print(_parts(parts))
         for name, words in DIFFICULTIES.items():
@@ -58,9 +55,7 @@ def show(out: Console, run: Run) -> None:
 
 
 def _worst(out: Console, run: Run) -> None:
-    """The cases that went wrong most."""
-    found = worst(run.shown)
-    if not found:
+    if not (found := worst(run.shown)):
         return
     shown = Table("case", "planted", "said", "because", box=None, pad_edge=False)
     shown.add_column("strength", justify="right")
@@ -74,7 +69,7 @@ def _worst(out: Console, run: Run) -> None:
 
 
 def text(run: Run, width: int = 100) -> str:
-    """The same without colours."""
+    """Return the same as text, without colours."""
     out = Terminal(file=io.StringIO(), width=width, color_system=None)
     show(out, run)
     assert isinstance(out.file, io.StringIO)
@@ -82,7 +77,7 @@ def text(run: Run, width: int = 100) -> str:
 
 
 def _parts(parts: list[Group]) -> Table:
-    """The shares of each part, a column each."""
+    """The shares of each part in a column."""
     names = {words: name for name, words in DIFFICULTIES.items()}
     shown = Table("made harder by", box=None, pad_edge=False)
     for part in parts:
@@ -94,14 +89,13 @@ def _parts(parts: list[Group]) -> Table:
     return shown
 
 
-def _told(bins: list[Reliability]) -> Table:
-    """Names by the probability that they were told with."""
+def _probabilities(bins: list[Reliability]) -> Table:
     shown = Table("told with", box=None, pad_edge=False, collapse_padding=True)
     for title in ("names", "said, mean", "right", "95 % interval"):
         shown.add_column(title, justify="right")
     shown.add_column("")
-    for told in bins:
-        shown.add_row(*told_cells(told))
+    for one in bins:
+        shown.add_row(*told_cells(one))
     return shown
 
 

@@ -16,9 +16,14 @@ from rulec.prove.aligned import (
     drivers_of,
     lagged,
 )
-from rulec.prove.baselines import Baselines, dynamic_baselines, one_thread, stationary_baselines
+from rulec.prove.baselines import (
+    Baselines,
+    dynamic_baselines,
+    mended_by_trees,
+    one_thread,
+    stationary_baselines,
+)
 from rulec.prove.sparse import mended_by_law, mended_by_map
-from rulec.prove.trees import mended_by_trees
 
 N = 600
 HELDOUT = (np.arange(N) * 25 // N) % 5 == 2

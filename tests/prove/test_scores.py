@@ -10,12 +10,11 @@ import pytest
 from scipy.stats import binomtest
 
 from rulec.prove.attainable import at_best
-from rulec.prove.calibration import reliability
 from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.mistakes import confusion, worst
 from rulec.prove.page import headline, page
 from rulec.prove.results import Claim, Heldout, Judged, Run, run_from_json
-from rulec.prove.scores import by, by_concealment, by_difficulty, curve, table, wilson
+from rulec.prove.scores import by, by_concealment, by_difficulty, curve, reliability, table, wilson
 from rulec.prove.terminal import text
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
