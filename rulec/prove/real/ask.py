@@ -1,8 +1,8 @@
-"""Ask the tool about a rig, as a user does: commands as processes, in a folder of their own.
+"""Run the tool on a rig, as a user does: commands as processes, in a folder of their own.
 
-The folder gets the plain plant and what is shown; nothing in it tells where the rig lies. What
-judges (`test.csv`) is copied there after the tool has answered, for `rulec simulate` alone; the
-answer is never copied.
+The folder gets the plain plant and the training recordings; nothing in it reveals where the rig is.
+`test.csv` is copied there after the tool has answered, for `rulec simulate` only. The sealed answer
+is never copied.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ ASKED = "asked.json"
 MODELS = ("shipped", "recalibrated", "adopted")
 FOLDERS = {"shipped": "plant", "recalibrated": "recalibrated", "adopted": "adopted"}
 NOTHING: Mapping[str, Any] = {"form": None, "error": "", "refused": "", "predicted": {}, "cpu": 0.0}
-"""What was asked, before anything is answered."""
+"""The result before anything is answered."""
 
 WINDOWS = 40
-"""Parts of the unseen rows, one after the other, whose errors count as independent."""
+"""Successive parts of the unseen rows whose errors count as independent."""
 
 DRAWN = 400
-"""Unseen rows of a picture, at most."""
+"""Most unseen rows in a picture."""
 
 MESSAGE = 300
-"""Letters of a message that are kept."""
+"""Characters of a message that are kept."""
 
 
 class NoAnswer(Exception):
@@ -62,19 +62,21 @@ class Commands:
     limit: float
 
     def run(self, *words: object) -> None:
-        """A command; raises `NoAnswer` with the end of what it said."""
+        """Run a command; raises `NoAnswer` with the end of its message if it fails."""
         code, said = self._ended([sys.executable, "-m", TOOL, *map(str, words)], str(words[0]))
         if code not in (0, UNSURE):
             raise NoAnswer(f"rulec {words[0]}: {said[-MESSAGE:] or f'exit {code}'}")
 
     def _ended(self, asked: Sequence[str], name: str) -> tuple[int, str]:
-        """Exit code, and what was said aside; the command ends with this process."""
+        """Exit code and text of standard error; the command ends if this process does."""
+        sources = (str(Path(p.__path__[0]).parent) for p in (rulec, rulec_runtime))
         lifeline, ours = os.pipe()
         try:
             done = subprocess.run(
                 asked,
                 cwd=self.folder,
-                env={**os.environ, "PYTHONPATH": _sources()},
+                # Where this very tool is, so that its processes run no other.
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(sources)},
                 stdin=lifeline,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
@@ -91,7 +93,7 @@ class Commands:
 
 
 def lay_out(rig: Rig, folder: Path) -> None:
-    """Plant and shown recordings under names that tell nothing."""
+    """Copy the plant and the training recordings under names that reveal nothing."""
     if folder.exists():
         return
     shutil.copytree(rig.folder / PLAIN, folder / "plant")
@@ -102,10 +104,10 @@ def lay_out(rig: Rig, folder: Path) -> None:
 
 
 def ask(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
-    """What the tool says, what its plants predict of `test`, CPU s; kept in the folder.
+    """Return the tool's answer, its plants' predictions of `test` and CPU time; kept in the folder.
 
-    Keys: those of `rulec mismatch --json` under `form` (None without an answer), `error`,
-    `refused` (why nothing was adopted), `predicted` by signal, `cpu`, `seconds`.
+    Keys: `form` (the JSON of `rulec mismatch`, None without an answer), `error`, `refused` (why
+    nothing was adopted), `predicted` by signal, `cpu` and `seconds`.
     """
     return {**NOTHING, **answered(folder / ASKED, lambda: _asked(folder, test, limit))}
 
@@ -128,7 +130,7 @@ def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
 
 
 def _adopted(commands: Commands) -> str:
-    """Write the recalibrated and the repaired plant; why the latter was refused, if it was."""
+    """Write the recalibrated and the repaired plant; returns why the latter was refused, if so."""
     with contextlib.suppress(NoAnswer):
         commands.run("adopt", ANSWER, "-o", FOLDERS["recalibrated"], "--recalibrated", "--quiet")
     try:
@@ -139,21 +141,21 @@ def _adopted(commands: Commands) -> str:
 
 
 def _calibrate(commands: Commands) -> None:
-    """Calibrate the plain plant where there is an earlier run."""
+    """Calibrate the plain plant if there is an earlier run."""
     plant = commands.folder / "plant"
     for earlier in commands.folder.glob(f"{Path(EARLIER).stem}.csv*"):
         try:
             commands.run("calibrate", "plant", earlier.name, "-o", "plant/found.yaml", "--quiet")
         except NoAnswer:
-            return  # what an earlier run does not determine stays as the sheet says
+            return  # parameters that an earlier run does not determine stay as in the data sheet
         write_yaml(plant / PLANT, {**yaml_of(plant / PLANT), "calibration": ["found.yaml"]})
 
 
 def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
-    """By signal: unit, rows that every plant predicts, root mean square errors of each plant, under
-    `windows` the same in windows of time, shape (windows,), and under `course` some of the rows.
+    """Return by signal: unit, number of rows that every plant predicts, and each plant's RMS error.
 
-    A plant that was not written predicts what the one before it does.
+    `windows` has the errors in windows of time, shape (windows,), and `course` some of the rows. A
+    plant that was not written predicts as the one before it.
     """
     rules = compile_plant(commands.folder / FOLDERS["shipped"] / PLANT)
     copy = commands.folder / f"{TEST}{_suffix(test)}"
@@ -171,21 +173,22 @@ def predicted(commands: Commands, test: Path) -> dict[str, dict[str, Any]]:
 
 
 def _off(rules: Ruleset, target: Path, measured: Recording) -> dict[str, Array]:
-    """By signal, simulated less measured in its unit, shape (n,); NaN where nothing is judged."""
+    """By signal, simulated minus measured in its unit, shape (n,); NaN if a row does not count."""
     simulated = read_recording(target, rules)
     found = {}
     for signal in rules.signals:
         if signal.id in simulated.values and signal.id in measured.values:
             off = simulated.values[signal.id] - measured.values[signal.id]
-            found[signal.id] = np.where(
-                _judged(signal.id, rules, measured), off / signal.factor, np.nan
-            )
+            counts = _counts(signal.id, rules, measured)
+            found[signal.id] = np.where(counts, off / signal.factor, np.nan)
     return found
 
 
-def _judged(name: str, rules: Ruleset, measured: Recording) -> Bools:
-    """Rows, shape (n,), in which no reading of the signal's module is below its minimum: there the
-    module type judges nothing, as when a pump stands still."""
+def _counts(name: str, rules: Ruleset, measured: Recording) -> Bools:
+    """Rows that count, shape (n,): no reading of the signal's module is below its minimum.
+
+    Below, the module type is not valid, as when a pump stands still.
+    """
     module = name.partition(".")[0]
     least = {s.id: s.minimum for s in rules.signals if s.id.partition(".")[0] == module}
     there = [
@@ -218,12 +221,7 @@ def _suffix(file: Path) -> str:
     return ".csv.gz" if file.name.endswith(".gz") else ".csv"
 
 
-def _sources() -> str:
-    """Where this very tool lies, so that its processes run no other."""
-    return os.pathsep.join(str(Path(p.__path__[0]).parent) for p in (rulec, rulec_runtime))
-
-
 def _cpu() -> float:
-    """Seconds of processor that ended child processes had."""
+    """CPU time of child processes that have ended, s."""
     times = os.times()
     return times.children_user + times.children_system

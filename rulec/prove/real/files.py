@@ -1,4 +1,4 @@
-"""Text files that may be packed (`.gz`), and YAML as data; the same text gives the same bytes."""
+"""Text files that may be compressed (`.gz`), and YAML; the same text gives the same bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rulec.language.document import read_document
 
 @contextmanager
 def opened(file: Path) -> Iterator[IO[str]]:
-    """A text, packed or not."""
+    """Open a text file, compressed or not."""
     if file.suffix == ".gz":
         with gzip.open(file, "rt", encoding="utf-8", newline="") as packed:
             yield packed
@@ -26,18 +26,18 @@ def opened(file: Path) -> Iterator[IO[str]]:
 
 
 def write_packed(file: Path, text: str) -> None:
-    """Write a text, packed where the name says so."""
+    """Write a text, compressed if the name ends in `.gz`."""
     data = text.encode()
     write_data(file, gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
 
 
 def yaml_of(file: Path) -> dict[str, Any]:
-    """A YAML file as data, that was read before and is in order."""
+    """Return the data of a YAML file that was checked before."""
     document, _ = read_document(file)
     assert document is not None
     return dict(document.data)
 
 
 def write_yaml(file: Path, data: Mapping[str, Any]) -> None:
-    """As JSON, which is YAML: numbers and texts are written as they were read."""
+    """Write JSON, which is YAML: numbers and texts stay as they were read."""
     write_text(file, json.dumps(data, indent=1, ensure_ascii=False) + "\n")

@@ -1,9 +1,9 @@
-"""A folder of rigs: read it, and say with place and remedy what is wrong with it.
+"""A folder of rigs: read it, and report its mistakes with place and remedy.
 
-A rig is a folder with `plain/` (plant.yaml and what it names: the plant without the effect),
-`train*.csv` and `test.csv` (other days or set points), `rig.yaml`, and, where something is known,
-`answer.yaml` with its seal `answer.sha256`. `earlier.csv`, if there, calibrates the plain plant.
-Every recording may be packed (`.gz`).
+A rig is a folder with `plain/` (plant.yaml and the files it names: the plant without the effect),
+`train*.csv` and `test.csv` (other days or set points), `rig.yaml`, and, if something is known,
+`answer.yaml` with its seal `answer.sha256`. An `earlier.csv` calibrates the plain plant. Every
+recording may be compressed (`.gz`).
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ OF_THE_TOOL = frozenset(
         *("impossible-reading", "stuck-reading", "coarse-steps", "drop-outs"),
     )
 )
-"""Ids that the tool tells and no entry of the knowledge base has: cables, headers, dead sensors."""
+"""Ids that the tool reports without an entry in the knowledge base: cables, headers, sensors."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """A true value ± u of a parameter, in `unit`; without a `name` of every id."""
+    """The true value ± u of a parameter, in `unit`; without a `name` it holds for every id."""
 
     parameter: str
     value: float
@@ -58,8 +58,8 @@ class Size:
 class Missing:
     """One thing that the plain plant leaves out.
 
-    `names` are ids that are right, none where no entry names it; `places` are modules, or
-    `module.place` as the tool tells them.
+    `names` are the right ids, empty if no entry names it; `places` are modules, or `module.place`
+    as the tool reports them.
     """
 
     names: tuple[str, ...]
@@ -69,8 +69,10 @@ class Missing:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known of a rig; without `missing` silence is right. `beside` are ids that are no
-    false names, but not asked for; `units` are those in which sizes may be stated."""
+    """The answer for a rig; without `missing`, the right report is empty.
+
+    `beside` are ids that are neither required nor false; sizes may be stated in `units`.
+    """
 
     missing: tuple[Missing, ...]
     beside: tuple[str, ...]
@@ -80,7 +82,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class GreyBox:
-    """Error of a model made by hand on the rows of test.csv, root mean square, in `unit`."""
+    """Root mean square error of a hand-made model on the rows of test.csv, in `unit`."""
 
     signal: str
     error: float
@@ -90,7 +92,7 @@ class GreyBox:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """A rig whose folder is in order; `truth` is None where nothing is known or shown."""
+    """A rig whose folder is in order; `truth` is None if nothing is known, or if it is hidden."""
 
     folder: Path
     title: str
@@ -106,13 +108,13 @@ class Rig:
 
     @property
     def name(self) -> str:
-        """That of its folder."""
+        """The name of its folder."""
         return self.folder.name
 
 
 @dataclass(frozen=True)
 class FalseAlarm:
-    """A wrong finding that was told once: id, place, what happened, and what is right."""
+    """A wrong finding that was once reported: id, place, what happened, and what is right."""
 
     rig: str
     wrong: str
@@ -122,7 +124,7 @@ class FalseAlarm:
 
 
 def rigs_in(folder: Path, only: str = "") -> list[Rig]:
-    """All rigs of a folder whose name holds `only`; raises `Refusal` with every mistake in them."""
+    """Read the rigs whose name contains `only`; raises `Refusal` with all mistakes in them."""
     if not folder.is_dir():
         raise Refusal(
             f"--real {folder}: there is no such folder; rulec prove --make-rigs makes one"
@@ -144,7 +146,7 @@ def rigs_in(folder: Path, only: str = "") -> list[Rig]:
 
 
 def false_alarms_in(folder: Path) -> tuple[FalseAlarm, ...]:
-    """The manifest beside the rigs; none where there is no such file."""
+    """Read the manifest beside the rigs; empty if there is no such file."""
     file = folder / ALARMS
     if not file.is_file():
         return ()
@@ -184,16 +186,14 @@ def read_rig(folder: Path) -> Rig:
 
 
 def recordings_of(folder: Path, part: str) -> tuple[Path, ...]:
-    """Files of a part: `train.csv`, `train-2.csv.gz` and so on."""
-    found = (*folder.glob(f"{part}*.csv"), *folder.glob(f"{part}*.csv.gz"))
-    return tuple(sorted(found))
+    """Return the files of a part: `train.csv`, `train-2.csv.gz` and so on."""
+    return tuple(sorted((*folder.glob(f"{part}*.csv"), *folder.glob(f"{part}*.csv.gz"))))
 
 
 def checked(file: Path, kind: str) -> Mapping[str, Any]:
-    """A YAML file that keeps to its schema; raises `Refused` with every mistake."""
+    """Read a YAML file and check it against its schema; raises `Refused` with every mistake."""
     document = _read(file)
-    wrong = check_schema(document, kind, SCHEMAS)
-    if wrong:
+    if wrong := check_schema(document, kind, SCHEMAS):
         raise Refused(wrong)
     found: Mapping[str, Any] = document.data
     return found
@@ -207,7 +207,7 @@ def _read(file: Path) -> Document:
 
 
 def _in_order(about: Document, rules: Ruleset) -> None:
-    """Readings that are named are the plant's, and figures are in their units."""
+    """Check that named readings exist in the plant, and that figures are in their units."""
     wrong, named = [], list[tuple[Path_, str, str]]()
     if "signal" in about.data:
         named.append((("signal",), about.data["signal"], ""))
@@ -238,22 +238,18 @@ def _lacking(file: Path, meant: str) -> Refused:
 
 
 def _same_readings(rules: Ruleset, train: Sequence[Path], test: Path) -> None:
-    """Every file is a recording of the plant, and the last one can judge what the others show."""
-    shown = {name for file in train for name in _readings(file, rules)}
-    lacking = sorted(shown - _readings(test, rules))
+    """Check that every file is a recording of the plant, and that `test` has all its columns."""
+    shown = {name for file in train for name in read_recording(file, rules).values}
+    lacking = sorted(shown - set(read_recording(test, rules).values))
     if lacking:
         message = f"{test.name} lacks columns that {TRAIN} has: {', '.join(lacking)}"
         raise Refused([Diagnostic(Place(str(test)), "KB001", message, "write the same columns")])
 
 
-def _readings(file: Path, rules: Ruleset) -> set[str]:
-    return set(read_recording(file, rules).values)
-
-
 def _seal(folder: Path) -> str:
     """The hash that was written when the rig was made; empty without one.
 
-    Raises `Refused` where the answer is not the one that was sealed.
+    Raises `Refused` if the answer is not the one that was sealed.
     """
     answer, seal = folder / ANSWER, folder / SEAL
     if not seal.is_file():
@@ -270,7 +266,7 @@ def _seal(folder: Path) -> str:
 
 
 def digest_of(file: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
+    """Return the SHA-256 of a file in hexadecimal digits."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
@@ -279,13 +275,13 @@ def _truth(folder: Path, rules: Ruleset) -> Truth | None:
     if not file.is_file():
         return None
     found = checked(file, "sealed-answer")
-    knowledge = read_all(folder / PLAIN).by_kind
+    document, knowledge = _read(file), read_all(folder / PLAIN).by_kind
     units = table_of(knowledge.get("units", ()), [])
-    wrong = [
-        *_contradictions(_read(file), found),
-        *_strangers(_read(file), knowledge, rules),
-        *_no_units(_read(file), units),
-    ]
+    wrong = [*_unknown_words(document, knowledge, rules), *_unknown_units(document, units)]
+    if bool(found.get("nothing")) == bool(found.get("effects")):
+        message = "an answer says either 'nothing: true' or 'effects'"
+        hint = "where nothing is known, leave the file out"
+        wrong.insert(0, Diagnostic(document.place("nothing"), "KB021", message, hint))
     if wrong:
         raise Refused(wrong)
     missing = tuple(
@@ -299,17 +295,10 @@ def _list(value: str | Sequence[str]) -> tuple[str, ...]:
     return (value,) if isinstance(value, str) else tuple(value)
 
 
-def _contradictions(document: Document, found: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    if bool(found.get("nothing")) == bool(found.get("effects")):
-        message = "an answer says either 'nothing: true' or 'effects'"
-        hint = "where nothing is known, leave the file out"
-        yield Diagnostic(document.place("nothing"), "KB021", message, hint)
-
-
-def _strangers(
+def _unknown_words(
     document: Document, by_kind: Mapping[str, tuple[Document, ...]], rules: Ruleset
 ) -> Iterator[Diagnostic]:
-    """Ids that no entry has, and modules that the plant does not have."""
+    """Ids without an entry, and modules that are not in the plant."""
     known = {d.data[kind] for kind in ("effect", "fault") for d in by_kind.get(kind, ())}
     known |= OF_THE_TOOL
     modules = {signal.id.partition(".")[0] for signal in rules.signals}
@@ -326,8 +315,7 @@ def _strangers(
                     yield Diagnostic(place, "KB023", f"there is no {what} '{word}'", hint)
 
 
-def _no_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]:
-    """Units of sizes that nobody knows."""
+def _unknown_units(document: Document, units: UnitTable) -> Iterator[Diagnostic]:
     for number, effect in enumerate(document.data.get("effects", ())):
         for i, size in enumerate(effect.get("sizes", ())):
             try:

@@ -1,6 +1,6 @@
-"""The same rig under other names: modules, columns and titles; an answer must not change.
+"""The same rig under other names: modules, columns and titles; the answer must not change.
 
-New names are in the opposite order of the old ones, so that an order by name shows.
+New names are in the opposite order of the old ones, to reveal any dependence on that order.
 """
 
 from __future__ import annotations
@@ -19,17 +19,16 @@ from rulec.prove.real.files import opened, write_packed, write_yaml, yaml_of
 from rulec.prove.real.form import PLANT
 
 SAME = 1e-6
-"""Numbers that differ by less, relatively, are the same: sums in another order are rounded
-otherwise. Origin: numerical."""
+"""Relative difference below which numbers are the same, as sums in another order are rounded
+differently. Origin: numerical."""
 
-TIME = "time"
 _OF_EFFECTS = ("effect", "place", "probability", "class_probability")
 
 Names = Mapping[str, str]
 
 
 def hide(folder: Path) -> dict[str, str]:
-    """Rename in a folder that is laid out; returns the modules' new names by the old ones."""
+    """Rename everything in a rig's working folder; returns new names of modules by old ones."""
     plant = folder / "plant"
     data = yaml_of(plant / PLANT)
     old = list(data["modules"])
@@ -48,40 +47,32 @@ def hide(folder: Path) -> dict[str, str]:
         matrix = plant / data["adjacency"]
         write_text(matrix, _renamed(matrix.read_text(encoding="utf-8"), modules))
     titles = _hide_columns(plant / data["columns"], modules) if "columns" in data else {}
-    _rewrite_recordings(folder, modules, titles)
+    for file in (*folder.glob("*.csv"), *folder.glob("*.csv.gz")):
+        _retitle(file, modules, titles)
     return modules
 
 
-def rename_titles(header: list[str], modules: Names, titles: Names) -> list[str]:
-    """New titles of a recording's columns; units in brackets stay."""
-    return [titles.get(t) or _other_title(t, modules, number) for number, t in enumerate(header)]
-
-
 def differences(open_: Mapping[str, Any], hidden: Mapping[str, Any], modules: Names) -> list[str]:
-    """What an answer says otherwise under other names, each with its place in the JSON."""
+    """Return the differences of an answer under other names, each with its place in the JSON."""
     back = {new: old for old, new in modules.items()}
-    one, other = (_compared(form) for form in (open_, _back(hidden, back)))
-    return list(_differ(one, other, ""))
+    return list(_differ(_compared(open_), _compared(_back(hidden, back)), ""))
 
 
 def _retitle(file: Path, modules: Names, titles: Names) -> None:
-    """Give the columns of a recording other titles."""
+    """Rename the columns of a recording; units in brackets stay."""
     with opened(file) as source:
         rows = csv.reader(source)
         header, out = next(rows), io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(rename_titles(header, modules, titles))
+        writer.writerow(
+            titles.get(t) or _other_title(t, modules, number) for number, t in enumerate(header)
+        )
         writer.writerows(rows)
     write_packed(file, out.getvalue())
 
 
-def _rewrite_recordings(folder: Path, modules: Names, titles: Names) -> None:
-    for file in (*folder.glob("*.csv"), *folder.glob("*.csv.gz")):
-        _retitle(file, modules, titles)
-
-
 def _hide_columns(file: Path, modules: Names) -> dict[str, str]:
-    """Rename in a column map; returns new titles by the old ones."""
+    """Rename in a column map; returns new titles by old ones."""
     data, titles = yaml_of(file), {}
     columns = {}
     for number, (signal, entry) in enumerate(data["columns"].items()):
@@ -96,15 +87,15 @@ def _hide_columns(file: Path, modules: Names) -> dict[str, str]:
 
 
 def _other_title(title: str, modules: Names, number: int) -> str:
-    """Of a column that no map has: a signal of the plant, the time, or a stranger."""
+    """New title of a column outside the map: a signal of the plant, the time, or unknown."""
     word = title.partition(".")[0]
     if word in modules:
         return modules[word] + title[len(word) :]
-    return title if title.split(" ")[0] == TIME else f"y{number}"
+    return title if title.split(" ")[0] == "time" else f"y{number}"
 
 
 def _untitled(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """A module without its title, its values without their sources."""
+    """A module without its title, and its values without their sources."""
     found = {key: value for key, value in entry.items() if key != "title"}
     if "parameters" in found:
         values = found["parameters"].items()
@@ -113,7 +104,7 @@ def _untitled(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _renamed(text: str, names: Names) -> str:
-    """Every whole word that is a name, replaced."""
+    """Replace every whole word that is a name."""
     return re.sub(r"[A-Za-z]\w*", lambda word: names.get(word.group(), word.group()), text)
 
 
@@ -126,7 +117,7 @@ def _back(data: Any, names: Names) -> Any:
 
 
 def _compared(form: Mapping[str, Any]) -> dict[str, Any]:
-    """What an answer is made of; words and the order of equals are left out."""
+    """The parts of an answer to compare, without texts and the order of equals."""
     effects = {e["id"]: {key: e[key] for key in _OF_EFFECTS} for e in form["effects"]}
     for e in form["effects"]:
         effects[e["id"]]["alternatives"] = {a["id"]: a["probability"] for a in e["alternatives"]}

@@ -1,8 +1,8 @@
 """Make rigs from recipes and a copy of the source: `rulec prove --make-rigs`.
 
-A recipe says in YAML which rows and columns of which files are shown and which judge, which plant
-goes with them, and what is known. Where a licence lets nobody hand on a recording, the recipe can
-still be handed on.
+A recipe states in YAML which rows and columns of which files are for training and for the test, the
+plant that belongs to them, and what is known. If a licence forbids passing on a recording, its
+recipe can still be passed on.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ Recipe = Mapping[str, Any]
 
 
 def made(recipes: Path, source: Path, target: Path) -> Iterator[tuple[str, str]]:
-    """Make every rig whose source is there; gives name, and why it was left out (empty if made).
+    """Make every rig whose source exists; yields its name, and why it was left out, if so.
 
-    Raises `Refusal` where a recipe is wrong.
+    Raises `Refusal` if a recipe is wrong.
     """
     files = sorted(f for f in recipes.glob("*.yaml") if f.name != ALARMS)
     if not files:
@@ -56,7 +56,7 @@ def made(recipes: Path, source: Path, target: Path) -> Iterator[tuple[str, str]]
 
 
 def make(file: Path, recipe: Recipe, source: Path, folder: Path) -> None:
-    """Write the folder of a rig; one that is there is replaced."""
+    """Write the folder of a rig; replaces an existing one."""
     if folder.exists():
         shutil.rmtree(folder)
     _plain(file, recipe, folder / PLAIN)
@@ -83,7 +83,7 @@ def _files(recipe: Recipe, part: Recipe) -> Sequence[str]:
 
 
 def _plain(file: Path, recipe: Recipe, target: Path) -> None:
-    """The plant file, what it names, and module types of its own."""
+    """Copy the plant file, the files it names, and its own module types."""
     plant = file.parent / recipe["plant"]
     document, wrong = read_document(plant)
     if document is None:
@@ -99,7 +99,7 @@ def _plain(file: Path, recipe: Recipe, target: Path) -> None:
 
 
 def _table(file: Path, recipe: Recipe, part: str, source: Path) -> str:
-    """Rows of a part as CSV; raises `Refusal` where a column is absent or no row is left."""
+    """Rows of a part as CSV; raises `Refusal` if a column is absent or no row is left."""
     wanted, conditions = recipe[part], recipe[part].get("rows", ())
     out, count = io.StringIO(), 0
     writer = csv.writer(out, lineterminator="\n")
@@ -120,20 +120,17 @@ def _table(file: Path, recipe: Recipe, part: str, source: Path) -> str:
 
 
 def _rows(recipe: Recipe, files: Sequence[str], source: Path) -> Iterator[Row]:
-    """Rows of the source with their labels, which stand under `label.NAME`."""
+    """Rows of the source with their labels, under `label.NAME`."""
     labels: dict[str, Row] = {}
     by = recipe["labels"]["by"] if "labels" in recipe else ""
     if by:
         with opened(source / recipe["labels"]["file"]) as table:
-            labels = {row[by]: _labelled(row) for row in csv.DictReader(table)}
+            for row in csv.DictReader(table):
+                labels[row[by]] = {f"label.{key}": value for key, value in row.items()}
     for name in files:
         with opened(source / name) as table:
             for row in csv.DictReader(table):
                 yield {**row, **labels.get(row[by], {})} if by else row
-
-
-def _labelled(row: Row) -> Row:
-    return {f"label.{key}": value for key, value in row.items()}
 
 
 def _all_columns(row: Row, recipe: Recipe) -> dict[str, dict[str, str]]:
@@ -143,7 +140,7 @@ def _all_columns(row: Row, recipe: Recipe) -> dict[str, dict[str, str]]:
 
 
 def _cell(row: Row, column: Recipe, count: int) -> str:
-    """A value to write: a cell of the source, a difference or a quotient of two, a number."""
+    """A cell of the source, scaled, or a difference or quotient of two, or a number."""
     if "rows" in column or "value" in column:
         return f"{column['value'] if 'value' in column else count * column['rows']:.10g}"
     if not {"less", "over", "scale"} & set(column):
@@ -154,7 +151,7 @@ def _cell(row: Row, column: Recipe, count: int) -> str:
 
 
 def _meets(row: Row, condition: Recipe) -> bool:
-    """Does a row meet a condition? Texts are compared as texts, such as dates."""
+    """Whether a row meets a condition; texts, such as dates, are compared as texts."""
     cell = row[condition["column"]]
 
     def value(bound: float | str) -> float | str:

@@ -1,4 +1,4 @@
-"""Scores of what the tool said of a rig, and of all rigs together."""
+"""Scores of the tool's answer for a rig, and over all rigs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Form = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Cause:
-    """An id and where it would be: `module.place`, or the module alone."""
+    """An id and its places: `module.place`, or the module alone."""
 
     name: str
     places: tuple[str, ...]
@@ -31,7 +31,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Told:
-    """A finding: what it leaves open (its headline first), and the probability of its class."""
+    """A finding: the causes it leaves open, its headline first, and its class's probability."""
 
     causes: tuple[Cause, ...]
     probability: float
@@ -39,7 +39,7 @@ class Told:
 
     @property
     def headline(self) -> Told:
-        """The same without what it leaves open."""
+        """The same finding with its first cause only."""
         return replace(self, causes=self.causes[:1])
 
     @property
@@ -52,18 +52,18 @@ class Told:
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """A rig and its scores; None where a score does not apply.
+    """A rig and its scores; None if a score does not apply.
 
     Attributes
     ----------
-    place, headline, named : share of what is missing whose place is told; whose id is the headline
-        of a finding; whose id is in a set that a finding leaves open
-    probability : of the class that holds a right id
-    inside : intervals of sizes that hold the truth, and all that were told of a right id
-    false : findings that are right for nothing that is missing
-    sure : those of them that are told with CERTAIN and more
-    silent : is nothing told? None where something is missing
-    utility : of the ambiguity set, as `utility` says
+    place, headline, named : share of the missing things whose place is reported; whose id is the
+        headline of a finding; whose id is in the ambiguity set of a finding
+    probability : of the class that contains a right id
+    inside : number of intervals of sizes that contain the truth, and of all of right ids
+    false : findings that match nothing that is missing
+    sure : the false findings with a probability of CERTAIN and more
+    silent : whether nothing is reported; None if something is missing
+    utility : of the ambiguity set, see `utility`
     predicted : by reading, errors of the plants on unseen rows; `signal` is the one that counts
     """
 
@@ -87,47 +87,40 @@ class Scored:
 
     @property
     def sure(self) -> tuple[Told, ...]:
-        """Wrong, and told as certain."""
+        """False findings that are reported as certain."""
         return tuple(f for f in self.false if f.probability >= CERTAIN)
 
     def ratio(self, over: str) -> float | None:
-        """Error of the adopted plant over that of another model, on the signal that counts."""
+        """Return the error of the adopted plant over that of another model, on `signal`."""
         errors = self.predicted.get(self.signal, {})
         other = self.grey_box if over == "grey box" else errors.get(over)
         return errors["adopted"] / other if other and errors.get("adopted") else None
 
     @property
-    def windows(self) -> Mapping[str, Sequence[float]]:
-        """Errors in windows of time by model, on the signal that counts; empty without any."""
-        found: Mapping[str, Sequence[float]] = self.predicted.get(self.signal, {}).get(
-            "windows", {}
-        )
-        return found
-
-    @property
     def within(self) -> tuple[float, float]:
         """95 % interval of the error of the adopted plant over that of the recalibrated one, by
-        bootstrap over windows; NaN without any."""
-        if not self.windows:
+        bootstrap over windows of time; NaN without any."""
+        windows = self.predicted.get(self.signal, {}).get("windows")
+        if not windows:
             return math.nan, math.nan
-        pairs = np.array([self.windows["adopted"], self.windows["recalibrated"]]) ** 2
+        pairs = np.array([windows["adopted"], windows["recalibrated"]]) ** 2
         return bootstrap(pairs.T, _ratio)
 
     @property
     def grey_box(self) -> float | None:
-        """Error of a model made by hand, on the signal that counts."""
+        """Error of a hand-made model, on the signal that counts."""
         return next((g.error for g in self.rig.grey_box if g.signal == self.signal), None)
 
 
 def _ratio(pairs: Array, axis: int) -> Array:
-    """Root of the ratio of means of squares, shape (samples,); `pairs` (samples, windows, 2)."""
+    """Root of the ratio of mean squares, shape (samples,); `pairs` (samples, windows, 2)."""
     adopted, other = np.moveaxis(pairs.mean(axis=axis), -1, 0)
     ratio: Array = np.sqrt(adopted / other)
     return ratio
 
 
 def scored(rig: Rig, asked: Form) -> Scored:
-    """Judge what was asked of a rig."""
+    """Score the result of `ask` on a rig."""
     form, truth = asked["form"] or {}, rig.truth
     said = tuple(told(effect) for effect in form.get("effects", ()) if effect["sort"] != "free")
     missing = truth.missing if truth else ()
@@ -156,7 +149,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
 
 
 def told(effect: Form) -> Told:
-    """A finding with all that it leaves open: its class, and what is likely enough where unsure."""
+    """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure."""
     sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
     others = (
         a
@@ -172,9 +165,9 @@ def told(effect: Form) -> Told:
 
 
 def _places_of(id_: str, usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Where an alternative would be, by its id as in `A.cold-line@law(dp, M1.T)`.
+    """Places of an alternative, by its id as in `A.cold-line@law(dp, M1.T)`.
 
-    One without a place, such as a fault, is where the finding itself is.
+    One without a place, such as a fault, has the places of the finding.
 
     >>> _places_of("A.cold-line@law(dp, M1.T)", ()), _places_of("A.leakage", ("A.Q",))
     (('A.law',), ('A.Q',))
@@ -184,7 +177,7 @@ def _places_of(id_: str, usual: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _at(missing: Missing, places: Sequence[str]) -> bool:
-    """At one of the places that are right? A module alone stands for all places in it."""
+    """Whether one of the places is right; a module alone includes all places in it."""
     return any(p == right or p.startswith(f"{right}.") for p in places for right in missing.places)
 
 
@@ -193,7 +186,7 @@ def _is(missing: Missing, found: Told) -> bool:
 
 
 def _best(missing: Missing, said: Sequence[Told]) -> Told | None:
-    """The finding that holds a right id, the surest of several."""
+    """The most probable finding that contains a right id."""
     return max((f for f in said if _is(missing, f)), key=lambda f: f.probability, default=None)
 
 
@@ -213,7 +206,7 @@ def _place_right(missing: Missing, form: Form) -> float:
 
 
 def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
-    """Where nothing is known of a rig, nothing is false."""
+    """Findings that match nothing; empty if nothing is known of the rig."""
     if truth is None:
         return ()
     beside = set(truth.beside)
@@ -225,7 +218,7 @@ def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
 
 
 def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int]:
-    """Intervals of sizes that meet the truth within 95 %, its own uncertainty added."""
+    """Number of intervals of sizes that meet the 95 % interval of the truth, and of all."""
     if truth is None:
         return 0, 0
     pairs = [(m, f) for m, f in zip(truth.missing, right, strict=True) if f]
@@ -235,16 +228,16 @@ def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int
 
 def _hits(missing: Missing, found: Told, units: UnitTable) -> Iterator[bool]:
     for size in missing.sizes:
-        told_ = _interval(found.form, size.parameter)
-        if size.name in ("", found.form["effect"]) and told_:
-            low, high, unit = told_
+        interval = _interval(found.form, size.parameter)
+        if size.name in ("", found.form["effect"]) and interval:
+            low, high, unit = interval
             value, u = _in_unit(size, unit, units)
             reach = COVERAGE_OF_DEGREES * u
             yield low - reach <= value <= high + reach
 
 
 def _in_unit(size: Size, unit: str, units: UnitTable) -> tuple[float, float]:
-    """Value and u in another unit; NaN in one of another dimension."""
+    """Value and u in another unit; NaN if its dimension differs."""
     if unit == size.unit:
         return size.value, size.u
     own, other = units.parse(size.unit), units.parse(unit)
@@ -266,13 +259,13 @@ def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
 
 
 def utility(missing: Sequence[Missing], said: Sequence[Told], candidates: int) -> float:
-    """Utility of what is left open, 1 where it is the answer alone.
+    """Return the utility of the ambiguity set, 1 if it is the answer alone.
 
-    With f candidates, a diagnosis of N causes of which n are false, m missed: 1 - n (N + 1)/(f (n +
-    1)) - m (f - N + 1)/(f (m + 1)), as a mean over all diagnoses that the findings leave open.
-    Silence where one thing is missing has about 0.5. Ids that are right for the same thing are the
-    same cause, so there is one true diagnosis. Source: DX competition 2026, synthetic track
-    (github.com/jdekleer/dxc26synth, m_utl of ambiguity groups).
+    It is the mean over all diagnoses that the findings leave open. One of N causes among f
+    candidates, n of them false and m missed, has 1 - n (N + 1)/(f (n + 1)) - m (f - N + 1)/(f (m +
+    1)). An empty report has about 0.5 if one thing is missing. Ids that are right for the same
+    thing are one cause, so there is one true diagnosis. Source: DX competition 2026, synthetic
+    track (github.com/jdekleer/dxc26synth, m_utl of ambiguity groups).
     """
     true = frozenset(str(number) for number, m in enumerate(missing) if m.names)
     open_ = [[_cause(missing, cause) for cause in found.causes] for found in said]
@@ -282,7 +275,7 @@ def utility(missing: Sequence[Missing], said: Sequence[Told], candidates: int) -
 
 
 def _cause(missing: Sequence[Missing], cause: Cause) -> str:
-    """Number of the missing thing that it is right for, else its place and id."""
+    """Number of the missing thing that the cause matches, or else its place and id."""
     right = (i for i, m in enumerate(missing) if cause.name in m.names and _at(m, cause.places))
     number = next(right, None)
     return f"{cause.places[0]} {cause.name}" if number is None else str(number)
@@ -294,7 +287,7 @@ def _pair_utility(w: frozenset[str], true: frozenset[str], f: int) -> float:
 
 
 def _signal(rig: Rig, form: Form, predicted: Form) -> str:
-    """The reading whose prediction counts: as the rig says, else as the tool does."""
+    """The reading whose prediction counts: that of the rig, or else that of the tool."""
     fit = form.get("fit") or {}
     wanted = (rig.signal, fit.get("signal"), *predicted)
     return next((str(name) for name in wanted if name in predicted), "")
@@ -307,7 +300,7 @@ def _mean(values: Iterator[float] | Any) -> float | None:
 
 @dataclass(frozen=True)
 class Total:
-    """A score over the rigs that have it, with the 95 % interval of a bootstrap over them."""
+    """A mean score over the rigs that have it, with its 95 % interval by bootstrap over them."""
 
     title: str
     value: float
@@ -317,7 +310,7 @@ class Total:
 
 
 def totals(found: Sequence[Scored]) -> list[Total]:
-    """Every score over the rigs that have it."""
+    """Return every score over the rigs that have it."""
     known = [s for s in found if s.rig.truth is not None]
     columns: list[tuple[str, Sequence[float | None]]] = [
         ("place right", [s.place for s in found]),
@@ -351,19 +344,15 @@ def _total(title: str, values: Sequence[float | None], *, exponent: bool) -> Tot
 
 @dataclass(frozen=True)
 class Alarm:
-    """A false alarm of the manifest, and whether it is told again, with its probability."""
+    """A false alarm of the manifest, and its probability if it is reported again."""
 
     known: FalseAlarm
     again: float | None
 
 
 def alarms(manifest: Sequence[FalseAlarm], found: Sequence[Scored]) -> list[Alarm]:
-    """Those of rigs that were asked."""
-    by_name = {s.rig.name: s for s in found}
-    return [Alarm(a, _again(a, by_name[a.rig])) for a in manifest if a.rig in by_name]
-
-
-def _again(alarm: FalseAlarm, scored_: Scored) -> float | None:
-    wrong = Missing((alarm.wrong,), (alarm.place,))
-    found = _best(wrong, [f.headline for f in scored_.said])
-    return found.probability if found else None
+    """Return the false alarms of rigs that were judged."""
+    headlines = {s.rig.name: [f.headline for f in s.said] for s in found}
+    known = [a for a in manifest if a.rig in headlines]
+    again = [_best(Missing((a.wrong,), (a.place,)), headlines[a.rig]) for a in known]
+    return [Alarm(a, f.probability if f else None) for a, f in zip(known, again, strict=True)]

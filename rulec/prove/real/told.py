@@ -8,17 +8,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.document import Head, document, numbered, section
+from rulec_runtime.report.figure import Figure
 from rulec_runtime.report.made import Made
 from rulec_runtime.report.tables import columns, table
 from rulec_runtime.report.text import counted, number, percent, safe
 
+from rulec.mismatch.answer.pictures import ReadingCourses, over_time
+from rulec.mismatch.result import Curves
 from rulec.prove.real.ask import MODELS
 from rulec.prove.real.form import FalseAlarm
-from rulec.prove.real.pictures import draw
 from rulec.prove.real.score import Alarm, Scored, Told, Total, alarms, totals
 
 TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
@@ -37,7 +40,7 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Result:
-    """A run over rigs; `hidden` lists by rig what other names changed, None where not asked."""
+    """A run over rigs; `hidden` lists by rig the differences under other names, None if not run."""
 
     scored: tuple[Scored, ...]
     manifest: tuple[FalseAlarm, ...]
@@ -54,7 +57,7 @@ class Result:
 
     @property
     def headline(self) -> str:
-        """What was right, in a line."""
+        """The result in one line."""
         known = [s for s in self.scored if s.headline is not None]
         right = sum(s.named == 1.0 for s in known)
         sure = sum(bool(s.sure) for s in self.scored)
@@ -64,7 +67,7 @@ class Result:
 
 
 def tell(out: Console, result: Result) -> None:
-    """Write the tables."""
+    """Print the tables."""
     out.print(styled("[bold]{}[/]", result.headline))
     out.print(styled("[dim]{}[/]\n", NOTE))
     for title, titles, rows in parts(result):
@@ -81,14 +84,17 @@ def tell(out: Console, result: Result) -> None:
 
 
 def page(result: Result, made: Made | None) -> str:
-    """The same as one HTML file."""
+    """Write the same as one HTML file."""
     body = [f'<p class="key">{safe(NOTE)}</p>']
     for title, titles, rows in parts(result):
         cells = [[safe(cell) for cell in row] for row in rows]
         body.append(
             section(safe(title or "Answers"), table(title or "answers", columns(*titles), cells))
         )
-    rigs = [[safe(text) for text in _about(s)] for s in result.scored]
+    rigs = []
+    for rig in (s.rig for s in result.scored):
+        known = rig.truth.source if rig.truth else "nothing is known"
+        rigs.append([safe(text) for text in (rig.name, rig.title, rig.licence, rig.source, known)])
     of = columns("rig", "what", "licence", "source", "how the answer is known")
     body.append(section("Rigs", table("rigs", of, rigs)))
     body += numbered(figure for s in result.scored if (figure := draw(s)) is not None)
@@ -97,7 +103,7 @@ def page(result: Result, made: Made | None) -> str:
 
 
 def form(result: Result) -> dict[str, Any]:
-    """Machine form."""
+    """Return the machine form."""
     return {
         "sealed": result.digest,
         "totals": {t.title: _finite(dataclasses.asdict(t)) for t in result.totals},
@@ -109,7 +115,7 @@ def form(result: Result) -> dict[str, Any]:
 
 
 def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
-    """Tables with title, headings and cells."""
+    """Yield the tables with title, headings and cells."""
     yield "", ("rig", "told"), [[s.rig.name, _said(s)] for s in result.scored]
     yield "Scores", TITLES, [_answer_row(s) for s in result.scored]
     yield "Errors on unseen rows", ERRORS, [r for s in result.scored for r in _error_rows(s)]
@@ -120,11 +126,6 @@ def parts(result: Result) -> Iterator[tuple[str, Sequence[str], list[list[str]]]
     if result.hidden is not None:
         rows = [[name, "; ".join(diff) or "the same"] for name, diff in result.hidden.items()]
         yield "Under other names", ("rig", ""), rows
-
-
-def _about(s: Scored) -> tuple[str, ...]:
-    known = s.rig.truth.source if s.rig.truth else "nothing is known"
-    return s.rig.name, s.rig.title, s.rig.licence, s.rig.source, known
 
 
 def _answer_row(s: Scored) -> list[str]:
@@ -146,7 +147,7 @@ def _said(s: Scored) -> str:
 
 
 def _error_rows(s: Scored) -> Iterator[list[str]]:
-    """One row a reading; the one that counts first."""
+    """One row per reading, first the one that counts."""
     for name in sorted(s.predicted, key=lambda n: n != s.signal):
         errors = s.predicted[name]
         cells = [_number(errors[model]) for model in MODELS]
@@ -205,3 +206,26 @@ def _share(value: float | None) -> str:
 
 def _number(value: float | None) -> str:
     return "–" if value is None else number(value, 3)
+
+
+def draw(scored: Scored) -> Figure | None:
+    """Draw the reading that counts on unseen rows, and each plant's prediction; None without."""
+    found = scored.predicted.get(scored.signal, {})
+    if not found.get("course"):
+        return None
+    order = np.argsort(found["course"]["time"], kind="stable")
+    course = {name: np.array(values)[order] for name, values in found["course"].items()}
+    course["repaired"] = course.pop("adopted")
+    every = np.ones(len(course["time"]), dtype=bool)
+    curves = Curves(**course, inside=every, heldout=~every, drivers={})
+    figure = over_time(
+        ReadingCourses(signal=scored.signal, unit=found["unit"], curves=curves, located=~every),
+        None,
+    )
+    errors = ", ".join(f"{number(found[model], 3)} {model}" for model in MODELS)
+    return dataclasses.replace(
+        figure,
+        name=f"rig-{scored.rig.name}",
+        title=f"{scored.rig.name}: {scored.rig.title}",
+        caption=f"Root mean square error in {found['unit']} on unseen rows: {errors}.",
+    )

@@ -1,6 +1,6 @@
 """A command of the tool that ends when the process that started it does.
 
-`python -m rulec.prove.real.tool mismatch PLANT ...` is `rulec mismatch PLANT ...`, but reads its
+`python -m rulec.prove.real.tool mismatch PLANT ...` is `rulec mismatch PLANT ...`, but it reads its
 standard input, whose end means that nobody waits for the result any more.
 """
 

@@ -1,14 +1,14 @@
 """Independent truth: recordings of dosing plants, written from physics.
 
-Shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`,
-`plant` (what is built and how it is run), `faults`, `network` (the operating point), `loops` (any
-network), `sensors`, `recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off
-their data sheets), `runs` (ready runs), `transients`, `unmodelled`, `campaign` (lists of runs with
-seeds), `__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured
-noise, drifts), `spread` and `whiten` (their covariances), `limit` (what can be seen at best),
-`sealed` (the form of a case and its answer), `settled` and `tanks` (cases of plants in stationary
-operation, and of plants that store liquid).
-Everything is SI until a sensor reads it; a reading and a CSV are in trade units.
+It shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`, `plant`
+(the plant and its operation), `faults`, `network` (the operating point), `loops` (any network),
+`sensors`, `recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off their data
+sheets), `runs` (ready runs), `transients`, `unmodelled`, `campaign` (lists of runs with seeds),
+`__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured noise,
+drifts), `spread` and `whiten` (their covariances), `limit` (detectability at best), `sealed` (the
+form of a case and its answer), `settled` and `tanks` (cases of plants in stationary operation, and
+of plants that store liquid). Everything is SI until a sensor reads it; readings and CSV files are
+in trade units.
 """
 
 from .campaign import Case, campaign, fault_pairs, published_faults, single_faults

@@ -32,23 +32,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--plant", choices=EXAMPLES, default="abc")
     options = parser.parse_args(arguments)
-    _write_examples(options.plant, options.out)
-
-
-def _write(folder: Path, name: str, run: Run, seed: int, with_truth: bool = False) -> None:
-    """Write `name.csv`, and `name.truth.csv` where asked for."""
-    folder.mkdir(parents=True, exist_ok=True)
-    recording = record(run, TABLE_1, seed)
-    write_csv(folder / f"{name}.csv", recording.readings)
-    if with_truth:
-        write_csv(folder / f"{name}.truth.csv", recording.truth)
-
-
-def _write_examples(name: str, folder: Path) -> None:
-    """Write the small recordings that ship with a plant."""
-    plant = RIGS[name]()
+    plant, folder = RIGS[options.plant](), options.out
     _write(folder, "calibration", calibration_run(plant), BENCH_SEED)
-    if name == "abc":
+    if options.plant == "abc":
         _write(folder, "leakage_A", leakage_replay(plant), EXAMPLE_SEED, with_truth=True)
         _write(folder, "healthy", healthy_run(plant), EXAMPLE_SEED)
         _write(folder, "warm_A", warm_run(plant), EXAMPLE_SEED)
@@ -59,15 +45,24 @@ def _write_examples(name: str, folder: Path) -> None:
         _write(folder, "clogging_D", settling(tour), EXAMPLE_SEED, with_truth=True)
 
 
+def _write(folder: Path, name: str, run: Run, seed: int, with_truth: bool = False) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    recording = record(run, TABLE_1, seed)
+    write_csv(folder / f"{name}.csv", recording.readings)
+    if with_truth:
+        write_csv(folder / f"{name}.truth.csv", recording.truth)
+
+
 def _write_swapped(source: Path, target: Path, one: str, other: str) -> None:
-    """A recording in which two columns stand under each other's header."""
+    """Write a recording with the cells of two columns exchanged."""
     head, *rows = source.read_text(encoding="utf-8").splitlines()
-    names = head.split(",")
-    order = list(range(len(names)))
-    i, j = names.index(one), names.index(other)
-    order[i], order[j] = j, i
-    lines = [",".join(cells[k] for k in order) for cells in (row.split(",") for row in rows)]
-    target.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    i, j = (head.split(",").index(name) for name in (one, other))
+    lines = [head]
+    for row in rows:
+        cells = row.split(",")
+        cells[i], cells[j] = cells[j], cells[i]
+        lines.append(",".join(cells))
+    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

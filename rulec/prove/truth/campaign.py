@@ -1,4 +1,4 @@
-"""Campaigns: lists of cases over faults, degrees and operating points, their seeds fixed before."""
+"""Campaigns: lists of cases over faults, degrees and operating points, with fixed seeds."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ class Case:
 
     Attributes
     ----------
-    faults : degree by fault, as set, all present at once; empty for a healthy case
-    run : how the plant is run
+    faults : set degree by fault, all present at once; empty for a healthy case
+    run : operation of the plant
     seed : of the sensors' errors
     """
 
@@ -39,9 +39,9 @@ def campaign(
     hold: int = HOLD,
     inertia: Inertia | None = INERTIA,
 ) -> list[Case]:
-    """Each set of faults on each visit to operating points; seeds count up from the first.
+    """Combine each set of faults with each visit to operating points; seeds count up.
 
-    `inertia` None leaves the transients out.
+    Without `inertia` there are no transients.
     """
     runs = [
         (faults, visiting_run(plant, points, faults, lead_in, hold))
@@ -55,7 +55,7 @@ def campaign(
 
 
 def published_faults(plant: Plant) -> list[str]:
-    """The faults the paper produced: 7 per dosing module, 4 per mixer (method.md, section 4)."""
+    """Return the paper's faults: 7 per dosing module, 4 per mixer (method.md, section 4)."""
     names = []
     for module in plant.modules:
         names += [f"{module}.{kind}" for kind in ("leakage", "clogging", "widening")]
@@ -66,16 +66,16 @@ def published_faults(plant: Plant) -> list[str]:
 
 
 def single_faults(plant: Plant, degrees: Sequence[float] = DEGREES) -> list[dict[str, float]]:
-    """Every published fault alone, with each degree."""
+    """Return every published fault alone, with each degree."""
     return [{name: degree} for name in published_faults(plant) for degree in degrees]
 
 
 def fault_pairs(
     plant: Plant, low: float = 0.2, high: float = 0.4, seed: int = 1
 ) -> list[dict[str, float]]:
-    """Every two published faults of different places, with degrees drawn between low and high.
+    """Return all pairs of published faults at different places, with degrees drawn in a range.
 
-    The place of a fault is its sensor, or what it narrows: a line that is both clogged and
+    The place of a fault is its sensor, or the line it narrows: a line that is both clogged and
     widened has one friction, and a sensor one slope.
     """
     faults = combinations(published_faults(plant), 2)

@@ -1,4 +1,4 @@
-"""Plants as they leave the works: no parameter is exactly what the data sheet says."""
+"""Plants as delivered: no parameter is exactly what the data sheet says."""
 
 from dataclasses import replace
 from statistics import NormalDist
@@ -27,7 +27,7 @@ WITHIN = 2.0  # standard uncertainties; a part further off fails the maker's fin
 
 
 def drawn(plant: Plant, seed: int) -> Plant:
-    """A plant of the same make, each parameter off by a draw of its own inside its uncertainty."""
+    """Return a plant of the same type, each parameter drawn within its uncertainty."""
     random = np.random.default_rng([seed, len(plant.modules), len(plant.mixers)])
     modules = {name: _module(module, random) for name, module in plant.modules.items()}
     mixers = {
@@ -62,7 +62,7 @@ def _pump(pump: Pump, random: np.random.Generator) -> Pump:
 
 
 def factor(u: float, random: np.random.Generator) -> float:
-    """1 plus a normal draw of standard deviation `u`, never further off than WITHIN.
+    """Draw 1 plus a normal deviation of standard deviation `u`, truncated at WITHIN.
 
     Source: inverse transform sampling.
     """

@@ -1,9 +1,9 @@
-"""Faults: a name (`A.leakage`, `C.dp.high`) and a degree over time, several at once.
+"""Faults: a name (`A.leakage`, `C.dp.high`) and a degree over time; several may be present at once.
 
-Definitions of the degree x: leakage, the bypass returns the fraction x of what the pump's curve
-gives at the pressure it works against; clogging and widening, the friction part of the loss is
-(1 + x) and (1 - x) times the healthy one at the same flow, the static part unchanged; sensor high
-and low, the reading is multiplied by (1 + x) and (1 - x).
+Definitions of the degree x: leakage, the bypass returns the fraction x of the flow on the pump's
+curve at its pressure; clogging and widening, the friction part of the loss is (1 + x) and (1 - x)
+times the healthy one at the same flow, the static part unchanged; sensor high and low, the reading
+is multiplied by (1 + x) and (1 - x).
 Source: Wetterich 2025, Eqs. 4 to 7, read as in method.md, section 1, points 1 and 10.
 """
 
@@ -20,7 +20,7 @@ Faults = Mapping[str, Array]  # degree, shape (n,), 1
 
 
 def possible_faults(plant: Plant) -> list[str]:
-    """Names of all faults of a plant."""
+    """Return the names of all faults of a plant."""
     instances = [*plant.modules, *plant.mixers]
     names = [f"{name}.leakage" for name in plant.modules]
     names += [f"{name}.{kind}" for name in instances for kind in ("clogging", "widening")]
@@ -41,7 +41,7 @@ def check_faults(plant: Plant, faults: Faults, samples: int) -> None:
 
 
 def factor(faults: Faults, place: str, increase: str, decrease: str) -> Array:
-    """(1 + x) (1 - y) for the degrees of an increasing and a decreasing fault."""
+    """Return (1 + x) (1 - y) for the degrees of an increasing and a decreasing fault."""
     x, y = (np.asarray(faults.get(f"{place}.{kind}", 0.0)) for kind in (increase, decrease))
     return np.asarray((1.0 + x) * (1.0 - y))
 

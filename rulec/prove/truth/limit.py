@@ -1,13 +1,13 @@
-"""What can be seen at best: expected gain in log likelihood of a model that has an effect.
+"""The limit of detection: expected gain in log likelihood of a model that has an effect.
 
-Readings differ from a model without the effect by `d`, in units of their noise. What the model may
-change freely hides a part of it: parameters and sensors' errors at the price of their uncertainty,
-other unknown effects at none. The rest is what any analysis has to go by. This is the ideal limit:
-it takes all noise as white and known, and everything as linear at the truth. Noise with a memory is
-made white before; form errors and drifts of known size are among what is changed at a price.
+Readings differ from a model without the effect by `d`, in units of their noise. The model hides a
+part of it by changing parameters and sensors' errors, at the price of their uncertainty, and other
+unknown effects, at no price. Any analysis can only use the rest. This is the ideal limit: all noise
+is white and known, and everything is linear at the truth. Coloured noise is whitened before; form
+errors and drifts of known size are among the priced changes.
 
-A rival may have any size, and what it changes need not grow in proportion: so it is made as large
-as it explains most, in turns.
+A rival may have any size, and its change need not be proportional to its size, so the size that
+explains most is found by iteration.
 
 Source: own derivation from Gaussian conditioning; d^T (I + G G^T)^-1 d by the Woodbury identity.
 """
@@ -22,22 +22,25 @@ import numpy as np
 from .units import Array
 
 NEGLIGIBLE = 1e-9
-"""Share of the largest singular value below which a direction is none."""
+"""Share of the largest singular value below which a direction is dropped."""
 
 TURNS = 4
-"""Sizes of a rival that are tried, each by what the last one explained."""
+"""Sizes of a rival that are tried, each from the fit of the one before."""
 
 NEAR = 1.05
-"""Factor to the size that explains most which is near enough."""
+"""Factor to the best size within which the search ends."""
 
 REFINED = 6
-"""Rivals whose size is sought: those that come nearest at a moderate one."""
+"""Rivals whose size is searched: those that are nearest at a moderate size."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """Another effect: `change` gives what it changes at a size from `low` to `high`, over noise,
-    shape (n,), or None where it cannot be. `bounded`: a larger size is no explanation."""
+    """Another effect with a size from `low` to `high`.
+
+    `change` returns its change of the readings over their noise, shape (n,), or None if the plant
+    cannot have it. `bounded`: a size above `high` is no explanation.
+    """
 
     name: str
     low: float
@@ -48,7 +51,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Measure:
-    """Products of changes, less what may hide them: a^T (I + G G^T + infinity F F^T)^-1 b.
+    """Inner product of changes that accounts for hiding: a^T (I + G G^T + infinity F F^T)^-1 b.
 
     Attributes
     ----------
@@ -74,28 +77,28 @@ class Measure:
         return cls(basis, free, np.eye(free.shape[1]) + free.T @ free)
 
     def product(self, one: Array, other: Array) -> float:
-        """Of two changes, each shape (n,)."""
+        """Return the product of two changes, each of shape (n,)."""
         left, right = (d - self.basis @ (self.basis.T @ d) for d in (one, other))
         hidden = (self.free.T @ left) @ np.linalg.solve(self.inner, self.free.T @ right)
         return float(left @ right - hidden)
 
     def gain(self, d: Array) -> float:
-        """Expected gain of a model that has a change, shape (n,)."""
+        """Return the expected gain of a model that has a change, shape (n,)."""
         return max(0.5 * self.product(d, d), 0.0)
 
 
 def expected_gain(d: Array, sensitivities: Array, flat: Array) -> float:
-    """Half of d^T (I + G G^T + infinity F F^T)^-1 d; see `Measure`."""
+    """Return half of d^T (I + G G^T + infinity F F^T)^-1 d; see `Measure`."""
     return Measure.beside(sensitivities, flat).gain(d)
 
 
 def margin(
     d: Array, sensitivities: Array, flat: Array, rivals: Sequence[Rival]
 ) -> tuple[float, str]:
-    """What is left of the gain beside the best rival, and which rival that is.
+    """Return the gain over the best rival, and the name of that rival.
 
-    A rival may take any sign; without rivals the margin is infinite. One whose shape may change
-    further can come closer than this says.
+    A rival may have either sign; without rivals the margin is infinite. A rival whose shape can
+    change further may be closer than this.
     """
     measure = Measure.beside(sensitivities, flat)
     moderate = [(*_left(measure, d, r, (r.low * r.high) ** 0.5), r) for r in rivals]
@@ -111,7 +114,7 @@ def margin(
 def _sought(
     measure: Measure, d: Array, left: float, wanted: float, rival: Rival
 ) -> tuple[float, str]:
-    """What is left beside a rival that is as large as it explains most."""
+    """Gain over a rival of the size that explains most, and its name."""
     size = (rival.low * rival.high) ** 0.5
     for _ in range(TURNS - 1):
         wanted = min(max(wanted, rival.low), rival.high)
@@ -126,7 +129,7 @@ def _sought(
 
 
 def _left(measure: Measure, d: Array, rival: Rival, size: float) -> tuple[float, float]:
-    """What is left beside a rival in proportion to one of a size, and the size that it asks for."""
+    """Gain over a rival in proportion to its change at a size, and the size that this implies."""
     change = rival.change(size)
     if change is None:
         return np.inf, size
@@ -141,7 +144,7 @@ def _left(measure: Measure, d: Array, rival: Rival, size: float) -> tuple[float,
 
 
 def _span(directions: Array) -> Array:
-    """Orthonormal basis of what columns span, shape (n, rank); columns are scaled alike first."""
+    """Orthonormal basis of the span of normalised columns, shape (n, rank)."""
     sizes = np.linalg.norm(directions, axis=0)
     some = directions[:, sizes > 0.0] / sizes[sizes > 0.0]
     if not some.shape[1]:

@@ -1,9 +1,8 @@
 """Stationary flow in any network of pumps and losses: splits, parallel branches, loops.
 
-Unknown are the flow of every branch, the pressure a pump adds, and the pressure of every node; the
-equations are the laws of the branches and continuity at the nodes. Nodes are names; `OUTSIDE` is at
-zero pressure.
-Values are in bar, l/h, rpm and W, as a recording has them.
+Unknown are the flow of every branch, the pressure rise of every pump, and the pressure of every
+node; the equations are the laws of the branches and continuity at the nodes. Nodes are names;
+`OUTSIDE` is at zero pressure. Values are in bar, l/h, rpm and W, as in a recording.
 
 Source: own derivation; laws and values from method.md, section 5 (progressive cavity pump, dosing
 line, mixer).
@@ -20,12 +19,12 @@ from .units import Array
 OUTSIDE = "outside"
 TOLERANCE, ACCEPTED = 1e-14, 1e-10
 UNIT = 500.0
-"""l/h; flows are sought in it, pressures in bar: all are of order one."""
+"""l/h; flows are solved in this unit and pressures in bar, so that all are of order one."""
 
 
 @dataclass(frozen=True)
 class Resistance:
-    """A branch that loses `quadratic` Q |Q|; bar/(l/h)2. `shown`: a sensor gives its loss."""
+    """A branch that loses `quadratic` Q |Q|; bar/(l/h)2. `shown`: a sensor measures its loss."""
 
     tail: str
     head: str
@@ -52,7 +51,7 @@ Branch = Resistance | DosingBranch
 def readings(
     branches: Mapping[str, Branch], faults: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """What the sensors of a network show, as columns such as ``A.dp [bar]``.
+    """Return the readings of a network, as columns such as ``A.dp [bar]``.
 
     `faults` maps names such as ``A.leakage``, ``M.clogging``, ``A.dp.low`` to degrees.
     """
@@ -75,9 +74,9 @@ def readings(
 def solve(
     branches: Mapping[str, Branch], degrees: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Flow of every branch (l/h) and pressure rise of every pump (bar).
+    """Return the flow of every branch (l/h) and the pressure rise of every pump (bar).
 
-    Raises RuntimeError where there is no operating point.
+    Raises RuntimeError if there is no operating point.
     """
     pumps = [name for name, branch in branches.items() if isinstance(branch, DosingBranch)]
     ends = dict.fromkeys(n for b in branches.values() for n in (b.tail, b.head))

@@ -58,7 +58,7 @@ class OperatingPoint:
 def solve(plant: Plant, condition: Condition, *, backflow: bool = False) -> OperatingPoint:
     """Solve the coupled network for all samples.
 
-    `backflow`: whether the laws of the pumps hold for liquid that runs back, too.
+    `backflow`: whether the laws of the pumps hold for backflow, too.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def solve(plant: Plant, condition: Condition, *, backflow: bool = False) -> Oper
         No convergence to TOLERANCE.
     ValueError
         A pump cannot overcome its back-pressure: its laws do not describe backflow, unless it is
-        `Passable`, or backflow is asked for.
+        `Passable`, or `backflow` is set.
 
     Source: own derivation; continuity at every mixer, pressure balance along every path.
     """
@@ -84,7 +84,6 @@ def solve(plant: Plant, condition: Condition, *, backflow: bool = False) -> Oper
 
 
 def _operating_point(plant: Plant, condition: Condition, pump_flow: Array) -> OperatingPoint:
-    """All quantities that follow from the inner flows of the pumps."""
     flow = (1.0 - condition.leak) * pump_flow
     mixer_flow = flow @ plant.feeds
     mixer_pressure = condition.mixer_quadratic * mixer_flow * np.abs(mixer_flow)
@@ -102,7 +101,7 @@ def _operating_point(plant: Plant, condition: Condition, pump_flow: Array) -> Op
 
 
 def _newton_step(plant: Plant, condition: Condition, pump_flow: Array) -> Array:
-    """Step by which all inner flows are too large, m3/s; shape (n, modules)."""
+    """Excess of all inner flows, m3/s; shape (n, modules)."""
     point = _operating_point(plant, condition, pump_flow)
     laws = [
         module.pump.imbalance(condition.speed[:, k], pump_flow[:, k], point.pressure[:, k])
@@ -116,7 +115,7 @@ def _newton_step(plant: Plant, condition: Condition, pump_flow: Array) -> Array:
 
 
 def _pressure_slope(plant: Plant, condition: Condition, point: OperatingPoint) -> Array:
-    """Slope of each pressure by each inner flow; shape (n, modules, modules)."""
+    """Derivative of each pressure by each inner flow; shape (n, modules, modules)."""
     mixer_slope = 2.0 * condition.mixer_quadratic * np.abs(point.mixer_flow)
     slope = (plant.feeds * mixer_slope[:, None, :]) @ plant.feeds.T
     diagonal = np.arange(len(plant.modules))
@@ -125,7 +124,7 @@ def _pressure_slope(plant: Plant, condition: Condition, point: OperatingPoint) -
 
 
 def _check(plant: Plant, pump_flow: Array, error: Array, backflow: bool) -> None:
-    """Refuse what is no operating point, naming sample and module."""
+    """Raise an error with sample and module if a solution is no operating point."""
     bad = np.flatnonzero(~(error <= TOLERANCE))  # ~(<=) also catches NaN
     if bad.size:
         raise RuntimeError(

@@ -1,4 +1,4 @@
-"""What is built (a tree of dosing modules and mixers) and how it is run."""
+"""The plant (a tree of dosing modules and mixers) and its operation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -64,7 +64,7 @@ class Plant:
     downstream: Mapping[str, str | None]
 
     def path(self, name: str) -> list[str]:
-        """Mixers downstream of a module or mixer, nearest first.
+        """Return the mixers downstream of a module or mixer, nearest first.
 
         Raises ValueError if the path names no mixer of the plant or returns to itself.
         """
@@ -79,14 +79,14 @@ class Plant:
 
     @cached_property
     def feeds(self) -> Array:
-        """1 where a mixer lies downstream of a module, else 0; shape (modules, mixers)."""
+        """1 if a mixer is downstream of a module, else 0; shape (modules, mixers)."""
         rows = [[mixer in self.path(name) for mixer in self.mixers] for name in self.modules]
         return np.array(rows, dtype=np.float64).reshape(len(self.modules), len(self.mixers))
 
 
 @dataclass(frozen=True)
 class Operation:
-    """What the operator sets, sample by sample.
+    """The settings of the operator, sample by sample.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ class Pump(Protocol):
     """A pump law; all arrays have shape (n,): speed rev/s, flow m3/s, pressure Pa."""
 
     def free_flow(self, speed: Array) -> Array:
-        """Flow without back-pressure, m3/s: where the root search starts."""
+        """Flow without back-pressure, m3/s: the start of the root search."""
 
     def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Imbalance of the law, its slope by flow, its slope by pressure."""
@@ -112,16 +112,15 @@ class Centrifugal:
 
 @dataclass(frozen=True)
 class Passable:
-    """A pump that liquid runs back through while it stands, and that may run dry.
+    """A pump that lets liquid flow back while it stands, and that may run dry.
 
     Standing, it is an orifice: dp = -passage Q |Q|, so that a pressure behind it drives the liquid
-    back. Dry, it delivers nothing, against whatever pressure, and takes a share of the power of its
-    law.
+    back. Dry, it delivers nothing at any pressure, and takes a share of its law's power.
 
     Attributes
     ----------
     passage : float, Pa/(m3/s)2
-    dry : ndarray, shape (n,), bool; where it is dry
+    dry : ndarray, shape (n,), bool
     dry_power : float, 1
     """
 

@@ -1,4 +1,4 @@
-"""From a run to the columns of a recording and of its truth, and to CSV."""
+"""The columns of a recording and of its truth, from a run; CSV."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import numpy as np
 
 from .faults import check_faults, condition_of, factor
 from .network import OperatingPoint, solve
-from .plant import LIQUID_TEMPERATURE, Plant
+from .plant import LIQUID_TEMPERATURE
 from .runs import Run
 from .sensors import DOSING_SIGNALS, MIXER_SIGNALS, TABLE_1, Sensing, Sensor, read
 from .units import LITRE_PER_HOUR, Array
@@ -38,7 +38,7 @@ def record(run: Run, sensing: Sensing = TABLE_1, seed: int = 1) -> Recording:
     """Simulate a run and read its sensors.
 
     Raises ValueError for an unknown fault, a degree out of range or a pump without flow, and
-    RuntimeError if no operating point is found.
+    RuntimeError if there is no operating point.
     """
     operation = run.operation
     check_faults(run.plant, run.faults, operation.time.size)
@@ -82,22 +82,18 @@ def _tank_level(time: Array, flow: Array) -> Array:
     """Level, m, of a tank that is emptied by the net flow and refilled when low.
 
     A leak returns to the pump's suction side, so only the net flow leaves. The level does not
-    act on the static part of the line here: the head above the pump is taken as compensated.
+    change the static part of the line: the head above the pump counts as compensated.
     """
     drawn = np.concatenate([[0.0], np.cumsum(flow[:-1] * np.diff(time))]) / TANK_AREA
     return TANK_FULL - np.mod(drawn, TANK_FULL - TANK_REFILL)
 
 
 def _truth(run: Run, point: OperatingPoint) -> dict[str, Array]:
-    """Columns of the sealed answer."""
+    """Degrees of faults, and true flows of pumps, modules and mixers."""
+    modules, mixers = run.plant.modules, run.plant.mixers
+    flows = {f"{name}.Q_pump": point.pump_flow[:, k] for k, name in enumerate(modules)}
+    flows |= {f"{name}.Q": point.flow[:, k] for k, name in enumerate(modules)}
+    flows |= {f"{name}.Q": point.mixer_flow[:, k] for k, name in enumerate(mixers)}
     columns = {"time [s]": run.operation.time}
     columns |= {f"{name} [1]": degree for name, degree in run.faults.items()}
-    return columns | _true_flows(run.plant, point)
-
-
-def _true_flows(plant: Plant, point: OperatingPoint) -> dict[str, Array]:
-    """True flows of pumps, modules and mixers, l/h."""
-    flows = {f"{name}.Q_pump": point.pump_flow[:, k] for k, name in enumerate(plant.modules)}
-    flows |= {f"{name}.Q": point.flow[:, k] for k, name in enumerate(plant.modules)}
-    flows |= {f"{name}.Q": point.mixer_flow[:, k] for k, name in enumerate(plant.mixers)}
-    return {f"{name} [l/h]": flow / LITRE_PER_HOUR for name, flow in flows.items()}
+    return columns | {f"{name} [l/h]": flow / LITRE_PER_HOUR for name, flow in flows.items()}

@@ -14,11 +14,11 @@ WIDE_MIXER = Mixer(quadratic=MIXER.quadratic * (15.0 / 25.0) ** 4)
 
 
 def dosing_module(pump: str = "pcp") -> DosingModule:
-    """Dosing module by pump type: `pcp`, `membrane` or `centrifugal`.
+    """Return a dosing module by pump type: `pcp`, `membrane` or `centrifugal`.
 
-    The gear ratio of the membrane pump is assumed: with +-8 rpm taken at the stroke counter, its
-    speed would be known to 7 % only. The centrifugal pump's speeds lie close together as its
-    head falls with their square; it needs strong throttling as its curve is flat.
+    The gear ratio of the membrane pump is assumed: with +-8 rpm at the stroke counter, its speed
+    would be known to 7 % only. The centrifugal pump's speeds are close together because its head
+    falls with their square; it needs strong throttling because its curve is flat.
     """
     match pump:
         case "pcp":

@@ -11,10 +11,10 @@ from .plant import DosingModule, Operation, Plant
 from .units import Array
 
 HOLD = 10  # samples per plateau, s
-# Steps back to zero between the plateaus: the healthy state is seen again after each fault.
+# Steps back to zero between the plateaus: the plant is healthy again after each fault.
 DEGREES = (0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0)
-# Part of each speed range in which the plant is operated: every pump can still lift what a fault of
-# the largest degree asks for, and readings stay inside the range of the calibration.
+# Part of each speed range that operation uses: every pump can still deliver with a fault of the
+# largest degree, and readings stay inside the range of the calibration.
 LOWEST, HIGHEST = 0.25, 0.85
 
 Speeds = Mapping[str, float]  # of each module, rev/s
@@ -22,9 +22,9 @@ Speeds = Mapping[str, float]  # of each module, rev/s
 
 @dataclass(frozen=True)
 class Run:
-    """A plant, how it is run, and what is wrong with it.
+    """A plant, its operation and its faults.
 
-    `backflow`: whether its pumps' laws hold for liquid that runs back, too.
+    `backflow`: whether its pumps' laws hold for backflow, too.
     """
 
     plant: Plant
@@ -52,7 +52,7 @@ def leakage_replay(plant: Plant, module: str = "A") -> Run:
 
 
 def operating_points(plant: Plant, count: int) -> list[Speeds]:
-    """The nominal speeds, then others spread evenly over the part of the ranges in use."""
+    """Return the nominal speeds, then others spread evenly over the used part of the ranges."""
     points: list[Speeds] = [{name: module.speed for name, module in plant.modules.items()}]
     position = [LOWEST + _spread(count, k) * (HIGHEST - LOWEST) for k in range(len(plant.modules))]
     for i in range(1, count):
@@ -68,9 +68,9 @@ def visiting_run(
     lead_in: int = 0,
     hold: int = HOLD,
 ) -> Run:
-    """Operating points one after the other, `hold` samples each, with all faults present.
+    """Visit operating points for `hold` samples each, with all faults present.
 
-    Before that, `lead_in` samples without fault at the first point.
+    They follow `lead_in` samples without fault at the first point.
     """
     lengths = [lead_in, *[hold] * len(points)]
     visited = [points[0], *points]
@@ -84,16 +84,16 @@ def visiting_run(
 
 
 def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD) -> Run:
-    """Fault-free run as a maker does it, with the flow meter as reference.
+    """Return a fault-free run as a maker does it, with the flow meter as reference.
 
-    First every module stands alone on a bench, side by side: each speed with each throttle,
-    which is closed further at lower speed, so that the pressure varies independently of the
-    speed. No mixer is fitted there, so mixer readings are empty, and the line's own loss cannot
-    be told from the throttle's.
+    First every module runs alone on a bench: each speed with each throttle, which is closed further
+    at lower speed, so that the pressure varies independently of the speed. There is no mixer on the
+    bench, so mixer readings are empty, and the line's own loss cannot be distinguished from that of
+    the throttle.
     Then the modules run on the plant without throttle, first all at their slowest, then all at
-    their fastest, then with speeds spread evenly over the ranges: this varies the flows of all
-    mixers over their whole range, and the back-pressure of a module independently of its flow.
-    In every row all relations hold whose signals are given.
+    their fastest, then with speeds spread evenly over the ranges. This varies the flows of all
+    mixers over their whole range, and the back-pressure of a module independently of its flow. In
+    every row all relations hold whose signals are given.
     """
     settings = min(len(module.throttles) for module in plant.modules.values())
     position = np.tile(np.linspace(0.0, 1.0, speeds), settings)
@@ -111,7 +111,6 @@ def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold:
 
 
 def _nominal(plant: Plant, samples: int) -> Operation:
-    """All modules at nominal speed."""
     speed = {name: np.full(samples, module.speed) for name, module in plant.modules.items()}
     return Operation(np.arange(samples, dtype=np.float64), speed)
 
@@ -122,7 +121,7 @@ def _speed_at(module: DosingModule, position: Array) -> Array:
 
 
 def _spread(points: int, axis: int) -> Array:
-    """Coordinates in 0..1 of evenly spread points, a different sequence for each axis.
+    """Evenly spread coordinates in 0..1, a different sequence for each axis.
 
     Source: Kronecker sequence with the square roots of primes, which are irrational.
     """

@@ -1,7 +1,7 @@
 """The common form of all cases of the proof, and their sealed answers.
 
-An answer is what a perfect analysis would report. It is text with a hash, so that the hash can be
-shown before an analysis starts.
+An answer is the report of a perfect analysis. It is text, so that its hash can be shown before an
+analysis starts.
 """
 
 from __future__ import annotations
@@ -28,16 +28,15 @@ class Planted:
     Attributes
     ----------
     effect, title, sort : names in the truth; sort is `physics`, `fault`, `sensor` or `unnamed`
-    module, place : where it is, as on the plant's drawing
-    names : entries of the catalogue that are right for it; none if no entry names it
-    places : `module.place` that are right, as in the tool's JSON
-    parameters : true values by entry and parameter, in the unit of the entry; what has no exact
-        counterpart is left out
+    module, place : its position on the plant's drawing
+    names : right entries of the catalogue; empty if no entry names it
+    places : right `module.place`, as in the tool's JSON
+    parameters : true values by entry and parameter, in the unit of the entry; those without an
+        exact counterpart are left out
     gain : strength: expected gain in log likelihood of a model with the effect over one without,
-        both refitted (parameters and sensors' errors within their uncertainties; so form errors and
-        drifts, where there are any, of which the size is known), all else known
-    margin : the same over the best other single effect of the truth in its place; infinite where
-        none was tried
+        both refitted (parameters and sensors' errors within their uncertainties, and so form errors
+        and drifts of known size), all else known
+    margin : the same over the best other single effect in its place; infinite if none was tried
     rival : that other effect
     """
 
@@ -56,17 +55,17 @@ class Planted:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What is true of a case.
+    """The truth of a case.
 
     Attributes
     ----------
     case : unique name
     half : `stationary` or `dynamic`
-    plant, profile : which plant, and how it is run
+    plant, profile : names of the plant and of its operation
     verdict : `none`, `named`, `sensor`, `fault` or `unnamed`, as in the tool's JSON
-    concealed : ways in which it is concealed, of CONCEALMENTS
+    concealed : ways of concealment, of CONCEALMENTS
     unrecorded : signal that drives an effect and is missing in the recording, or empty
-    difficulties : what makes the case harder, of DIFFICULTIES: sizes by law or sensor
+    difficulties : by the names in DIFFICULTIES, sizes by law or sensor
     """
 
     case: str
@@ -82,12 +81,11 @@ class Answer:
     difficulties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """As text; numbers with six digits."""
-        found = dataclasses.asdict(self)
+        """Return the answer as text; numbers have six digits."""
+        fields = dataclasses.asdict(self)
         if not self.difficulties:
-            del found["difficulties"]
-        fields = rounded(found)
-        return json.dumps(fields, indent=1, ensure_ascii=False) + "\n"
+            del fields["difficulties"]
+        return json.dumps(rounded(fields), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -117,10 +115,9 @@ DIFFICULTIES = {
     "starts": "tanks begin at any level",
 }
 
-
 HIDES = 0.8
-"""Effects hide each other where together they change less than this share of what they add up to
-(root sum of squares)."""
+"""Effects hide each other if together they change less than this share of their root sum of
+squares."""
 
 
 @dataclass(frozen=True)
@@ -136,28 +133,28 @@ class Reference:
 
 @dataclass(frozen=True)
 class Request:
-    """Which errors are wanted: held-out periods, and the residual of each signal."""
+    """The requested errors: held-out periods, and the residual of each signal."""
 
     heldout: Periods
     relations: Mapping[str, str] = field(default_factory=dict)
 
 
 class Case(Protocol):
-    """A case that was made."""
+    """A simulated case."""
 
     @property
     def answer(self) -> Answer:
         """The sealed answer."""
 
     def write(self, folder: Path) -> None:
-        """Write `plant/` and `recording.csv`, all that the analysis may see."""
+        """Write `plant/` and `recording.csv`, all that the analysis gets."""
 
     def reference(self, request: Request) -> Reference:
-        """The true model refitted to all but held-out samples."""
+        """Return the errors of the true model, refitted to all samples that are not held out."""
 
 
 def verdict_of(sorts: list[str]) -> str:
-    """The verdict of a perfect analysis."""
+    """Return the verdict of a perfect analysis."""
     if not sorts:
         return "none"
     if "unnamed" in sorts:
@@ -169,7 +166,7 @@ def verdict_of(sorts: list[str]) -> str:
 
 
 def rounded(value: object) -> object:
-    """Floats with six significant digits, in any nesting; infinite ones as text."""
+    """Round floats to six significant digits, in any nesting; infinite ones become text."""
     match value:
         case float():
             return float(f"{value:.6g}") if np.isfinite(value) else str(value)

@@ -1,6 +1,6 @@
 """Sensors of Table 1: one systematic error per recording, a statistical one per sample.
 
-A sensor is the border between SI and trade units: bounds are in the unit it shows.
+Sensors convert from SI to trade units; their bounds are in the unit they show.
 """
 
 import zlib
@@ -37,12 +37,12 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Sensing:
-    """Which errors the readings carry.
+    """The errors of the readings.
 
     Attributes
     ----------
-    systematic : bool; whether sensors have one
-    law : how it is drawn: `normal`, standard deviation = bound / 2, so one in 22 is out of bounds;
+    systematic : bool; whether sensors have a systematic error
+    law : its distribution: `normal`, standard deviation = bound / 2, so one in 22 is out of bounds;
         `truncated`, the same but never out of bounds; `uniform` between the bounds
     statistical : float; standard deviation of a 1 s mean over that of the systematic error;
         0.3 is an assumption, the paper publishes only the systematic bounds
@@ -84,16 +84,16 @@ def read(
     colour: float = 0.0,
     drift: Drift | None = None,
 ) -> Array:
-    """Reading of the sensor at `place` (such as `A.dp`), in the unit it shows.
+    """Return the reading of the sensor at `place` (such as `A.dp`), in the unit it shows.
 
-    Each sensor has its own random stream, made from seed and place, and always draws both parts.
-    So a switched-off part or an added module leaves every other error as it was.
+    Each sensor has its own random stream, from seed and place, and always draws both parts. So
+    switching off a part or adding a module changes no other error.
 
     Parameters
     ----------
     value : ndarray, shape (n,), SI
-    colour : coefficient of noise of order one; 0 for white noise
-    drift : course of the systematic error; None where it stays as it is
+    colour : coefficient of first-order noise; 0 for white noise
+    drift : course of the systematic error; None if it is constant
 
     Source: bound taken as two standard deviations (GUM, coverage factor 2), method.md, section 2.
     """
@@ -111,9 +111,9 @@ def read(
 
 
 def _inside_bounds(drawn: float, law: str) -> float:
-    """A standard normal draw, as a draw of another law; the unit is half the bound.
+    """Map a standard normal draw to another law; the unit is half the bound.
 
-    The place of a draw among all draws stays, so one seed gives like plants under every law.
+    The quantile of the draw stays, so one seed gives similar plants under every law.
 
     Source: inverse transform sampling.
     """

@@ -1,4 +1,4 @@
-"""Smooth random courses: form errors of laws, noise with a memory, slow drifts."""
+"""Smooth random courses: form errors of laws, coloured noise, slow drifts."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ WAVES = 6
 """Cosines of a form error."""
 
 FREQUENCIES = 0.25, 1.0
-"""Periods of a cosine over the range of an argument, fewest and most."""
+"""Least and most periods of a cosine over the range of an argument."""
 
 GRID = 41
-"""Points along a range at which the size of a form error is set."""
+"""Points along a range for normalising a form error."""
 
 STEADY = 0.3
-"""Least share of its class that a drifting sensor may wander through."""
+"""Least share of its class over which a drifting sensor moves."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """By which share a law is off: a sum of cosines over its arguments, scaled to their ranges.
+    """The relative error of a law: a sum of cosines of its arguments, scaled to their ranges.
 
     Attributes
     ----------
     rms : root mean square over the range; the mean is zero
     ranges : of each argument, SI
     waves : angles per range, shape (WAVES, arguments); phases, weights : shape (WAVES,)
-    middle, factor : by which mean and size are set
+    middle, factor : normalise mean and size
     """
 
     rms: float
@@ -42,7 +42,7 @@ class Form:
     factor: float = 1.0
 
     def __call__(self, *arguments: Array) -> Array:
-        """Share, 1; arguments of one shape, SI."""
+        """Return the share, 1; arguments have one shape, SI."""
         total = np.zeros(np.shape(arguments[0]))
         scaled = [
             (a - low) / (high - low) for a, (low, high) in zip(arguments, self.ranges, strict=True)
@@ -68,7 +68,7 @@ def form_error(
 
 
 def coloured(white: Array, coefficient: float) -> Array:
-    """Noise of order one with the variance of white noise, shape (n,).
+    """Return first-order noise with the variance of white noise, shape (n,).
 
     Source: x[k] = c x[k-1] + sqrt(1 - c^2) w[k], stationary from the first sample.
     """
@@ -86,31 +86,31 @@ class Drift:
 
     Attributes
     ----------
-    extent : share of the way to each draw that it goes
-    draws : errors at knots that part the record evenly, standard normal inside two, shape (k,)
+    extent : share of the way to each draw that the error moves
+    draws : errors at equidistant knots, standard normal clipped at two, shape (k,)
     """
 
     extent: float
     draws: Array
 
     def __call__(self, first: float, samples: int) -> Array:
-        """Errors of all samples in standard deviations, shape (samples,); `first` as drawn."""
+        """Return the errors of all samples in standard deviations, shape (samples,)."""
         knots = first + self.extent * (np.concatenate([[first], self.draws]) - first)
         along = np.linspace(0.0, len(knots) - 1.0, samples)
         left = np.minimum(along.astype(int), len(knots) - 2)
         share = 0.5 - 0.5 * np.cos(np.pi * (along - left))
-        # Between two values inside the class: never outside.
+        # Between two values inside the class, so always inside.
         return np.asarray(knots[left] * (1.0 - share) + knots[left + 1] * share)
 
 
 def drift(random: np.random.Generator) -> Drift:
-    """Draw one that turns one to three times."""
+    """Draw a drift with one to three knots after the first."""
     extent = float(random.uniform(STEADY, 1.0))
     return Drift(extent, np.clip(random.standard_normal(int(random.integers(1, 4))), -2.0, 2.0))
 
 
 def wobble(random: np.random.Generator, samples: int) -> Array:
-    """A slow course with a root mean square of about 1, periods of 40 to 200 samples."""
+    """Draw a slow course with a root mean square of about 1 and periods of 40 to 200 samples."""
     time, total = np.arange(samples), np.zeros(samples)
     for _ in range(3):
         period, phase = random.uniform(40.0, 200.0), random.uniform(0.0, 2.0 * np.pi)

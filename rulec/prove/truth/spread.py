@@ -1,5 +1,5 @@
-"""What form errors and drifts may be before anybody has seen them: directions with weights that are
-independent and standard normal, for the algebra of what can be seen at best."""
+"""Priors of form errors and drifts: directions with independent standard normal weights, for the
+algebra of the limit of detection."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from .smooth import Drift, Form, form_error
 from .units import Array
 
 DRAWS = 1000
-"""Form errors that are drawn to find how they spread; their variances are known to 5 %."""
+"""Form errors that are drawn to estimate their covariance; variances are known to 5 %."""
 
 NODES = 12
-"""Nodes of Gauss per argument: a polynomial of degree 11 follows one period to 1e-6."""
+"""Gauss nodes per argument: a polynomial of degree 11 follows one period to 1e-6."""
 
 SLIGHT = 1e-4
-"""Size over that of the largest direction below which a direction is left out."""
+"""Size relative to the largest direction below which a direction is left out."""
 
 
 def form_directions(form: Form, arguments: tuple[Array, ...]) -> Array:
-    """Shares by which a law with a form error of this size and range may be off, shape (n, k).
+    """Return directions of a law's relative error, for this size and range, shape (n, k).
 
     Each argument has shape (n,), SI. The sum of squares over k is the variance at a point.
     """
@@ -34,7 +34,7 @@ def form_directions(form: Form, arguments: tuple[Array, ...]) -> Array:
 
 
 def series_of(form: Form) -> Array:
-    """A form error of one argument by Legendre polynomials over its range, shape (NODES,)."""
+    """Expand a form error of one argument in Legendre polynomials, shape (NODES,)."""
     nodes, weights = leggauss(NODES)
     ((low, high),) = form.ranges
     shares = form(low + 0.5 * (nodes + 1.0) * (high - low))
@@ -42,14 +42,14 @@ def series_of(form: Form) -> Array:
 
 
 def series_directions(rms: float) -> Array:
-    """Directions of a form error of one argument, as series, shape (NODES, k)."""
+    """Return directions of a form error of one argument, as series, shape (NODES, k)."""
     return np.asarray(rms * _modes(1))
 
 
 def drift_directions(drift: Drift, samples: int) -> Array:
-    """Errors of a sensor in standard deviations, shape (samples, k): as first, then by each draw.
+    """Return a sensor's errors in standard deviations, by its first error and its draws.
 
-    A course is linear in its draws.
+    Shape (samples, k); a course is linear in them.
     """
     draws = len(drift.draws)
     parts = [
@@ -70,9 +70,9 @@ def _basis(scaled: list[Array]) -> Array:
 
 @functools.cache
 def _modes(arguments: int) -> Array:
-    """Principal directions of form errors with rms 1 over their range, by the basis.
+    """Principal directions of form errors with rms 1 over their range, in the basis.
 
-    Source: Karhunen-Loeve expansion, from draws; projection by quadrature of Gauss.
+    Source: Karhunen-Loeve expansion from draws; projection by Gauss quadrature.
     """
     nodes, weights = leggauss(NODES)
     axes = np.meshgrid(*[nodes] * arguments, indexing="ij")
@@ -89,6 +89,6 @@ def _modes(arguments: int) -> Array:
 
 
 def _projected(basis: Array, weights: Array, values: Array) -> Array:
-    """Coefficients of values at nodes, shape (nodes, k), by an orthogonal basis."""
+    """Coefficients of values at nodes, shape (nodes, k), in an orthogonal basis."""
     sizes = np.sum(weights[:, None] * basis**2, axis=0)
     return np.asarray((basis.T @ (weights[:, None] * values)) / sizes[:, None])

@@ -1,4 +1,4 @@
-"""Random numbers of their own for every purpose."""
+"""Independent random numbers for every purpose."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ FURTHER = 1_000_003
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
-    """A generator for one purpose: what is added elsewhere changes nothing here."""
+    """Return a generator for one purpose, which no addition elsewhere changes."""
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])

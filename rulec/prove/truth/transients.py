@@ -1,7 +1,7 @@
-"""Between plateaus: speeds and valves approach what was set, they do not jump.
+"""Transients between plateaus: speeds and valves approach their settings.
 
-The liquid itself follows within milliseconds, so every sample stays an operating point of its own
-(quasi-stationary). A sensor that is multiplied by a factor jumps: nothing moves there.
+The liquid follows within milliseconds, so every sample is an operating point of its own
+(quasi-stationary). A sensor fault jumps, because nothing moves.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ INERTIA = Inertia()
 
 
 def settling(run: Run, inertia: Inertia = INERTIA) -> Run:
-    """The run as it happens if what it holds so far are set values.
+    """Return the run with its values as settings that speeds and valves approach.
 
     Raises ValueError for a run on the bench, whose throttle is not there afterwards.
     """
@@ -47,7 +47,7 @@ def settling(run: Run, inertia: Inertia = INERTIA) -> Run:
 
 
 def approach(time: Array, setting: Array, time_constant: float) -> Array:
-    """First-order approach to a setting, settled at the first sample; shape (n,).
+    """Return the first-order approach to a setting, settled at the first sample; shape (n,).
 
     The setting of a sample holds since the sample before.
 
@@ -60,5 +60,5 @@ def approach(time: Array, setting: Array, time_constant: float) -> Array:
 
 
 def late(value: Array, by: int) -> Array:
-    """A course that comes `by` samples late; before, it is as at the first; shape (n,)."""
+    """Delay a course by `by` samples; it begins with its first value; shape (n,)."""
     return np.concatenate([np.full(by, value[0]), value[:-by]])

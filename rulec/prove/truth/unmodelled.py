@@ -1,5 +1,5 @@
 """Physics that the plain laws leave out: slip that follows the temperature, a frame that shakes in
-a band of speeds, a liquid that gets thicker or thinner on the way."""
+a band of speeds, a liquid whose viscosity changes during the run."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,22 +18,22 @@ RISE = 0.03
 """Rise of the slip per kelvin: oil loses about 3 % of its viscosity per kelvin [assumed]."""
 
 WARMEST = 30.0
-"""Kelvin above the usual temperature."""
+"""Largest rise above the usual temperature, K."""
 
 PEAK, WIDTH = 850.0 * RPM, 60.0 * RPM
-"""Speed at which the frame shakes most, and at which it shakes a third of that, from there; rev/s
+"""Speed at which the frame shakes most, and the distance at which it shakes a third of that; rev/s
 [assumed]."""
 
 TAKEN = 25.0
-"""Power that it takes there, W [assumed]."""
+"""Power of the shaking at its peak, W [assumed]."""
 
 POINTS, STAY = 24, 12
 """Operating points of a run, and samples at each."""
 
 
 def warm_run(plant: Plant, module: str = "A") -> Run:
-    """Operating points one after the other while a module's liquid warms up and cools down: slip
-    driven by pressure follows 1/viscosity."""
+    """Visit operating points while a module's liquid warms up and cools down: slip driven by
+    pressure follows 1/viscosity."""
     run = _tour(plant)
     time = run.operation.time
     temperature = LIQUID_TEMPERATURE + WARMEST * np.sin(np.pi * time / time[-1]) ** 2
@@ -46,13 +46,13 @@ def warm_run(plant: Plant, module: str = "A") -> Run:
 
 
 def taken(speed: Array) -> Array:
-    """Power that shaking takes, W, at speeds, rev/s; shape (n,)."""
+    """Return the power of the shaking, W, at speeds, rev/s; shape (n,)."""
     power: Array = TAKEN * np.exp(-(((speed - PEAK) / WIDTH) ** 2))
     return power
 
 
 def shaken_run(plant: Plant, module: str = "B") -> Run:
-    """Operating points one after the other; the frame below a module shakes, and takes power."""
+    """Visit operating points while the frame below a module shakes and takes power."""
     run, pump = _tour(plant), plant.modules[module].pump
     assert isinstance(pump, Displacement)
     more = pump.idle_power + taken(run.operation.speed[module])
@@ -68,10 +68,10 @@ def thicker_run(
     cooled: float,
     faults: Faults,
 ) -> Run:
-    """A run at nominal speed whose friction losses and slips are factors of the sound ones where
-    `later`, shape (n,), is true, and whose liquid is then colder, K. Parameters become arrays.
+    """Run at nominal speed; while `later`, shape (n,), friction losses and slips are multiplied by
+    factors, and the liquid is colder by `cooled`, K. Parameters become arrays.
 
-    Source: the factors are independent of one another, as a plant mixes laminar and turbulent ways.
+    Source: the factors are independent, as a plant has laminar and turbulent paths.
     """
     rubbed: Any = np.where(later, friction, 1.0)
     slipped: Any = np.where(later, slip, 1.0)
@@ -92,7 +92,6 @@ def thicker_run(
 
 
 def _tour(plant: Plant) -> Run:
-    """Operating points one after the other."""
     return settling(visiting_run(plant, operating_points(plant, POINTS), {}, hold=STAY))
 
 

@@ -1,10 +1,10 @@
-"""Makes noise with a memory white: what it hides is then told by plain sums of squares.
+"""Whitening of coloured noise, so that plain sums of squares hold.
 
-Each output has noise of its own and noise of inputs, both of order one; together they are of no
-finite order. The filter of Kalman predicts each sample from those before; what it did not predict,
-over its uncertainty, is white.
+Each output has its own noise and that of inputs, both of first order; their sum has no finite
+order. A Kalman filter predicts each sample from those before; its innovation over its uncertainty
+is white.
 
-Source: Kalman 1960; prediction error decomposition, Schweppe 1965. Samples that are not seen are
+Source: Kalman 1960; prediction error decomposition, Schweppe 1965. Samples that do not count are
 only predicted.
 """
 
@@ -25,8 +25,8 @@ class Whitening:
     Attributes
     ----------
     sizes : of each source of noise in each output, shape (n, outputs, sources)
-    colours : coefficient of order one of each source, shape (sources,)
-    seen : which outputs count, bool, shape (n, outputs)
+    colours : first-order coefficient of each source, shape (sources,)
+    seen : whether an output counts, bool, shape (n, outputs)
     """
 
     sizes: Array
@@ -36,27 +36,27 @@ class Whitening:
 
     @classmethod
     def of(cls, sizes: Array, colours: Array, seen: np.ndarray) -> Whitening:
-        """Run the filter's uncertainty through all samples: it depends on no reading."""
+        """Compute the filter of all samples, which depends on no reading."""
         return cls(sizes, colours, seen, tuple(_filter_of(sizes, colours, seen)))
 
     def __call__(self, values: Array) -> Array:
-        """Values of all outputs, shape (n, outputs, k), made white; shape (samples that count, k).
+        """Whiten values of all outputs, shape (n, outputs, k).
 
-        The noise itself becomes independent, with variance 1.
+        Returns shape (samples that count, k); the noise becomes independent with variance 1.
         """
         state = np.zeros((self.colours.size, values.shape[2]))
         found = []
         for now, seen, (matrix, gain, scale) in zip(values, self.seen, self._filter, strict=True):
-            surprise = now[seen] - matrix @ state
-            found.append(scale @ surprise)
-            state = self.colours[:, None] * (state + gain @ surprise)
+            innovation = now[seen] - matrix @ state
+            found.append(scale @ innovation)
+            state = self.colours[:, None] * (state + gain @ innovation)
         return np.concatenate(found)
 
 
 def _filter_of(
     sizes: Array, colours: Array, seen: np.ndarray
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Of each sample: what is seen of the sources, the gain, and the scale of the surprise."""
+    """Of each sample: observation matrix, gain, and scale of the innovation."""
     spread = np.eye(colours.size)
     fresh, remembered = np.diag(1.0 - colours**2), np.outer(colours, colours)
     for size, counts in zip(sizes, seen, strict=True):

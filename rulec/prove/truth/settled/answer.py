@@ -21,7 +21,7 @@ def answer_of(
     seen: VisibleOutputs,
     found: Sequence[tuple[Placed, Made]],
 ) -> Answer:
-    """What a perfect analysis would say; `conceal` are ways of concealing that were asked for."""
+    """Return the report of a perfect analysis; `conceal` are the requested ways of concealment."""
     planted = []
     for placed, made in found:
         others = [seen.change(m.changes) for p, m in found if p is not placed]
@@ -35,7 +35,7 @@ def answer_of(
 def connection_of(
     name: str, group: str, seen: VisibleOutputs, placed: Placed, gain: float
 ) -> Answer:
-    """The same where a pipe is not as the plant file says."""
+    """Return the same if a pipe differs from the plant file."""
     planted = _planted(seen.scene.rig, placed, Made((), {}), gain, float("inf"), "")
     return _sealed(name, group, ("wiring",), seen, [], [planted])
 
@@ -70,20 +70,15 @@ def _concealed(
     effects: Sequence[Effect],
     planted: Sequence[Planted],
 ) -> tuple[str, ...]:
-    ways = list(conceal)
-    if not planted:
-        ways.append("clean")
-    if any(effect.corner for effect in effects):
-        ways.append("corner")
-    if group in ("pair", "hiding", "unrecorded"):
-        ways.append(group)
-    if any(effect.name in WIRING for effect in effects):
-        ways.append("wiring")
-    if any(effect.sort == "unnamed" for effect in effects):
-        ways.append("unnamed")
-    if any(p.margin < 0.1 * p.gain for p in planted):
-        ways.append("alike")
-    return tuple(ways or ["open"])
+    ways = (
+        ("clean", not planted),
+        ("corner", any(effect.corner for effect in effects)),
+        (group, group in ("pair", "hiding", "unrecorded")),
+        ("wiring", any(effect.name in WIRING for effect in effects)),
+        ("unnamed", any(effect.sort == "unnamed" for effect in effects)),
+        ("alike", any(p.margin < 0.1 * p.gain for p in planted)),
+    )
+    return (*conceal, *(way for way, holds in ways if holds)) or ("open",)
 
 
 def _planted(

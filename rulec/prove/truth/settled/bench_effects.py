@@ -10,26 +10,26 @@ from .solve import Operated
 from .term import State
 
 AMBIENT, VAPOUR = 1.013 * BAR, 0.0234 * BAR
-"""Pressure of the air, and of the vapour of water at 20 degC. Source: IAPWS, saturation line."""
+"""Pressure of the air, and vapour pressure of water at 20 degC. Source: IAPWS, saturation line."""
 
 MOST = 0.9
-"""Share of the head that is lost at most; then the pump only churns."""
+"""Largest share of the head that is lost; then the pump only churns."""
 
 
 def _lost(share: Array, state: State) -> Array:
-    """Pressure missing where a share of the head is lost; `state.pressure` is what is left."""
+    """Pressure that is lost with a share of the head; `state.pressure` is the rest."""
     kept = 1.0 - np.minimum(share, MOST)
     return np.asarray(state.pressure * (1.0 / kept - 1.0))
 
 
 def _suction(here: Here, least: float) -> tuple[Array, float]:
-    """Pressure over that of the vapour, available and, up to a share of the time, required, Pa."""
+    """Pressure above vapour pressure, Pa: available, and required for a share of the time."""
     available = here.scene.suction[here.module] + AMBIENT - VAPOUR
     return available, quantile(here.scene, available, here.between(least, 0.5))
 
 
 def cavitation(here: Here) -> Made:
-    """Below a required pressure over that of the vapour the head falls; size per bar."""
+    """The head falls below a required pressure above vapour pressure; size per bar."""
     available, required = _suction(here, 0.2)
     share = here.size * np.maximum(required - available, 0.0) / BAR
     limit = (required - AMBIENT + VAPOUR) / BAR
@@ -37,7 +37,7 @@ def cavitation(here: Here) -> Made:
 
 
 def npsh(here: Here) -> Made:
-    """What is required rises with the square of the speed."""
+    """The required suction pressure rises with the square of the speed."""
     usual, (available, required) = here.usual("n"), _suction(here, 0.25)
 
     def law(s: State) -> Array:
@@ -49,7 +49,7 @@ def npsh(here: Here) -> Made:
 
 
 def part_load_head(here: Here) -> Made:
-    """Below a flow liquid circulates, and the head is lower, or higher."""
+    """Liquid recirculates below a flow, and the head is lower, or higher."""
     limit, signed = here.limit("Q", 0.3, 0.6), here.signed(-0.5)
 
     def law(s: State) -> Array:
@@ -59,18 +59,17 @@ def part_load_head(here: Here) -> Made:
 
 
 def part_load_power(here: Here) -> Made:
-    """Below a flow liquid circulates and takes power."""
+    """Liquid recirculates below a flow and takes power."""
     limit = here.limit("Q", 0.3, 0.6)
-    values = {"k": here.size, "Q_c": limit / LITRE_PER_HOUR}
 
     def law(s: State) -> Array:
         return np.asarray(s.power * here.size * np.maximum(1.0 - s.flow / limit, 0.0))
 
-    return here.term("power", law, **values)
+    return here.term("power", law, k=here.size, Q_c=limit / LITRE_PER_HOUR)
 
 
 def worn_rings(here: Here) -> Made:
-    """They widen; size is what flows back at the end of the recording, l/h at the median head."""
+    """Wear rings widen; size is the leakage flow at the end, l/h at the median head."""
     scene, usual = here.scene, here.usual("dp")
     flow = here.size * LITRE_PER_HOUR * scene.time / scene.length
 
@@ -83,8 +82,8 @@ def worn_rings(here: Here) -> Made:
 def narrowed(here: Here) -> Made:
     """Passages foul: the liquid in them is faster by the share `size` at the end.
 
-    The head is that of so much more flow. No flow comes back, so the power is that of the flow that
-    leaves: the head is lost in the passages.
+    The head is that of a flow that is larger by this share. No flow returns, so the power is that
+    of the delivered flow: the head is lost in the passages.
     """
     faster, scene = 1.0 + here.grown, here.scene
     own = Operated(scene.rig, scene.values, scene.given).parameters(here.module)

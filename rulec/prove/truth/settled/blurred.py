@@ -1,9 +1,9 @@
-"""What is seen at best of a plant that is made harder: form errors, coloured noise and drifts count
-as random, each of the size that it has.
+"""The limit of detection of hard cases: form errors, coloured noise and drifts count as random,
+each with its true size.
 
-What is left between readings and a model without the effect has the covariance of noise with its
-memory, of all parameters, of each sensor's error as it drifts, and of each law's form error where
-the plant runs. An analyst who knows these covariances, but no value of them, cannot see more.
+The residual of a model without the effect has the covariance of coloured noise, of all parameters,
+of each sensor's drifting error, and of each law's form error where the plant runs. An analyst who
+knows these covariances, but none of the values, cannot detect more.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ Outputs = Mapping[str, Array]
 
 
 def blurred(sharp: VisibleOutputs) -> VisibleOutputs:
-    """The sight of a scene with difficulties as random terms; `sharp` takes form errors as known,
-    noise as white, and drifts as none."""
+    """Return the detectability with difficulties as random terms; `sharp` has known form errors,
+    white noise and no drifts."""
     scene = sharp.scene
     slopes = slopes_of(scene)
     whitening = _whitening(sharp, slopes)
-    columns = [np.stack([c[name] for name in scene.rig.outputs], 1) for c in _free(scene, slopes)]
+    changes = _uncertain(scene, slopes)
+    columns = [np.stack([c[name] for name in scene.rig.outputs], 1) for c in changes]
     return replace(sharp, whitening=whitening, sensitivities=whitening(np.stack(columns, 2)))
 
 
 def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitening:
-    """Each output has the noise of its sensor, and what the noise of inputs makes of it."""
+    """Each output has the noise of its sensor, and that of the inputs."""
     scene, rig = sharp.scene, sharp.scene.rig
     sources = [*rig.outputs, *rig.inputs]
     sizes = np.zeros((scene.time.size, len(rig.outputs), len(sources)))
@@ -48,8 +49,8 @@ def _whitening(sharp: VisibleOutputs, slopes: Mapping[str, Outputs]) -> Whitenin
     return Whitening.of(sizes, colours, counts)
 
 
-def _free(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:
-    """What all that is uncertain changes in the outputs, for a standard deviation each."""
+def _uncertain(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:
+    """Change of the outputs per standard deviation of everything that is uncertain."""
     yield from parameters_moved(scene)
     for place, change in _sensors(scene, slopes):
         drift = scene.hard.drift.get(place)
@@ -63,7 +64,7 @@ def _free(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]:
 
 
 def _sensors(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[tuple[str, Outputs]]:
-    """What an error of each sensor of the size of its class changes."""
+    """Change of the outputs by an error of each sensor of the size of its class."""
     zero = {name: np.zeros_like(scene.time) for name in scene.rig.outputs}
     for name in scene.rig.outputs:
         yield name, {**zero, name: class_of(scene, name)}
@@ -73,19 +74,14 @@ def _sensors(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[tuple[str,
 
 
 def _form(scene: Scene, law: str) -> Iterator[Outputs]:
-    """What the form error of a law may change, to first order at each operating point."""
+    """Change of the outputs by the form error of a law, to first order at each operating point."""
     met: list[tuple[Array, ...]] = []
-    change = _moved_by(scene, law, met)
-    for course in form_directions(scene.hard.form[law], met[-1]).T:
-        yield {name: values * course for name, values in change.items()}
-
-
-def _moved_by(scene: Scene, law: str, met: list[tuple[Array, ...]]) -> Outputs:
-    """Change of the outputs per share of a law; `met` gets the arguments that the law meets."""
 
     def form(*arguments: Array) -> Array:
         met.append(arguments)
         return np.full(np.shape(arguments[0]), RELATIVE)
 
     truth = scene.truly([term(scene.rig, scene.values, law, form)])
-    return {name: (truth[name] - scene.plain[name]) / RELATIVE for name in scene.rig.outputs}
+    change = {name: (truth[name] - scene.plain[name]) / RELATIVE for name in scene.rig.outputs}
+    for course in form_directions(scene.hard.form[law], met[-1]).T:
+        yield {name: values * course for name, values in change.items()}

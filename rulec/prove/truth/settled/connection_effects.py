@@ -1,7 +1,7 @@
-"""Mistakes in the plant file: the plant is connected otherwise than stated.
+"""Mistakes in the plant file: the connections of the plant differ from the file.
 
-They hold from the first sample to the last, and no physics is beyond the model: the true plant
-obeys the plain laws of a network that nobody wrote down.
+They hold in all samples, and no physics is missing in the model: the true plant obeys the plain
+laws of a network that nobody wrote down.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .solve import Stalled
 
 
 def moved(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
-    """A pump is stated to feed another mixer than it does."""
+    """A pump feeds another mixer than stated."""
     if len(rig.mixers) < 2:
         raise Stalled("no other mixer to be fed")
     module = str(random.choice(list(rig.pumps)))
@@ -26,13 +26,13 @@ def moved(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
 
 
 def missing(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
-    """A pipe is not stated; each mixer is still fed."""
+    """A pipe is not stated; each mixer is still fed according to the file."""
     module = _spared(rig, random)
     return rig, _led(rig, module, None), module
 
 
 def not_there(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
-    """A pump is stated to feed a mixer, and feeds none; each mixer is still fed."""
+    """A pump is stated to feed a mixer, but feeds none; each mixer is still fed."""
     module = _spared(rig, random)
     return _led(rig, module, None), rig, module
 
@@ -46,7 +46,7 @@ WAYS: Mapping[str, Callable[[Rig, np.random.Generator], tuple[Rig, Rig, str]]] =
 
 
 def _spared(rig: Rig, random: np.random.Generator) -> str:
-    """A module, at whose mixer others feed as well."""
+    """A module whose mixer is also fed by others."""
     fed = list(rig.downstream.values())
     found = [m for m, to in rig.downstream.items() if to is not None and fed.count(to) > 1]
     if not found:

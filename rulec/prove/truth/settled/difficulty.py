@@ -1,6 +1,6 @@
-"""What makes a case harder than its plain laws do: form errors, noise with a memory, drifts.
+"""Difficulties beyond the plain laws of a case: form errors, coloured noise, drifts.
 
-All of it is true of the plant or its sensors, and none of it is an effect to be found.
+They belong to the plant or its sensors, and none of them is an effect to be found.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FORM = 0.005, 0.02
 """Root mean square of a law's form error, smallest and largest."""
 
 COLOUR = 0.5, 0.9
-"""Coefficient of noise of order one at the sample rate, smallest and largest."""
+"""Coefficient of first-order noise at the sample rate, smallest and largest."""
 
 WOBBLE = 0.002, 0.01
 """Wobble of a setting over its range, root mean square, smallest and largest."""
@@ -31,7 +31,7 @@ WOBBLE = 0.002, 0.01
 
 @dataclass(frozen=True)
 class Difficulty:
-    """What is drawn for one case.
+    """The difficulties of one case.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Difficulty:
 
     @property
     def told(self) -> dict[str, dict[str, float]]:
-        """What stands of it in the sealed answer."""
+        """Their sizes in the sealed answer."""
         found = {
             "form": {law: form.rms for law, form in self.form.items()},
             "coloured": dict(self.colour),
@@ -58,7 +58,7 @@ class Difficulty:
         return {name: sizes for name, sizes in found.items() if sizes}
 
     def terms(self, rig: Rig, values: Values) -> tuple[Change, ...]:
-        """Form errors, as terms of the plant."""
+        """Return the form errors as terms of the plant."""
         return tuple(term(rig, values, law, form) for law, form in self.form.items())
 
 
@@ -66,9 +66,9 @@ NONE = Difficulty()
 
 
 def difficulty(rig: Rig, names: Sequence[str], seed: int, load: tuple[float, float]) -> Difficulty:
-    """Draw what is asked for; `load` is the range of the pressure that a load sets, Pa.
+    """Draw the named difficulties; `load` is the range of the pressure that a load sets, Pa.
 
-    Raises Stalled where the plant cannot run at its fastest.
+    Raises Stalled if the plant cannot run at its fastest.
     """
     form: dict[str, Form] = {}
     if "form" in names:
@@ -92,7 +92,7 @@ def difficulty(rig: Rig, names: Sequence[str], seed: int, load: tuple[float, flo
 
 
 def _between(random: np.random.Generator, ends: tuple[float, float]) -> float:
-    """Evenly on a logarithmic scale."""
+    """Draw uniformly on a logarithmic scale."""
     return math.exp(random.uniform(math.log(ends[0]), math.log(ends[1])))
 
 
@@ -100,14 +100,13 @@ def _laws(
     rig: Rig, load: tuple[float, float]
 ) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
     """Every law of a plant with the ranges of its arguments, SI."""
-    if rig.by_travel:
-        for m in rig.pumps:
-            yield f"{m}.flow", (rig.kind(m).speeds, load)
-        return
     if rig.by_load:
         for m in rig.pumps:
-            yield f"{m}.flow", (load,)
-            yield f"{m}.power", (load,)
+            if rig.by_travel:
+                yield f"{m}.flow", (rig.kind(m).speeds, load)
+            else:
+                yield f"{m}.flow", (load,)
+                yield f"{m}.power", (load,)
         return
     values = {name: value for name, (value, _) in rig.numbers.items()}
     fastest = {f"{m}.n": np.array([rig.kind(m).speeds[1]]) for m in rig.pumps}
@@ -128,7 +127,7 @@ def _laws(
 
 
 def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
-    """A form error as it acts; `form` gives a share by the law's arguments."""
+    """Return a form error as a term; `form` gives the share by the law's arguments."""
     module, _, kind = law.partition(".")
     by_pump: Callable[[State], Array] = (
         (lambda s: form(s.pressure))

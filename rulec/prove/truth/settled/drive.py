@@ -1,4 +1,4 @@
-"""How plants are run: set values between 0 and 1 of their range, slow temperatures and levels."""
+"""Operation of plants: settings between 0 and 1 of their range, slow temperatures and levels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def steps(random: np.random.Generator, samples: int) -> Array:
 
 
 def ramps(random: np.random.Generator, samples: int) -> Array:
-    """Slow straight lines between plateaus."""
+    """Slow ramps between plateaus."""
     corners = [0]
     values = [float(random.uniform())]
     while corners[-1] < samples:
@@ -39,12 +39,12 @@ def long_constant(random: np.random.Generator, samples: int) -> Array:
 
 
 def visits(random: np.random.Generator, samples: int) -> Array:
-    """Operating points one after the other, as for a calibration."""
+    """Successive operating points, as for a calibration."""
     return _held(random, samples, 12, 18)
 
 
 FEW = 3, 6
-"""Operating states of a plant that has few."""
+"""Least and most operating states of a plant with few of them."""
 
 
 def few_states(
@@ -60,7 +60,7 @@ def few_states(
 
 
 def one_of_few(random: np.random.Generator, samples: int) -> Array:
-    """The course of one setting alone between a few states."""
+    """Course of a single setting between a few states."""
     return few_states(random, ["alone"], samples)["alone"]
 
 
@@ -68,17 +68,17 @@ PRODUCTION = "production"
 """Profile of a plant that makes its few products."""
 
 PART = 0.3
-"""Part of the range of a setting that production uses."""
+"""Share of the range of a setting that production uses."""
 
 
 def products(random: np.random.Generator, modules: Sequence[str], samples: int) -> dict[str, Array]:
-    """All modules change together between a few products, each in a part of its range."""
+    """All modules change together between a few products, each within a part of its range."""
     runs = few_states(random, modules, samples)
     return {m: random.uniform(0.0, 1.0 - PART) + PART * run for m, run in runs.items()}
 
 
 def one_of_products(random: np.random.Generator, samples: int) -> Array:
-    """The course of one setting alone, in a part of its range."""
+    """Course of a single setting within a part of its range."""
     return products(random, ["alone"], samples)["alone"]
 
 
@@ -100,7 +100,7 @@ TOGETHER: Mapping[str, Callable[[np.random.Generator, Sequence[str], int], dict[
 def shares(
     random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
 ) -> dict[str, Array]:
-    """Course of each module's setting, 0 to 1, shape (before+samples,)."""
+    """Draw the course of each module's setting, 0 to 1, shape (before+samples,)."""
     if profile in TOGETHER:
         runs = TOGETHER[profile](random, modules, samples)
         return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
@@ -109,7 +109,7 @@ def shares(
 
 
 def stops(random: np.random.Generator, samples: int) -> Array:
-    """1 while the plant runs, else 0: it stands for 15 to 40 samples now and then."""
+    """1 while the plant runs, else 0: it stops for 15 to 40 samples now and then."""
     running, at = np.ones(samples), int(random.integers(40, 100))
     while at < samples:
         until = at + int(random.integers(15, 40))
@@ -119,7 +119,7 @@ def stops(random: np.random.Generator, samples: int) -> Array:
 
 
 def temperature(random: np.random.Generator, samples: int) -> Array:
-    """A warm-up and a swing as of day and night, K."""
+    """A warm-up and a daily swing, K."""
     time = np.arange(samples) / samples
     warm = 1.0 - np.exp(-time / random.uniform(0.1, 0.4))
     swing = np.sin(2.0 * np.pi * (random.uniform(0.8, 2.0) * time + random.uniform()))
@@ -139,7 +139,7 @@ def by_load(random: np.random.Generator, load: Array) -> Array:
 
 
 def density(random: np.random.Generator, samples: int) -> Array:
-    """Batches of other concentration, one after the other, each mixed in within samples, kg/m3."""
+    """Successive batches of other concentration, each mixed in within some samples, kg/m3."""
     batch = LIGHT + (HEAVY - LIGHT) * _held(random, samples, 40, 120)
     mixed, result = float(batch[0]), np.empty(samples)
     for k, now in enumerate(batch.tolist()):
@@ -149,7 +149,7 @@ def density(random: np.random.Generator, samples: int) -> Array:
 
 
 def level(random: np.random.Generator, samples: int) -> Array:
-    """A tank that is emptied and filled up again, m."""
+    """Level of a tank that is emptied and refilled, m."""
     period = random.uniform(0.25, 0.6) * samples
     phase = (np.arange(samples) / period + random.uniform()) % 1.0
     return np.asarray(HIGH - (HIGH - LOW) * phase)

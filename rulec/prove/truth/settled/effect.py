@@ -1,4 +1,4 @@
-"""What an effect of a stationary plant is, and where it can be."""
+"""Effects of a stationary plant: their form, and the place and size of one that is made."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Sort = Literal["physics", "fault", "sensor", "unnamed"]
 
 @dataclass(frozen=True)
 class Made:
-    """An effect of some size: its terms, its parameters as its key knows them, places in other
-    modules where it is, too, and its size."""
+    """An effect of some size: its terms, its parameters by their names in the key, its places in
+    other modules, and its size."""
 
     changes: tuple[Change, ...]
     parameters: Mapping[str, float]
@@ -31,7 +31,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Here:
-    """Where an effect is, and how large it is made; `random` shapes it."""
+    """Place and size of an effect; `random` draws its shape."""
 
     scene: Scene
     module: str
@@ -39,32 +39,32 @@ class Here:
     random: np.random.Generator
 
     def plain(self, signal: str) -> Array:
-        """True values of a signal of the module without effects, SI."""
+        """Return the true values of a signal of the module without effects, SI."""
         return self.scene.plain[f"{self.module}.{signal}"]
 
     def value(self, parameter: str) -> float:
-        """A true parameter of the module, SI."""
+        """Return a true parameter of the module, SI."""
         return self.scene.values[f"{self.module}.{parameter}"]
 
     def usual(self, signal: str) -> float:
-        """Median of a signal."""
+        """Return the median of a signal."""
         return middle(self.scene, self.plain(signal))
 
     def limit(self, signal: str, low: float, high: float) -> float:
-        """A quantile of a signal, at a share that is drawn."""
+        """Return a quantile of a signal, at a drawn share."""
         return quantile(self.scene, self.plain(signal), self.between(low, high))
 
     def between(self, low: float, high: float) -> float:
-        """A draw."""
+        """Draw uniformly."""
         return float(self.random.uniform(low, high))
 
     def signed(self, down: float = -1.0) -> float:
-        """The size, or `down` times it."""
+        """Draw the size, or `down` times it."""
         return self.size * float(self.random.choice([down, 1.0]))
 
     @property
     def warmer(self) -> Array:
-        """Temperature of the liquid above its middle, K; that of the first pump for a mixer."""
+        """Temperature of the liquid above its median, K; for a mixer, at the first pump."""
         values = self.scene.temperature.get(self.module)
         if values is None:
             values = next(iter(self.scene.temperature.values()))
@@ -72,29 +72,29 @@ class Here:
 
     @property
     def grown(self) -> Array:
-        """What grows with time, to the size at the end of the recording."""
+        """Linear growth to the size at the end of the recording."""
         return self.size * self.scene.time / self.scene.length
 
     @property
     def per_day(self) -> float:
-        """The size over the length of the recording."""
+        """Growth of the size per day."""
         return self.size / self.scene.days
 
     def dying(self) -> tuple[Array, float]:
-        """What dies away from 1 on, and its time constant, min."""
+        """Return an exponential decay from 1, and its time constant, min."""
         constant = self.between(0.12, 0.4) * self.scene.length
         return np.exp(-self.scene.time / constant), constant * self.scene.pace / MINUTE
 
     def term(self, kind: Kind, law: Law, **parameters: float) -> Made:
-        """The effect is a term in the module's laws."""
+        """Return the effect as a term in the module's laws."""
         return Made((Term(kind, self.module, law),), parameters)
 
     def constant(self, kind: Kind, course: Array, **parameters: float) -> Made:
-        """The same where the term does not depend on the operating point."""
+        """Return the same if the term does not depend on the operating point."""
         return self.term(kind, lambda s: course, **parameters)
 
     def reading(self, signal: str, shown: Callable[[Array], Array], **parameters: float) -> Made:
-        """The effect is an error of a sensor."""
+        """Return the effect as an error of a sensor."""
         return Made((Reading(f"{self.module}.{signal}", shown),), parameters)
 
 
@@ -109,12 +109,12 @@ class Effect:
     ----------
     at : `pump` for a pump module, `mixer` for a mixer
     kinds : of pumps that can have it; empty for all but valves
-    low, high : of the size; what an effect changes rises with its size
+    low, high : of the size; the change by an effect rises with its size
     driver : signal that drives it and may be missing in a recording
-    corner : does it act in a part of the operating range only?
-    timed : does it follow the time since the recording began?
-    slow : does it take days to weeks? Then samples are minutes to an hour apart
-    whole : is it there as it is or not at all, without a size?
+    corner : whether it acts in a part of the operating range only
+    timed : whether it follows the time since the recording began
+    slow : whether it takes days to weeks; then samples are minutes to an hour apart
+    whole : whether it has no size
     """
 
     name: str
@@ -138,15 +138,15 @@ DOSING = (*STROKES, "centrifugal")
 
 
 def middle(scene: Scene, values: Array) -> float:
-    """Median as plain number; what shapes an effect is what was recorded first."""
+    """Return the median of the first recording, which shapes an effect."""
     return float(np.median(values[scene.known]))
 
 
 def quantile(scene: Scene, values: Array, share: float) -> float:
-    """A quantile as plain number."""
+    """Return a quantile of the first recording."""
     return float(np.quantile(values[scene.known], share))
 
 
 def span(scene: Scene, values: Array) -> float:
-    """Largest less smallest value as plain number."""
+    """Return the range of values of the first recording."""
     return float(np.ptp(values[scene.known]))

@@ -1,4 +1,4 @@
-"""All effects, by what they are called, and where each can be in a plant."""
+"""All effects by name, and the places of each in a plant."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ EFFECTS: Mapping[str, Effect] = {
 }
 
 WIRING: Mapping[str, Effect] = {effect.name: effect for effect in wiring_effects.EFFECTS}
-"""Mistakes of wiring and files: cases of their own, and no rivals of other effects."""
+"""Mistakes of wiring and files: they have cases of their own and are no rivals of effects."""
 
 CONNECTIONS: Mapping[str, Effect] = {e.name: e for e in connection_effects.EFFECTS}
 """Mistakes in the plant file, likewise."""
 
 
 def effect_of(name: str) -> Effect:
-    """An effect or a mistake."""
+    """Return an effect or a mistake by its name."""
     return {**EFFECTS, **WIRING, **CONNECTIONS}[name]
 
 
@@ -58,7 +58,7 @@ class Placed:
 
 
 def places_of(rig: Rig, effect: Effect) -> list[Placed]:
-    """Where an effect can be."""
+    """Return the possible places of an effect."""
     if effect.at == "mixer":
         return [Placed(effect, m) for m in rig.mixers]
     kinds = effect.kinds or tuple(kind for kind in PUMPS if kind != "valve")
@@ -66,7 +66,7 @@ def places_of(rig: Rig, effect: Effect) -> list[Placed]:
 
 
 def entry_of(name: str) -> Mapping[str, Any]:
-    """What the catalogue calls an effect or a mistake, and where it is right."""
+    """Return the names of an effect or mistake in the catalogue, and its right places."""
     other = "connections.yaml" if name in CONNECTIONS else "wiring.yaml"
     found: Mapping[str, Any] = key("key.yaml" if name in EFFECTS else other)[name]
     return found
@@ -74,7 +74,7 @@ def entry_of(name: str) -> Mapping[str, Any]:
 
 @cache
 def key(file: str = "key.yaml") -> Mapping[str, Any]:
-    """What the catalogue calls each effect."""
+    """Read a key: each effect's names in the catalogue and its places."""
     text = (Path(__file__).parent / file).read_text(encoding="utf-8")
     found: Mapping[str, Any] = yaml.safe_load(text)
     return found

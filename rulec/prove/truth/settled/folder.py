@@ -1,4 +1,4 @@
-"""The plant folder as a plant engineer writes it: instances, connections, nothing else."""
+"""The plant folder as a plant engineer writes it: instances and connections only."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ def write_plant(rig: Rig, folder: Path) -> None:
     lines = ["plant: concealed", "title: A plant of the proof", "modules:"]
     lines += [f"  {name}: {{type: {rig.kind(name).type}}}" for name in rig.pumps]
     for name, size in rig.mixers.items():
-        lines.append(f"  {name}:" if size != 1.0 else f"  {name}: {{type: static-mixer}}")
-        if size != 1.0:
+        if size == 1.0:
+            lines.append(f"  {name}: {{type: static-mixer}}")
+        else:
             value, u = rig.numbers[f"{name}.k2"]
             unit = BAR / LITRE_PER_HOUR**2
             lines += [
+                f"  {name}:",
                 "    type: static-mixer",
                 "    parameters:",
                 f"      k2: {{value: {value / unit:.6g}, unit: bar/(l/h)**2, u: {u / unit:.3g}, "
@@ -32,7 +34,7 @@ def write_plant(rig: Rig, folder: Path) -> None:
 
 
 def write_limits(rig: Rig, ranges: Mapping[str, tuple[float, float]], file: Path) -> None:
-    """Write how far inputs may be set; `ranges` in SI."""
+    """Write the limits of the inputs; `ranges` in SI."""
     lines = ["limits: concealed", "inputs:"]
     for name, ends in ranges.items():
         sensor = rig.sensors[name]

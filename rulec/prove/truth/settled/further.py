@@ -1,8 +1,8 @@
-"""A further recording of the same plant, which was left running: same parameters, same effects of
-the same values, same lasting errors of the sensors, new noise.
+"""A further recording of the same plant, which was left running: the same parameters, effects and
+systematic errors of the sensors, new noise.
 
-What nobody sets goes on as it was: temperatures, levels, and what lies before and behind a valve
-run back the way they came, a temperature that follows the load follows it.
+Signals that nobody sets continue: temperatures, levels, and pressures before and behind a valve
+return the way they came; a temperature that follows the load goes on following it.
 """
 
 from __future__ import annotations
@@ -27,18 +27,17 @@ MEMORY = 25.0
 """Samples within which a temperature follows the load, as in `drive.by_load`."""
 
 ROUNDS = 30
-"""In which the true value behind a display is found."""
+"""Iterations to find the true value behind a display."""
 
 Point = Mapping[str, float]
 """Set points by input, in the unit of its sensor."""
 
 
 def held(case: SettledCase, points: Sequence[Point], samples: Sequence[int]) -> dict[str, Array]:
-    """Courses of all inputs, SI, where set points are held for some samples each: so that the
-    plant's own sensors show them.
+    """Return the courses of all inputs, SI, with set points held for some samples each.
 
-    An input without a set point stays as it was at the end. Raises ValueError for a set point of
-    what is no input.
+    The plant's own sensors show the set points. An input without a set point keeps its last value.
+    Raises ValueError for a set point of a signal that is no input.
     """
     scene, courses = case.scene, {}
     unknown = {name for point in points for name in point} - set(scene.rig.inputs)
@@ -54,14 +53,14 @@ def held(case: SettledCase, points: Sequence[Point], samples: Sequence[int]) -> 
 
 
 def displayed(case: SettledCase, name: str, value: float) -> float:
-    """What a sensor shows of a true value, SI, without noise, in its unit."""
+    """Return the reading of a true value, SI, without noise, in the sensor's unit."""
     scene = case.scene
     course = shown_by(case.terms, name, np.full(scene.time.size, value))
     return float(scene.read(name, course, replace(SENSING, statistical=0.0))[-1])
 
 
 def _behind_display(case: SettledCase, name: str, shown: float) -> float:
-    """The true value, SI, at which a sensor shows a value, in its unit."""
+    """The true value, SI, at which a sensor shows a value in its unit."""
     sensor = case.scene.rig.sensors[name]
     value = shown * sensor.scale + sensor.offset
     for _ in range(ROUNDS):
@@ -70,15 +69,15 @@ def _behind_display(case: SettledCase, name: str, shown: float) -> float:
 
 
 def repeated(scene: Scene, samples: int) -> dict[str, Array]:
-    """The inputs again, SI, as they were from the beginning of the recording on."""
+    """Return the inputs again, SI, from the beginning of the recording on."""
     order = np.arange(samples) % (scene.time.size - scene.first) + scene.first
     return {name: scene.given[name][order] for name in scene.rig.inputs}
 
 
 def recorded_further(case: SettledCase, courses: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns of a further recording by header, in the units of the sensors; its clock goes on.
+    """Return the columns of a further recording, in the sensors' units; its clock continues.
 
-    Raises Stalled where the plant cannot be run so.
+    Raises Stalled if the plant cannot be run so.
     """
     scene = longer(case.scene, courses)
     seed = case.answer.seed
@@ -93,7 +92,7 @@ def recorded_further(case: SettledCase, courses: Mapping[str, Array]) -> dict[st
 
 
 def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
-    """A scene that goes on with some courses of all inputs, SI."""
+    """Continue a scene with courses of all inputs, SI."""
     rig, count = scene.rig, len(next(iter(courses.values())))
     given = {name: np.concatenate([scene.given[name], courses[name]]) for name in rig.inputs}
     densities = {m: _back(values, count) for m, values in scene.density.items()}
@@ -126,7 +125,7 @@ def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:
 
 
 def _back(values: Array, count: int) -> Array:
-    """A course, and so many samples more in which it runs back the way it came."""
+    """A course, continued by `count` samples in which it returns the way it came."""
     return np.asarray(np.pad(values, (0, count), mode="symmetric"))
 
 
@@ -139,7 +138,7 @@ def _warmed(scene: Scene, module: str, given: Mapping[str, Array], count: int) -
         return _back(values, count)
     load = given[f"{module}.{'dp' if scene.rig.by_load else 'n'}"]
     known = values.size
-    # T rises by (a + b load - T) / MEMORY from sample to sample: what a and b are, it has shown.
+    # T rises by (a + b load - T) / MEMORY per sample; a and b follow from its course so far.
     wanted = values[:-1] + MEMORY * np.diff(values)
     slope, level = np.polyfit(load[1:known], wanted, 1)
     found = np.empty(known + count)

@@ -9,17 +9,17 @@ from .effect import DOSING, Effect, Here, Made, middle
 from .term import State
 
 ROUNDS = 30
-"""In which a hose and the pressure in it settle."""
+"""Iterations in which a hose and the pressure in it settle."""
 
 
 def laminar(here: Here) -> Made:
-    """A part of the loss in proportion to the flow; size is the flow, l/h, of equal parts."""
+    """A part of the loss is proportional to the flow; size is the flow, l/h, of equal parts."""
     factor = here.value("k2") * here.size * LITRE_PER_HOUR
     return here.term("loss", lambda s: factor * s.flow, a=here.size)
 
 
 def exponent(here: Here) -> Made:
-    """Loss by a lower power of the flow than 2: 2 - size, the same at the middle."""
+    """The loss has the power 2 - size of the flow; it is unchanged at the median flow."""
     usual, friction = _usual_flow(here), here.value("k2")
 
     def law(s: State) -> Array:
@@ -30,12 +30,12 @@ def exponent(here: Here) -> Made:
 
 
 def line_warm(here: Here) -> Made:
-    """Friction falls as the liquid gets thinner."""
+    """Friction falls as the liquid warms up."""
     return here.constant("friction", np.expm1(-2.0 * here.size * here.warmer), b=here.size)
 
 
 def static_head(here: Here) -> Made:
-    """The level of the feed tank lifts or lowers what the pump works against; bar per m."""
+    """The level of the feed tank changes the back-pressure of the pump; bar per m."""
     height = BAR * here.size * (here.plain("l") - here.usual("l"))
     return here.constant("loss", height, w=here.size)
 
@@ -46,12 +46,12 @@ def fouling(here: Here) -> Made:
 
 
 def worn(here: Here) -> Made:
-    """A throttle wears and lets more through, at the end by the share `size` of the flow."""
+    """A throttle wears and passes more flow, at the end by the share `size`."""
     return here.constant("friction", (1.0 + here.grown) ** -2 - 1.0, w=here.per_day)
 
 
 def transition(here: Here) -> Made:
-    """Below a flow, `size` times the usual one, the loss is laminar: it is linear in the flow."""
+    """Below a flow, `size` times the usual one, the loss is laminar, linear in the flow."""
     limit, friction = here.size * _usual_flow(here), here.value("k2")
 
     def law(s: State) -> Array:
@@ -61,7 +61,7 @@ def transition(here: Here) -> Made:
 
 
 def hose(here: Here) -> Made:
-    """A hose widens under the pressure at the pump; size as share of the flow per bar."""
+    """A hose widens under the pressure at the pump; size is the share of the flow per bar."""
     static, friction = here.value("k0"), here.value("k2")
 
     def law(s: State) -> Array:
@@ -75,13 +75,12 @@ def hose(here: Here) -> Made:
 
 
 def settling(here: Here) -> Made:
-    """The line passes more at the start, until deposits have settled; size as share of flow."""
+    """The line passes more flow until deposits have settled; size is the share of the flow."""
     dying, tau = here.dying()
     return here.constant("friction", (1.0 + here.size * dying) ** -2 - 1.0, a=here.size, tau=tau)
 
 
 def _usual_flow(here: Here) -> float:
-    """Median flow through a line, or through a mixer."""
     rig = here.scene.rig
     if here.module in rig.pumps:
         return here.usual("Q")

@@ -1,7 +1,8 @@
-"""A case to be made: what is planted, how strongly, how it is concealed; then made."""
+"""A planned case (its effects, their strength and concealment), and how it is made."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import zlib
 from collections.abc import Sequence
@@ -37,16 +38,16 @@ FAMILIES = {
     "warm": warm_rig,
     "valve": valve_rig,
 }
-"""Kinds of plants, by how they are drawn."""
+"""Random plants by family."""
 
 ATTEMPTS = 40
-"""Plants drawn until one shows its effects as it should."""
+"""Most plants that are drawn until one shows its effects as planned."""
 
 SAMPLES = 420, 900
 SMALL = 260, 360
 
 PACES = 60.0, 3600.0
-"""Seconds from sample to sample where what is planted takes days."""
+"""Range of the sampling interval in s if an effect takes days."""
 
 BEFORE = 300
 """Samples of an earlier run on which a plant is calibrated."""
@@ -62,10 +63,10 @@ class Planned:
         `connection` or another of the suite
     family : `dosing`, `oil`, `warm`, `bench` or `valve`
     effects : names, all in one plant
-    aim : expected gain in log likelihood that each effect should have
-    conceal : further ways in which it is concealed, of `sealed.CONCEALMENTS`
-    small : two pumps at most, and a short recording
-    difficulties : what makes it harder, of `sealed.DIFFICULTIES`
+    aim : target of the expected gain in log likelihood of each effect
+    conceal : further ways of concealment, of `sealed.CONCEALMENTS`
+    small : at most two pumps, and a short recording
+    difficulties : of `sealed.DIFFICULTIES`
     """
 
     name: str
@@ -80,44 +81,42 @@ class Planned:
 
     @property
     def seed(self) -> int:
-        """Fixed by the name."""
+        """Hash of the name."""
         return zlib.crc32(self.name.encode())
 
     def make(self) -> SettledCase:
-        """Draw plants until the effects show as they should.
+        """Draw plants until the effects show as planned.
 
-        Raises ValueError where none does.
+        Raises ValueError if none does.
         """
         for attempt in range(ATTEMPTS):
-            try:
-                made = _attempt(self, self.seed + FURTHER * attempt)
-            except Stalled:
-                continue
-            if made is not None:
-                return made
+            with contextlib.suppress(Stalled):
+                return _attempt(self, self.seed + FURTHER * attempt)
         raise ValueError(f"no plant of {ATTEMPTS} shows {self.name} as it should")
 
 
 @dataclass(frozen=True)
 class SettledCase:
-    """A recording of a stationary plant with its answer; `planted` are effects with their sizes."""
+    """A recording of a stationary plant with its answer.
+
+    `stated` is the plant in the file, if that differs; `planted` are effects with their sizes.
+    """
 
     plan: Planned
     scene: Scene
     terms: tuple[Change, ...]
     answer: Answer
     stated: Rig | None = None
-    """The plant as its file has it, where that is another one."""
     planted: tuple[tuple[Placed, float], ...] = ()
 
     @property
     def may_be_set(self) -> dict[str, tuple[float, float]]:
-        """How far inputs may be set, SI, where that is farther than was recorded."""
+        """Limits of the inputs, SI, if they are wider than the recording."""
         return may_be_set(self.scene.rig) if self.plan.profile == PRODUCTION else {}
 
     def write(self, folder: Path) -> None:
-        """Write `plant/` and `recording.csv`, `earlier.csv` to calibrate with, if any, and
-        `limits.yaml` where more may be set than was recorded."""
+        """Write `plant/` and `recording.csv`, `earlier.csv` for a calibration, if any, and
+        `limits.yaml` if inputs may be set beyond the recording."""
         scene_, first = self.scene, self.scene.first
         write_plant(self.stated or scene_.rig, folder / "plant")
         if self.may_be_set:
@@ -133,20 +132,18 @@ class SettledCase:
             write_csv(folder / "earlier.csv", {h: v[:first] for h, v in earlier.items()})
 
     def reference(self, request: Request) -> Reference:
-        """The true model on held-out samples, and the course of what is not recorded."""
+        """Return the errors of the true model on held-out samples, and the unrecorded course."""
         module = self.answer.effects[0].module if self.answer.effects else ""
         return reference(self.scene, self.terms, self.answer.unrecorded, request, module)
 
 
-def _attempt(plan: Planned, seed: int) -> SettledCase | None:
-    """One plant; None where an effect cannot be, or be seen, in it."""
+def _attempt(plan: Planned, seed: int) -> SettledCase:
+    """Draw one plant; raises Stalled if it cannot have or show an effect, or cannot run so."""
     random = stream(seed, "plan")
     rig = FAMILIES[plan.family](random, plan.small)
     if plan.group == "connection":
         return _misstated(plan, rig, seed, random)
     placed = _placed(rig, plan.effects, random)
-    if placed is None:
-        return None
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
     before = BEFORE if _is_calibrated(plan, rig, random) else 0
     correlated = "correlated" in plan.conceal
@@ -157,25 +154,23 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     for one in placed:
         made = sized(seen, one, plan.aim, seed)
         if made is None:
-            return None
+            raise Stalled(f"{one.effect.name} cannot be as strong as planned")
         found.append((one, made))
     terms = tuple(t for _, made in found for t in made.changes)
-    if terms and not _possible(seen, terms):
-        return None
+    if terms:
+        seen.scene.truly(terms)
     if plan.group == "hiding" and _added(seen, [m for _, m in found]) > HIDES:
-        return None
-    # Effects are as strong as their case asks on a plant that keeps to its laws: what difficulties
-    # hide of them is told, not made up for.
-    told = blurred(seen) if found and drawn.hard.told else seen
-    answer = answer_of(plan.name, plan.group, plan.conceal, told, found)
+        raise Stalled("the effects do not hide each other")
+    # Effects are as strong as planned on a plant that obeys its laws. Difficulties hide a part of
+    # them, which the answer states, but nothing makes up for it.
+    limit = blurred(seen) if found and drawn.hard.told else seen
+    answer = answer_of(plan.name, plan.group, plan.conceal, limit, found)
     planted = tuple((one, made.size) for one, made in found)
     return SettledCase(plan, seen.scene, terms, answer, planted=planted)
 
 
-def _misstated(
-    plan: Planned, rig: Rig, seed: int, random: np.random.Generator
-) -> SettledCase | None:
-    """A plant that is connected otherwise than its file says; None where that does not show."""
+def _misstated(plan: Planned, rig: Rig, seed: int, random: np.random.Generator) -> SettledCase:
+    """A plant whose connections differ from its file; raises Stalled if that does not show."""
     (name,) = plan.effects
     true, stated, module = WAYS[name](rig, random)
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
@@ -185,13 +180,13 @@ def _misstated(
     off = seen.over({n: drawn.plain[n] - believed[n] for n in true.outputs})
     gain = expected_gain(off, seen.sensitivities, np.zeros((len(off), 0)))
     if gain < plan.aim:
-        return None
+        raise Stalled("the connection does not show")
     answer = connection_of(plan.name, plan.group, seen, Placed(effect_of(name), module), gain)
     return SettledCase(plan, drawn, (), answer, stated)
 
 
 def _pace(plan: Planned, seed: int) -> float:
-    """Seconds from sample to sample: what fouls, wears or creeps is not seen within minutes."""
+    """Sampling interval, s: fouling, wear and creep do not show within minutes."""
     if not any(effect_of(name).slow for name in plan.effects):
         return 1.0
     low, high = (math.log(pace) for pace in PACES)
@@ -199,11 +194,11 @@ def _pace(plan: Planned, seed: int) -> float:
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
-    """Every other plant is calibrated on an earlier run, with or without what is planted.
+    """Whether the plant is calibrated on an earlier run, with or without the planted effects.
 
-    The curve of a centrifugal pump cannot be found on a plant whose valves stay as they are.
+    The curve of a centrifugal pump cannot be calibrated while the valves of the plant stay fixed.
     """
-    # Of a plant whose laws have errors nobody knows parameters but those that a run has shown.
+    # If laws have form errors, an earlier run is the only source of parameters.
     if plan.small and "form" not in plan.difficulties:
         return False
     if not set(rig.pumps.values()) <= {"cavity", "membrane"}:
@@ -213,30 +208,20 @@ def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool
     return "calibrated" in plan.conceal or bool(random.uniform() < 0.7)
 
 
-def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> list[Placed] | None:
+def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> list[Placed]:
     found: list[Placed] = []
     for name in effects:
         places = places_of(rig, effect_of(name))
         if not places:
-            return None
-        # Two effects are put into one module where they can be: there they hide each other.
-        near = [p for p in places if p.module in [f.module for f in found]]
-        places = near or places
+            raise Stalled(f"no place for {name}")
+        # Two effects are put into one module if possible, as they hide each other there.
+        places = [p for p in places if p.module in [f.module for f in found]] or places
         found.append(places[int(random.integers(len(places)))])
     return found
 
 
-def _possible(seen: VisibleOutputs, terms: Sequence[Change]) -> bool:
-    """Can the plant run so?"""
-    try:
-        seen.scene.truly(terms)
-    except Stalled:
-        return False
-    return True
-
-
 def _added(seen: VisibleOutputs, found: Sequence[Made]) -> float:
-    """What effects change together over what they change alone, root of the gains."""
+    """Change by all effects together over that by each alone, as root of the gains."""
     together = seen.gain([t for made in found for t in made.changes])
     alone = sum(seen.gain(made.changes) for made in found)
     return math.sqrt(together / alone)

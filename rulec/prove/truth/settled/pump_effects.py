@@ -18,13 +18,13 @@ def slip_warm(here: Here) -> Made:
 
 
 def slip_laminar(here: Here) -> Made:
-    """Slip in proportion to the pressure; size in l/h/bar."""
+    """Slip proportional to the pressure; size in l/h/bar."""
     factor = here.size * LITRE_PER_HOUR / BAR
     return here.term("slip", lambda s: factor * s.pressure, C=here.size)
 
 
 def slip_gap(here: Here) -> Made:
-    """Gaps widen with the pressure, and the slip with their cube; size per bar."""
+    """Gaps widen with the pressure, and the slip rises with their cube; size per bar."""
     return here.term(
         "slip", lambda s: s.slip * ((1.0 + here.size * s.pressure / BAR) ** 3 - 1.0), c=here.size
     )
@@ -33,8 +33,11 @@ def slip_gap(here: Here) -> Made:
 def relief(here: Here) -> Made:
     """A relief valve opens; size in l/h/bar."""
     opens, factor = here.limit("dp", 0.7, 0.93), here.size * LITRE_PER_HOUR / BAR
-    values = {"K": here.size, "p_open": opens / BAR}
-    return here.term("slip", lambda s: factor * np.maximum(s.pressure - opens, 0.0), **values)
+
+    def law(s: State) -> Array:
+        return factor * np.maximum(s.pressure - opens, 0.0)
+
+    return here.term("slip", law, K=here.size, p_open=opens / BAR)
 
 
 def gas(here: Here) -> Made:
@@ -89,37 +92,35 @@ def warm_up_slip(here: Here) -> Made:
 
 def wear(here: Here) -> Made:
     """Gaps wear; size is the growth over the recording."""
-    course = here.grown
-    return here.term("slip", lambda s: s.slip * course, w=here.per_day)
+    return here.term("slip", lambda s: s.slip * here.grown, w=here.per_day)
 
 
 def head_warm(here: Here) -> Made:
-    """The head of a centrifugal pump rises as the liquid gets thinner."""
+    """The head of a centrifugal pump changes as the liquid warms up."""
     factor = np.expm1(-here.size * here.warmer)
     return here.term("head", lambda s: s.pressure * factor, b=here.size)
 
 
 def head_wear(here: Here) -> Made:
     """Head lost with time; size over the recording."""
-    course = here.grown
-    return here.term("head", lambda s: s.pressure * course, w=here.per_day)
+    return here.term("head", lambda s: s.pressure * here.grown, w=here.per_day)
 
 
 def head_speed(here: Here) -> Made:
-    """Head that rises with another power of the speed than 2."""
+    """The head rises with another power of the speed than 2."""
     ratio = here.plain("n") / here.usual("n")
     factor = ratio**-here.size - 1.0
     return here.term("head", lambda s: s.pressure * factor, a=here.size)
 
 
 def copper(here: Here) -> Made:
-    """Copper loss by the square of the torque, so of the pressure; size at median load."""
+    """Copper loss rises with the square of torque, hence of pressure; size at median load."""
     usual, load = here.usual("dp"), here.usual("P_el")
     return here.term("power", lambda s: here.size * load * (s.pressure / usual) ** 2, k=here.size)
 
 
 def by_speed(power: int) -> Make:
-    """Friction of the motor, by a power of the speed; size at median load."""
+    """Return an effect: motor friction rises with a power of the speed; size at median load."""
 
     def make(here: Here) -> Made:
         usual, load = here.usual("n"), here.usual("P_el")
@@ -131,26 +132,26 @@ def by_speed(power: int) -> Make:
 
 
 def power_warm(here: Here) -> Made:
-    """All power falls as the liquid gets warm."""
+    """The power falls as the liquid warms up."""
     factor = np.expm1(-here.size * here.warmer)
     return here.term("power", lambda s: s.power * factor, b=here.size)
 
 
 def friction_warm(here: Here) -> Made:
-    """Idle power falls as the liquid gets warm."""
+    """The idle power falls as the liquid warms up."""
     factor = np.expm1(-here.size * here.warmer)
     return here.term("power", lambda s: s.idle * factor, b=here.size)
 
 
 def warm_up_power(here: Here) -> Made:
-    """Cold bearings and seals take more until they are warm."""
+    """Cold bearings and seals take more power until they are warm."""
     dying, tau = here.dying()
     course = here.size * dying
     return here.term("power", lambda s: s.power * course, a=here.size, tau=tau)
 
 
 def slip_power(here: Here) -> Made:
-    """Gaps are less laminar than the law has it: a lower power of the pressure."""
+    """Gaps are less laminar than in the law: a lower power of the pressure."""
     usual, more = here.usual("dp"), -here.size
     return here.term(
         "slip", lambda s: s.slip * ((np.maximum(s.pressure, 1.0) / usual) ** more - 1.0), m=more
@@ -164,20 +165,20 @@ def slip_dragged(here: Here) -> Made:
 
 
 def heated(here: Here) -> Made:
-    """What the pump dissipates warms the liquid in it beyond what the thermometer shows, K."""
+    """Dissipation warms the liquid in the pump above the thermometer's reading, K."""
     power = here.plain("P_el")
     colder = here.size * power / middle(here.scene, power)
     return here.reading("T", lambda shown: shown - colder, r=here.size)
 
 
 def induction(here: Here) -> Made:
-    """An asynchronous motor lags its field by so many revolutions at a torque, at any speed."""
+    """The slip of an asynchronous motor depends on the torque only, at any speed."""
     usual, lag = here.usual("dp"), here.size * here.usual("n")
     return here.term("shaft", lambda s: lag * s.pressure / usual / s.speed, s=here.size)
 
 
 def weakened(here: Here) -> Made:
-    """Above the speed at which its voltage ends a motor slips more, with its square."""
+    """Above the speed at its largest voltage a motor slips more, with the square of the speed."""
     usual, limit = here.usual("dp"), here.limit("n", 0.4, 0.7)
 
     def law(s: State) -> Array:
@@ -188,7 +189,7 @@ def weakened(here: Here) -> Made:
 
 
 def folded_back(here: Here) -> Made:
-    """Above a power the converter takes the speed back; the power is that at the lower speed."""
+    """Above a power the converter reduces the speed; the power is that at the lower speed."""
     limit, kind = here.limit("P_el", 0.4, 0.8), here.scene.rig.kind(here.module)
     lead = f"{here.module}."
     own = {n.removeprefix(lead): v for n, v in here.scene.values.items() if n.startswith(lead)}
@@ -206,7 +207,7 @@ def folded_back(here: Here) -> Made:
 
 
 def stribeck(here: Here) -> Made:
-    """Seals rub hard while no film carries them: a torque that dies away with the speed."""
+    """Seals rub while no film carries them: a torque that decays with the speed."""
     usual, load = here.usual("n"), here.usual("P_el")
     reach = here.between(0.15, 0.5) * usual
 
@@ -217,7 +218,7 @@ def stribeck(here: Here) -> Made:
 
 
 def power_speed(here: Here) -> Made:
-    """Power that rises with another power of the speed than the affinity laws have it."""
+    """The power rises with another power of the speed than in the affinity laws."""
     usual, more = here.usual("n"), here.signed()
     return here.term("power", lambda s: s.power * ((s.speed / usual) ** more - 1.0), a=more)
 

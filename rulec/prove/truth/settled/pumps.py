@@ -1,7 +1,7 @@
-"""Pumps by their parameters: flow and power at a speed against a pressure, SI; a valve alike.
+"""Pumps by their parameters: flow and power at a speed and pressure, SI; a valve likewise.
 
-The numbers are those of the module types, written down once more: the truth reads no file of the
-tool. A test compares them.
+The numbers repeat those of the module types, as the truth reads no file of the tool. A test
+compares them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class PumpKind:
     gear : revolutions of the motor, whose converter shows the speed, per stroke
     flow : (parameters, shaft speed, pressure) -> flow without slip by pressure, and that slip
     power : (parameters, shaft speed, pressure, flow) -> W
-    head : (parameters, shaft speed, flow) -> pressure, where the root search needs it: the flow of
-        a centrifugal pump has no slope near shut-off
-    rising : does more pressure take more power?
+    head : (parameters, shaft speed, flow) -> pressure, if the root search needs it: the flow of a
+        centrifugal pump has no slope near shut-off
+    rising : whether the power rises with the pressure
     """
 
     type: str
@@ -55,10 +55,7 @@ def _scaled(unit: float, value: float, u: float) -> tuple[float, float]:
     return value * unit, u * unit
 
 
-LINE: Numbers = {
-    "k0": _scaled(BAR, 0.05, 0.002),
-    "k2": _scaled(BAR / LH**2, 5.2e-6, 2.0e-8),
-}
+LINE: Numbers = {"k0": _scaled(BAR, 0.05, 0.002), "k2": _scaled(BAR / LH**2, 5.2e-6, 2.0e-8)}
 
 CAVITY: Numbers = {
     "V": (10.0 * MILLILITRE, 0.0),
@@ -110,7 +107,6 @@ OIL_SET: Numbers = {
     "P1": _scaled(1.0 / BAR, 14.5, 3.0),
 }
 
-
 OIL_WARM: Numbers = {
     **OIL_SET,
     "T0": (WARMED, 0.0),
@@ -119,11 +115,7 @@ OIL_WARM: Numbers = {
     "P3": _scaled(1.0 / BAR, 0.0, 0.1),
 }
 
-
-VALVE: Numbers = {
-    "Kv": _scaled(1e3 * LH, 4.0, 0.8),
-    "p_ref": (BAR, 0.0),
-}
+VALVE: Numbers = {"Kv": _scaled(1e3 * LH, 4.0, 0.8), "p_ref": (BAR, 0.0)}
 
 
 def _cavity(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
@@ -161,7 +153,7 @@ def _warm_set(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
 
 
 def _valve(p: Values, travel: Array, pressure: Array) -> tuple[Array, Array]:
-    """Turbulent flow of water; in proportion to the travel. Source: IEC 60534-2-1."""
+    """Turbulent flow of water, proportional to the travel. Source: IEC 60534-2-1."""
     flow = p["Kv"] * travel * np.sqrt(np.maximum(pressure, 0.0) / p["p_ref"])
     return flow, np.zeros_like(flow)
 
@@ -171,7 +163,7 @@ def _no_power(p: Values, travel: Array, pressure: Array, flow: Array) -> Array:
 
 
 def _displacement_power(p: Values, speed: Array, pressure: Array, flow: Array) -> Array:
-    """Depends on the swept, not on the delivered flow."""
+    """Depends on the swept, not the delivered flow."""
     return p["P0"] + p["P1"] * speed + speed * p["V"] * pressure / p["eta"]
 
 
@@ -220,7 +212,7 @@ PUMPS: Mapping[str, PumpKind] = {
     "valve": PumpKind("control-valve", VALVE, (0.0, 1.0), 1.0, _valve, _no_power),
     "oil-set": PumpKind("pump-set", OIL_SET, (1.0, 1.0), 1.0, _oil_set, _oil_power),
 }
-"""The speed of the oil set is that of the mains, 1 of its own; that of a valve is its travel."""
+"""The speed of an oil set is constant, 1 of its own; that of a valve is its travel."""
 
 MIXER: Numbers = {"k0": _scaled(BAR, 0.0, 0.0005), "k2": _scaled(BAR / LH**2, 3.5e-7, 1.5e-9)}
-"""DN15, for about 1000 l/h; another size has another k2 and states 0.5 % of it."""
+"""DN15, for about 1000 l/h; another size has another k2 with an uncertainty of 0.5 %."""

@@ -1,8 +1,8 @@
-"""What the true model makes of held-out samples, reading by reading, and the unrecorded driver.
+"""Errors of the true model on held-out samples, by reading, and the unrecorded driver.
 
-A tool predicts a reading from the others by one relation between two ways to tell a flow. The same
-relation of the true laws, with their true parameters and with sensors' lasting errors taken out,
-errs by the noise of all readings alone. That is a little better than any refit can be.
+A tool predicts a reading from the others by a residual, the difference of two observers of a flow.
+The same residual of the true laws, with true parameters and without systematic errors of sensors,
+errs by the noise of all readings only. That is a little better than any refit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROUNDS = 30
 def reference(
     scene: Scene, terms: tuple[Change, ...], unrecorded: str, request: Request, module: str
 ) -> Reference:
-    """Errors by signal in its unit, and the course of what is not recorded."""
+    """Return errors by signal in its unit, and the course of the unrecorded driver."""
     truth = scene.truly(terms)
     noisy = {name: value + _noise(scene, name, value) for name, value in truth.items()}
     errors = {
@@ -46,7 +46,7 @@ def _clock(scene: Scene) -> Array:
 
 
 def _noise(scene: Scene, place: str, value: Array) -> Array:
-    """What the noise of a sample adds to a reading, SI."""
+    """Noise of a reading, SI."""
     sensor = scene.rig.sensors[place]
     quiet = replace(SENSING, statistical=0.0)
     both = [scene.read(place, value, s) for s in (SENSING, quiet)]
@@ -62,14 +62,13 @@ def _error(
     relation: str,
     request: Request,
 ) -> float:
-    """Root mean square of predicted less measured on held-out samples, in the sensor's unit."""
+    """RMS of predicted minus measured on held-out samples, in the sensor's unit."""
     laws = (*scene.hard.terms(scene.rig, scene.values), *terms)
     given = {**noisy, signal: truth[signal]}
     step = STEP * float(np.max(np.abs(truth[signal])))
-    moved_too = {**given, signal: given[signal] + step}
     off, moved = (
         _relation(Operated(scene.rig, scene.values, readings, laws), scene.plain, relation)
-        for readings in (given, moved_too)
+        for readings in (given, {**given, signal: given[signal] + step})
     )
     with np.errstate(all="ignore"):
         predicted = truth[signal] - off * step / (moved - off)
@@ -81,9 +80,9 @@ def _error(
 
 
 def _relation(plant: Operated, plain: Mapping[str, Array], relation: str) -> Array:
-    """What a relation such as `A.pump-plant` or `M.power-resis` is off by, m3/s.
+    """The residual of a relation such as `A.pump-plant` or `M.power-resis`, m3/s.
 
-    `plain` has flows from which a root search may begin.
+    `plain` has the start of the root search.
     """
     module, _, pair = relation.partition(".")
     first, second = pair.split("-")
@@ -95,12 +94,12 @@ def _relation(plant: Operated, plain: Mapping[str, Array], relation: str) -> Arr
 
 
 def _flow(plant: Operated, plain: Mapping[str, Array], module: str, way: str) -> Array:
-    """Net flow of a module as one observer tells it, by the true laws, m3/s."""
+    """Net flow of a module by one observer with the true laws, m3/s."""
     rig, given = plant.rig, plant.given
     if way == "flow":
         return given[f"{module}.Q"]
     if rig.by_meter:
-        # A ratio of what is read to what the law gives, as the tool's relation has it.
+        # The reading over the value of the law, as in the tool's relation.
         read = f"{module}.{'dp' if way == 'head' else 'P_el'}"
         return np.asarray(given[f"{module}.Q"] * given[read] / solve(plant)[read])
     pressure = given[f"{module}.dp"]
@@ -121,7 +120,7 @@ def _flow(plant: Operated, plain: Mapping[str, Array], module: str, way: str) ->
 
 
 def _through(plant: Operated, name: str, loss: Array, behind: Array) -> Array:
-    """Flow that loses so much in a line or mixer, with a pressure behind it."""
+    """Flow at a loss of a line or mixer, with a pressure behind it."""
     flow = np.sqrt(np.maximum(loss, 1.0) / plant.values[f"{name}.k2"])
     for _ in range(ROUNDS):
         step = 1e-6 * flow

@@ -1,4 +1,4 @@
-"""A stationary plant: what stands there, and what its sensors are."""
+"""A stationary plant: its modules and its sensors."""
 
 from __future__ import annotations
 
@@ -18,15 +18,13 @@ LOAD_SIGNALS = {
     "T": Sensor("degC", 1.0, bound=0.3, offset=ZERO_CELSIUS),
     "Q": Sensor("l/min", LM, bound=0.005, relative=True),
 }
-"""Of an oil set; bounds as the sensor classes state them."""
-
+"""Of an oil set; bounds of the sensor classes."""
 
 BENCH_SIGNALS = {
     **{name: DOSING_SIGNALS[name] for name in ("n", "Q", "dp", "P_el", "T")},
     "p_s": Sensor("bar", BAR, bound=0.003),
 }
 """Of a metered pump with a throttle before it."""
-
 
 VALVE_SIGNALS = {
     "x": Sensor("%", 0.01, bound=0.5),
@@ -35,12 +33,12 @@ VALVE_SIGNALS = {
     "p_1": Sensor("bar", BAR, bound=0.016),
     "rho": Sensor("kg/m3", 1.0, bound=1.0),
 }
-"""Of a control valve between two taps; bounds as the sensor classes state them."""
+"""Of a control valve between two taps; bounds of the sensor classes."""
 
 
 @dataclass(frozen=True)
 class Rig:
-    """What is on the plant's drawing.
+    """The plant's drawing.
 
     Attributes
     ----------
@@ -55,17 +53,17 @@ class Rig:
     downstream: Mapping[str, str | None]
 
     def kind(self, module: str) -> PumpKind:
-        """Kind of a pump module."""
+        """Return the kind of a pump module."""
         return PUMPS[self.pumps[module]]
 
     @property
     def by_load(self) -> bool:
-        """Is the pressure set by the load, and the flow metered?"""
+        """Whether the load sets the pressure, and the flow is metered."""
         return self.by_temperature or self.by_travel or "oil-set" in self.pumps.values()
 
     @property
     def by_travel(self) -> bool:
-        """Is it a valve, set by its travel, that stands for the pump?"""
+        """Whether valves, set by their travel, take the place of pumps."""
         return "valve" in self.pumps.values()
 
     @property
@@ -80,22 +78,22 @@ class Rig:
 
     @property
     def by_temperature(self) -> bool:
-        """Do the laws of its pumps know the temperature?"""
+        """Whether the laws of its pumps depend on the temperature."""
         return "oil-warm" in self.pumps.values()
 
     @property
     def by_meter(self) -> bool:
-        """Is the flow set by a valve behind the pump, and metered?"""
+        """Whether a valve behind the pump sets the flow, which is metered."""
         return "metered" in self.pumps.values()
 
     @cached_property
     def feeds(self) -> Array:
-        """1 where a mixer lies downstream of a pump, else 0; shape (pumps, mixers)."""
+        """1 if a mixer is downstream of a pump, else 0; shape (pumps, mixers)."""
         rows = [[mixer in self.path(name) for mixer in self.mixers] for name in self.pumps]
         return np.array(rows, dtype=np.float64).reshape(len(self.pumps), len(self.mixers))
 
     def path(self, name: str) -> list[str]:
-        """Mixers downstream of a module, nearest first."""
+        """Return the mixers downstream of a module, nearest first."""
         found, at = [], self.downstream[name]
         while at is not None:
             found.append(at)
@@ -136,8 +134,7 @@ class Rig:
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """Signals whose values the plant's physics causes; a flow meter that is not used for
-        diagnosis is left out."""
+        """Signals that the plant's physics causes, without flow meters unused in diagnosis."""
         caused: tuple[str, ...] = ("P_el", "Q") if self.by_load else ("dp", "P_el")
         caused = ("Q",) if self.by_travel else caused
         names = [f"{module}.{name}" for module in self.pumps for name in caused]

@@ -1,4 +1,4 @@
-"""Plants that are drawn: pumps of several kinds feed mixers, or oil sets work against a load."""
+"""Random plants: pumps of several kinds feed mixers, or oil sets work against a load."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ KINDS = ("cavity", "cavity", "cavity", "membrane", "centrifugal")
 
 
 def dosing_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """Two to five pumps feed one to three mixers, in series or side by side; small: two and one.
+    """Draw two to five pumps that feed one to three mixers, in series or parallel.
 
-    A mixer is as wide as what flows through it asks for.
+    A small plant has two pumps and one mixer. The size of a mixer follows from its flow.
     """
     count = 2 if small else int(random.choice([2, 2, 2, 3, 3, 4, 5]))
     names = list(FIRST[:count])
@@ -40,24 +40,24 @@ def dosing_rig(random: np.random.Generator, small: bool = False) -> Rig:
 
 
 def oil_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """One or two oil sets, each against its own load; small: one."""
+    """Draw one or two oil sets, each with its own load; small: one."""
     names = ["main", "aux"][: 1 if small else int(random.choice([1, 1, 2]))]
     return Rig(f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None))
 
 
 def warm_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """An oil set whose laws know the temperature of the oil."""
+    """Return an oil set whose laws depend on the temperature of the oil."""
     return Rig("warm", {"A": "oil-warm"}, {}, {"A": None})
 
 
 def bench_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """One or two metered centrifugal pumps between two valves each; small: one."""
+    """Draw one or two metered centrifugal pumps, each between two valves; small: one."""
     names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
     return Rig(f"bench-{len(names)}", dict.fromkeys(names, "metered"), {}, dict.fromkeys(names))
 
 
 def valve_rig(random: np.random.Generator, small: bool = False) -> Rig:
-    """One or two control valves, each between pressures of its own; small: one."""
+    """Draw one or two control valves, each between its own pressures; small: one."""
     names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
     return Rig(f"valve-{len(names)}", dict.fromkeys(names, "valve"), {}, dict.fromkeys(names))
 
@@ -65,7 +65,7 @@ def valve_rig(random: np.random.Generator, small: bool = False) -> Rig:
 def _size(
     mixer: str, names: list[str], downstream: dict[str, str | None], weak: bool, mixers: int
 ) -> float:
-    """Friction as multiple of that of a DN15 mixer, which is made for two pumps."""
+    """Friction as multiple of that of a DN15 mixer, which suits two pumps."""
     feeding = 0
     for name in names:
         at: str | None = name

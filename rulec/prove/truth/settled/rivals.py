@@ -1,4 +1,4 @@
-"""What else could look like an effect: how much better the truth explains it than any rival."""
+"""Rivals of an effect: how much better the truth explains the readings than any of them."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from .solve import Stalled
 from .visible import VisibleOutputs
 
 MIRRORS = ({"worn", "fouling"}, {"late", "open-seat"})
-"""A line that lets more and more through, and one that lets less through; a valve that opens late,
-and one that never shuts."""
+"""A line that passes more and more, and one that passes less; a valve that opens late, and one that
+never shuts."""
 
 SHAPES = 5
-"""Shapes of a rival that are tried, such as where a valve opens."""
+"""Shapes of a rival that are tried, such as the pressure at which a valve opens."""
 
 
 def margin_of(
     seen: VisibleOutputs, placed: Placed, made: Made, flat: Array, seed: int
 ) -> tuple[float, str]:
-    """Expected gain over the best other effect in the same module or what it feeds."""
-    return margin(
-        seen.change(made.changes), seen.sensitivities, flat, list(_rivals(seen, placed, seed))
-    )
+    """Return the expected gain over the best other effect nearby, and the name of that one."""
+    change, rivals = seen.change(made.changes), list(_rivals(seen, placed, seed))
+    return margin(change, seen.sensitivities, flat, rivals)
 
 
 def _rivals(seen: VisibleOutputs, placed: Placed, seed: int) -> Iterator[Rival]:
-    """Other effects that are near, each in some shapes."""
+    """Other effects in the module, in what it feeds or what feeds it, each in some shapes."""
     rig = seen.scene.rig
     near = {placed.module, *rig.path(placed.module)}
     near |= {m for m in rig.pumps if placed.module in rig.path(m)}
@@ -39,13 +38,13 @@ def _rivals(seen: VisibleOutputs, placed: Placed, seed: int) -> Iterator[Rival]:
             if other.module not in near or other == placed or _mirrored(placed, other):
                 continue
             shapes = set()
-            # All faults begin at the same time: what else could have begun then is the rival.
+            # All faults begin at the same time, so a rival fault has one shape.
             for drawn in range(seed, seed + (1 if effect.sort == "fault" else SHAPES)):
                 size = (effect.low * effect.high) ** 0.5
                 shape = tuple(made_of(seen.scene, other, size, drawn).parameters.items())
                 if shape not in shapes:
                     shapes.add(shape)
-                    # What is off by orders of magnitude is no small effect made as large.
+                    # A change by orders of magnitude cannot be a small effect, scaled up.
                     yield _rival(seen, other, drawn, placed.effect.whole)
 
 
@@ -61,7 +60,7 @@ def _rival(seen: VisibleOutputs, placed: Placed, seed: int, bounded: bool) -> Ri
 
 
 def _mirrored(one: Placed, other: Placed) -> bool:
-    """Is it the same with the other sign? A direction that is free in sign would not tell them."""
+    """Whether it is the same with the other sign; rivals may have either sign anyway."""
     if {one.effect.name, other.effect.name} in MIRRORS and one.module == other.module:
         return True
     faults = one.effect.sort == other.effect.sort == "fault"

@@ -1,4 +1,4 @@
-"""A plant as it truly is and how it is run, before anything is planted."""
+"""A true plant and its operation, before anything is planted."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SENSING = Sensing(law="truncated")
 DAY = 86400.0
 
 FLOW = 1000.0 * LITRE_PER_HOUR
-"""Largest flow of a metered pump, in proportion to its speed."""
+"""Largest flow of a metered pump, proportional to its speed."""
 
 SUCTION = 0.15 * BAR, -0.75 * BAR
 """Gauge pressure before a metered pump, with the suction valve open and nearly closed."""
@@ -40,32 +40,31 @@ TRAVEL = 0.08, 0.98
 """Range of the travel of a valve."""
 
 USED = 0.08, 0.95
-"""Part of the range of a speed or load in which a plant is run."""
+"""Part of the range of a speed or load that operation uses."""
 
 OPENED = 0.1, 1.0
-"""Range of the flow that the valve behind a pump lets through, in parts of the largest one."""
+"""Range of the flow through the valve behind a pump, as share of the largest one."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What happens in a plant from which the plain model leaves nothing out.
+    """The course of a plant from which the plain model leaves nothing out.
 
     Attributes
     ----------
     values : true parameters, SI
-    first : sample with which the recording begins; those before it are of an earlier run, on which
-        the plant is calibrated
+    first : first sample of the recording; earlier ones are of a run for calibration
     time : samples since the recording began, shape (n,), never negative
     given : true inputs, SI, by signal
     temperature, level : of each pump module, K and m
     suction : gauge pressure before each metered pump or valve, Pa
     density : of the liquid in each valve, kg/m3
-    running : bool; where the plant stands, all readings but those of tanks are zero
+    running : bool; while the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
-    hard : what makes it harder than its plain laws; its form errors are in `plain`
-    pace : s from sample to sample
-    correlated : do temperatures follow the load?
-    further : samples at the end that are of a further recording
+    hard : its difficulties; the form errors are in `plain`
+    pace : sampling interval, s
+    correlated : whether temperatures follow the load
+    further : number of samples at the end that belong to a further recording
     """
 
     rig: Rig
@@ -93,23 +92,23 @@ class Scene:
 
     @property
     def known(self) -> slice:
-        """Samples that shape what is planted: all but those of a further recording."""
+        """Samples that shape planted effects: all but those of a further recording."""
         return slice(self.time.size - self.further)
 
     @property
     def length(self) -> float:
-        """Of the recording, samples less one."""
+        """Length of the recording in samples, less one."""
         return float(self.time[self.known][-1])
 
     @property
     def clock(self) -> Array:
-        """Time of the samples, those before the recording too, s."""
+        """Time of all samples, also those before the recording, s."""
         return np.arange(self.time.size, dtype=np.float64) * self.pace
 
     def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
-        """True values of all signals with some terms, SI.
+        """Return the true values of all signals with some terms, SI.
 
-        Raises Stalled where there is no operating point.
+        Raises Stalled if there is no operating point.
         """
         values = values or self.values
         laws = (*self.hard.terms(self.rig, values), *terms)
@@ -118,7 +117,7 @@ class Scene:
         return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
-        """What stands in the file of sensors without errors of their class, SI."""
+        """Return the columns of the file for sensors without errors of their class, SI."""
         return written_by(terms, self._sensed(truth, terms))
 
     def _sensed(self, truth: Mapping[str, Array], terms: Sequence[Change]) -> dict[str, Array]:
@@ -129,7 +128,7 @@ class Scene:
     def recorded(
         self, truth: Mapping[str, Array], terms: Sequence[Change] = ()
     ) -> dict[str, Array]:
-        """Columns of the recording by header, in the units of the sensors."""
+        """Return the columns of the recording by header, in the units of the sensors."""
         read = {}
         for place, value in self._sensed(truth, terms).items():
             if not place.endswith((".T", ".l")):
@@ -141,7 +140,7 @@ class Scene:
         return columns
 
     def read(self, place: str, value: Array, sensing: Sensing) -> Array:
-        """What a sensor shows with the errors of its class, in its unit."""
+        """Return the reading of a sensor with the errors of its class, in its unit."""
         colour, drift = self.hard.colour.get(place, 0.0), self.hard.drift.get(place)
         return read(self.rig.sensors[place], place, value, sensing, self.seed, colour, drift)
 
@@ -156,9 +155,9 @@ def scene(
     difficulties: Sequence[str] = (),
     pace: float = 1.0,
 ) -> Scene:
-    """Draw true parameters and how a plant is run, `before` samples longer than its recording.
+    """Draw true parameters and the operation, `before` samples longer than the recording.
 
-    Raises Stalled where the plant cannot be run so.
+    Raises Stalled if the plant cannot be run so.
     """
     random = stream(seed, "course")
     share = drive.shares(random, list(rig.pumps), profile, samples, before)
@@ -225,8 +224,7 @@ def scene(
 
 
 def may_be_set(rig: Rig) -> dict[str, tuple[float, float]]:
-    """How far an operator may set inputs, SI: as far as plants are run at all. Nobody sets a
-    temperature."""
+    """Return the limits of inputs, SI: the range that operation uses. Nobody sets temperatures."""
     found = {}
     for m in rig.pumps:
         low, high = (ACROSS if rig.by_travel else LOAD) if rig.by_load else rig.kind(m).speeds
@@ -241,30 +239,30 @@ def may_be_set(rig: Rig) -> dict[str, tuple[float, float]]:
 
 
 def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
-    """True parameters within two uncertainties of what the module types state."""
+    """Draw true parameters within two uncertainties of the values in the module types."""
     found = {}
     for name, (value, u) in rig.numbers.items():
         found[name] = value + u * float(np.clip(random.standard_normal(), -2.0, 2.0))
-        # A slip of an oil set is no gain; what its maker states is no more than a start.
+        # The slip of an oil set must not be negative; its stated value is only a first guess.
         if value > 0 and u > 0.5 * value:
             found[name] = value * float(random.uniform(0.4, 1.6))
     return found
 
 
 def _throttled(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
-    """Gauge pressure behind a suction valve that is closed in steps: most loss when nearly shut."""
+    """Gauge pressure behind a suction valve that is closed in steps."""
     opened, shut = SUCTION
     return opened + (shut - opened) * opened_slowly(seconds, make(random, seconds.size)) ** 2
 
 
 def _behind(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
-    """Gauge pressure behind a valve, as what lies there sets it."""
+    """Gauge pressure behind a valve."""
     low, high = BEHIND
     return low + (high - low) * opened_slowly(seconds, make(random, seconds.size))
 
 
 def opened_slowly(seconds: Array, setting: Array) -> Array:
-    """What a valve with the drive's inertia has reached."""
+    """Return the opening of a valve that follows its setting with the drive's inertia."""
     return approach(seconds, setting, INERTIA.speed)
 
 
@@ -275,7 +273,7 @@ def ambient(
     suction: Mapping[str, Array],
     density: Mapping[str, Array],
 ) -> dict[str, Array]:
-    """True values of signals that nothing in the plant causes, SI."""
+    """Return the true values of signals that the plant does not cause, SI."""
     found = {f"{m}.T": v for m, v in temperature.items() if f"{m}.T" in rig.sensors}
     found |= {f"{m}.{rig.gauge}": values for m, values in suction.items()}
     found |= {f"{m}.rho": values for m, values in density.items()}

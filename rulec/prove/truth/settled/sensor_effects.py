@@ -1,4 +1,4 @@
-"""Sensors that err beyond their class, and plant faults that begin while the recording runs."""
+"""Sensor errors beyond the class, and plant faults that begin during the recording."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .term import Kind
 def _follows(
     signal: str, shown: Callable[[Array, Array], Array], by: str, unit: float, name: str
 ) -> Make:
-    """A reading whose error follows the temperature (size per kelvin) or time (size at the end)."""
+    """An error that follows the temperature (size per kelvin) or time (size at the end)."""
 
     def make(here: Here) -> Made:
         signed, scene = here.signed(), here.scene
@@ -37,40 +37,37 @@ def _offset(signal: str, unit: float) -> Make:
 
 
 def misadjusted(here: Here) -> Made:
-    """A pressure transmitter with wrong span (`size`) and a zero that makes up for it in part.
-
-    `z` is what it reads too much at its median reading.
-    """
+    """A pressure transmitter has a wrong span (`size`), and a zero that compensates it in part."""
     gain = here.signed()
     zero = -gain * here.usual("dp") * here.between(0.3, 1.2)
     return here.reading("dp", lambda v: v * (1.0 + gain) + zero, x=gain, o=zero / BAR)
 
 
 def two_slope(here: Here) -> Made:
-    """Above a pressure the transmitter shows each further one larger by the share `size`."""
+    """Above a pressure, the gain of the transmitter is higher by the share `size`."""
     kink = here.limit("dp", 0.3, 0.7)
     values = {"b": here.size, "r_c": kink / BAR}
     return here.reading("dp", lambda v: v + here.size * np.maximum(v - kink, 0.0), **values)
 
 
 def bent(here: Here) -> Made:
-    """What is shown too much rises with the square of the distance from the usual pressure."""
+    """The error rises with the square of the distance from the usual pressure."""
     usual, reach = here.usual("dp"), 0.5 * span(here.scene, here.plain("dp"))
     values = {"b": here.size, "r0": usual / BAR, "w0": reach / BAR}
     return here.reading("dp", lambda v: v + here.size * (v - usual) ** 2 / reach, **values)
 
 
 def speed_gain(here: Here) -> Made:
-    """The converter shows more or less than the shaft turns."""
+    """The converter shows a speed above or below that of the shaft."""
     off = here.signed()
     return here.reading("n", lambda v: v * (1.0 + off), x=off)
 
 
 def _present(here: Here) -> Array:
-    """1 while a fault is there: from a third on, to the end or for a while."""
+    """1 while a fault is present: from a drawn time to the end, or for a while."""
     time, length = here.scene.time, here.scene.length
     begin = here.between(0.25, 0.6) * length
-    # What lasts to the end lasts on where the plant is recorded further.
+    # A fault that lasts to the end also lasts in a further recording.
     lasts = here.random.uniform() < 0.6
     end = math.inf if lasts else begin + here.between(0.15, 0.3) * length
     return ((time >= begin) & (time <= end)).astype(float)
@@ -91,10 +88,6 @@ def _slope(signal: str, sign: float) -> Make:
     return make
 
 
-def _added(value: Array, amount: Array) -> Array:
-    return value + amount
-
-
 def _scaled(value: Array, amount: Array) -> Array:
     return np.asarray(value * np.exp(amount))
 
@@ -110,18 +103,17 @@ SENSORS = (
            "sensor", kinds=DOSING, corner=True),
     Effect("dp-bent", "pressure not in proportion", 0.005, 0.2, bent, "sensor", kinds=DOSING),
     Effect("power-zero-creep", "zero of the power creeps", 0.1, 50.0,
-           _follows("P_el", _added, "t", 1.0, "z"), "sensor", timed=True, slow=True),
+           _follows("P_el", np.add, "t", 1.0, "z"), "sensor", timed=True, slow=True),
     Effect("speed-gain", "speed shown wrong", 0.01, 0.3, speed_gain, "sensor", kinds=DOSING),
     Effect("dp-zero-warm", "zero of the pressure follows temperature", 20.0, 4000.0,
-           _follows("dp", _added, "T", BAR, "z"), "sensor", kinds=DOSING, driver="T"),
+           _follows("dp", np.add, "T", BAR, "z"), "sensor", kinds=DOSING, driver="T"),
     Effect("dp-gain-warm", "gain of the pressure follows temperature", 2e-5, 5e-3,
            _follows("dp", _scaled, "T", 1.0, "r"), "sensor", kinds=DOSING, driver="T"),
     Effect("dp-zero-creep", "zero of the pressure creeps", 300.0, 8e4,
-           _follows("dp", _added, "t", BAR, "z"), "sensor", kinds=DOSING, timed=True, slow=True),
+           _follows("dp", np.add, "t", BAR, "z"), "sensor", kinds=DOSING, timed=True, slow=True),
     Effect("power-gain-creep", "gain of the power creeps", 2e-3, 0.4,
            _follows("P_el", _scaled, "t", 1.0, "r"), "sensor", timed=True, slow=True),
 )  # fmt: skip
-
 
 FAULTS = (
     Effect("leak", "bypass opens", 1e-3, 0.5, _fault("leak", 1.0), "fault", timed=True),

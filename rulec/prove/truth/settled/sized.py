@@ -1,4 +1,4 @@
-"""How large an effect is made: so large that it can be seen as its case asks."""
+"""The size of an effect: so that its expected gain is that of the plan."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from .visible import VisibleOutputs
 
 TRIES = 14
 NEAR = 1.25
-"""Factor to the aimed gain that is near enough."""
+"""Factor to the target gain within which the search ends."""
 
 FAR = 4.0
-"""Factor to the aimed gain that is taken where an effect cannot be larger or smaller."""
+"""Factor to the target gain that is accepted if an effect cannot be larger or smaller."""
 
 LEAST = 4.0
-"""Expected gain that an effect has at least."""
+"""Least expected gain of an effect."""
 
 
 def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made | None:
-    """An effect so large that it can be seen as aimed; None where that is not possible.
+    """Search the size at which an effect has the target gain; None if there is none.
 
-    One without a size is as it is. Raises Stalled where it cannot be in this plant.
+    An effect without a size stays as it is. Raises Stalled if the plant cannot have it.
     """
     effect = placed.effect
     low, high = effect.low, effect.high
@@ -56,8 +56,8 @@ def sized(seen: VisibleOutputs, placed: Placed, aim: float, seed: int) -> Made |
 
 
 def made_of(scene_: Scene, placed: Placed, size: float, seed: int) -> Made:
-    """An effect of some size; what shapes it is the same at every size."""
-    # All faults begin at the same time: what else could have begun then is the rival.
+    """Make an effect of some size; its shape is the same at every size."""
+    # All faults begin at the same time, as rivals that another fault could be taken for.
     fault = placed.effect.sort == "fault"
     name = "fault" if fault else f"{placed.effect.name} {placed.module}"
     made = placed.effect.make(Here(scene_, placed.module, size, stream(seed, name)))

@@ -1,8 +1,8 @@
 """Operating points of a stationary plant, for all samples at once.
 
-Unknown is the flow of each pump: it must be what the pump delivers against the pressure that the
-flows cause. Newton's method with differences. Where the load sets the pressure (oil sets), nothing
-is unknown.
+Unknown is the flow of each pump, which must be its delivery at the pressure that the flows cause.
+Newton's method with finite differences. If the load sets the pressure (oil sets), nothing is
+unknown.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ TOLERANCE = 1e-11
 STEP = 1e-7
 
 START = 400.0 * LITRE_PER_HOUR
-"""Flow from which the root search starts."""
+"""Start of the root search."""
 
 LEAST_HEAD = 0.06 * BAR
-"""Of a metered pump; below it a ratio of heads says nothing."""
+"""Least head of a metered pump; below, a ratio of heads is meaningless."""
 
 HEAD_SCALE = 200.0 * LITRE_PER_HOUR / BAR
-"""Flow that a pressure off the curve counts as."""
+"""Converts an error of the head to one of the flow."""
 
 
 class Stalled(ValueError):
-    """A pump cannot overcome its back-pressure, or no operating point was found."""
+    """A pump cannot overcome its back-pressure, or there is no operating point."""
 
 
 @dataclass(frozen=True)
 class Operated:
-    """A plant as it is operated.
+    """A plant in operation.
 
     Attributes
     ----------
     values : true parameters, SI, by `module.parameter`
     given : true inputs, SI, by signal, shape (n,)
-    terms : what the plant does beyond its plain laws
+    terms : terms beyond the plain laws
     """
 
     rig: Rig
@@ -53,18 +53,18 @@ class Operated:
     terms: Sequence[Change] = ()
 
     def parameters(self, module: str) -> dict[str, Any]:
-        """Parameters of one module by their own names, and a temperature that is an input."""
+        """Return the parameters of a module by their own names, and a temperature input."""
         lead = f"{module}."
         own = {n.removeprefix(lead): v for n, v in self.values.items() if n.startswith(lead)}
         temperature = self.given.get(f"{lead}T")
         return own if temperature is None else {**own, "T": temperature}
 
     def total(self, kind: Kind, module: str, state: State) -> Array | float:
-        """Sum of all terms of a kind in a module."""
+        """Return the sum of all terms of a kind in a module."""
         return total(self.terms, kind, module, state)
 
     def delivered(self, module: str, pressure: Array, flow: Array) -> tuple[Array, State]:
-        """Flow of a pump before a leak, m3/s, and its operating point."""
+        """Return the flow of a pump before a leak, m3/s, and its operating point."""
         state = self._state(module, pressure, flow)
         free, slip = self.rig.kind(module).flow(
             self.parameters(module), state.speed, state.pressure
@@ -74,22 +74,22 @@ class Operated:
         return (free - slip) * kept - self.total("slip", module, state), state
 
     def line_loss(self, name: str, flow: Array, behind: Array | float = 0.0) -> Array:
-        """Loss of a line or mixer, Pa, with a pressure `behind` it."""
+        """Return the loss of a line or mixer, Pa, with a pressure `behind` it."""
         state = replace(_of_flow(flow), pressure=behind + np.zeros_like(flow))
         friction = self.values[f"{name}.k2"] * (1.0 + self.total("friction", name, state))
         loss = self.values[f"{name}.k0"] + friction * flow * np.abs(flow)
         return np.asarray(loss + self.total("loss", name, state))
 
     def net(self, module: str, flow: Array) -> Array:
-        """What of a pump's flow leaves its module, behind a leak, m3/s."""
+        """Return the part of a pump's flow that leaves its module, after a leak, m3/s."""
         return np.asarray(flow * (1.0 - self.total("leak", module, _of_flow(flow))))
 
     def power(self, module: str, state: State) -> Array:
-        """At the motor, W."""
+        """Return the power at the motor, W."""
         return np.asarray(state.power + self.total("power", module, state))
 
     def _state(self, module: str, pressure: Array, flow: Array) -> State:
-        """Operating point of a pump against a pressure."""
+        """Operating point of a pump at a pressure."""
         kind, p = self.rig.kind(module), self.parameters(module)
         zero = np.zeros_like(pressure)
         speed = self.given.get(f"{module}.{self.rig.setting}", np.ones_like(pressure))
@@ -103,16 +103,10 @@ class Operated:
 
 
 def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str, Array]:
-    """What truly happens, by signal, SI, shape (n,): outputs, and the net flow `module.Q`.
+    """Return the true outputs and net flows `module.Q` by signal, SI, shape (n,).
 
-    Parameters
-    ----------
-    start : net flows `module.Q` to begin with
-
-    Raises
-    ------
-    Stalled
-        No operating point with forward flow in every pump.
+    `start` has net flows `module.Q` to start from. Raises Stalled if there is no operating point
+    with forward flow in every pump.
     """
     rig = plant.rig
     if rig.by_load:
@@ -136,7 +130,7 @@ def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str
             step = np.linalg.solve(jacobian, off[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError as problem:
             raise Stalled("no operating point") from problem
-        # A pump's flow is never more than halved or doubled at once: curves end there.
+        # A step at most halves or doubles a flow, because curves end there.
         flow = np.clip(flow - step, 0.5 * flow, 2.0 * flow)
         if not np.all(np.isfinite(flow)):
             raise Stalled("no operating point")
@@ -151,20 +145,20 @@ def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str
 
 
 def _of_flow(flow: Array) -> State:
-    """All that a line knows of its operating point."""
+    """The operating point of a line."""
     zero = np.zeros_like(flow)
     return State(zero, flow, zero, zero, zero, zero)
 
 
 def _imbalance(plant: Operated, flow: Array) -> Array:
-    """What vanishes where every pump works against what the flows cause, m3/s."""
+    """Errors that vanish at the operating point, m3/s."""
     pressure, _ = _pressures(plant, _net(plant, flow))
     found = [_off(plant, m, pressure[:, k], flow[:, k]) for k, m in enumerate(plant.rig.pumps)]
     return np.stack(found, 1)
 
 
 def _off(plant: Operated, module: str, pressure: Array, flow: Array) -> Array:
-    """What vanishes at the operating point of a pump, as a flow, m3/s."""
+    """Error that vanishes at the operating point of a pump, m3/s."""
     given_flow, state = plant.delivered(module, pressure, flow)
     curve = plant.rig.kind(module).head
     if curve is None:
@@ -181,7 +175,7 @@ def _net(plant: Operated, flow: Array) -> Array:
 
 
 def _pressures(plant: Operated, net: Array) -> tuple[Array, Array]:
-    """Pressure across each pump and each mixer by the net flows, Pa; shapes (n, ...)."""
+    """Pressure across each pump and each mixer by net flows, Pa; shapes (n, ...)."""
     rig = plant.rig
     through = net @ rig.feeds
     mixers = [plant.line_loss(m, through[:, k]) for k, m in enumerate(rig.mixers)]
@@ -218,7 +212,7 @@ def _by_load(plant: Operated) -> dict[str, Array]:
 def _by_meter(plant: Operated) -> dict[str, Array]:
     """Metered centrifugal pumps: valves set the flow, the pressure follows.
 
-    What the pump does beyond its curve may follow its pressure, so both are sought in turn.
+    Terms beyond the curve may depend on the pressure, so both are found by iteration.
     """
     found = {}
     for m in plant.rig.pumps:

@@ -1,4 +1,4 @@
-"""The stationary cases of the proof: a list by seed, each to be made where it is needed."""
+"""The stationary cases of the proof: a list by seed; each is made when it is needed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .effects import CONNECTIONS, EFFECTS, WIRING, effect_of
 from .plan import Planned
 
 WEAKEST, STRONGEST = 8.0, 2e4
-"""Expected gain in log likelihood: from barely visible to dominant."""
+"""Expected gain in log likelihood: from barely detectable to dominant."""
 
 PROFILES = ("steps", "steps", "ramps", "start-stop", "long-constant")
 
@@ -32,7 +32,7 @@ FULL: Mapping[str, int] = {
 """Cases of a run."""
 
 QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "unnamed": 1}
-"""Of a quick run, of small plants."""
+"""Cases of a quick run, of small plants."""
 
 HARD: Mapping[str, int] = {
     "form-clean": 50,
@@ -45,18 +45,18 @@ HARD: Mapping[str, int] = {
     "all": 50,
     "wiring": 24,
 }
-"""Of a run with difficulties; in the group `all` every one of them. Plants of the group `wiring`
-keep to their laws: what is wrong with them is in the cables or the file."""
+"""Cases of a run with difficulties, all of them in the group `all`. Plants of the group `wiring`
+obey their laws: the mistakes are in the cables or the file."""
 
 PRODUCED: Mapping[str, int] = {"production": 36, "production-clean": 6, "production-unnamed": 6}
-"""Of a run of small plants that make a few products, in a part of what may be set; they keep to
+"""Cases of small plants that make a few products within a part of the allowed range; they obey
 their laws."""
 
 CONNECTED: Mapping[str, int] = {"connection": 24}
-"""Of a run of plants that are connected otherwise than stated; they keep to their laws."""
+"""Cases of plants whose connections differ from the file; they obey their laws."""
 
 HARD_QUICK: Mapping[str, int] = dict.fromkeys(HARD, 2)
-"""Of a quick run with difficulties, of small plants."""
+"""Cases of a quick run with difficulties, of small plants."""
 
 DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
     "form": ("form",),
@@ -66,9 +66,8 @@ DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
 }
 """By the first word of a group of `HARD`."""
 
-CENTRIFUGAL = ("centrifugal",)
 ALONE = {("metered",): "bench", ("oil-warm",): "warm", ("valve",): "valve"}
-"""Kinds of pumps, and valves, that stand in no plant with others, with their plants."""
+"""Families of plants by the kinds of pumps, and valves, that are in no plant with others."""
 
 HIDING = (
     ("wear", "fouling"),
@@ -82,22 +81,26 @@ HIDING = (
     ("fouling", "dp-zero-creep"),
     ("friction-warm", "power-gain-creep"),
 )
-"""Two effects of one module whose traces resemble each other."""
+"""Two effects of one module with similar changes of the readings."""
 
 
 def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) -> Iterator[Planned]:
-    """All cases of a run; another seed draws other plants, runs, effects and strengths."""
+    """Yield all cases of a run; the seed draws plants, operation, effects and strengths."""
     for group, count in counts.items():
         random = np.random.default_rng([seed, *group.encode()])
-        drawn = _drawn(group, count, random)
-        for i, effects in enumerate(drawn):
+        for i, effects in enumerate(_drawn(group, count, random)):
             aim = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
             if group in ("hiding", "pair", "unrecorded"):
                 aim = max(aim, 100.0)
             profile = str(random.choice(PROFILES))
-            oil = all(_in_oil(effect_of(e)) for e in effects) and group not in ("unrecorded",)
+            kinds = [effect_of(e).kinds for e in effects]
+            in_oil = all(
+                e.at == "pump" and (not e.kinds or "oil-set" in e.kinds)
+                for e in map(effect_of, effects)
+            )
+            oil = in_oil and group != "unrecorded"
             family = "oil" if oil and random.uniform() < 0.3 else "dosing"
-            family = next((ALONE[k] for e in effects if (k := effect_of(e).kinds) in ALONE), family)
+            family = next((ALONE[k] for k in kinds if k in ALONE), family)
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
@@ -111,7 +114,7 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
 
 
 def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:
-    """Names of effects of each case: all in turn, in an order by the seed."""
+    """Names of effects of each case: all in turn, in a drawn order."""
     pools: dict[str, Sequence[tuple[str, ...]]] = {
         "clean": [()],
         **{g: [()] for g in (*HARD, *PRODUCED) if g.endswith("-clean")},
@@ -126,7 +129,7 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
 
 
 def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
-    """Two effects, of which one may be a fault or a sensor's."""
+    """Pairs of effects, of which the second may be a fault or a sensor error."""
     physics = [e.name for e in EFFECTS.values() if e.sort == "physics"]
     others = [e.name for e in EFFECTS.values() if e.sort in ("physics", "fault", "sensor")]
     found: list[tuple[str, ...]] = []
@@ -138,7 +141,7 @@ def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
 
 
 def _meet(one: Effect, other: Effect) -> bool:
-    """Can both be in one plant?"""
+    """Whether one plant can have both."""
     alone = [e.kinds for e in (one, other) if e.kinds in ALONE]
     rest = [e for e in (one, other) if e.kinds not in ALONE]
     fit = all(e.at == "pump" and (not e.kinds or alone[0][0] in e.kinds) for e in rest if alone)
@@ -150,22 +153,15 @@ def _fits(effect: Effect, group: str) -> bool:
         case "single" | "production":
             return effect.sort == "physics"
         case "calibrated":
-            return effect.sort == "physics" and not effect.timed and _curves_can_be_found(effect)
+            # The effect must be on a pump that is calibrated during operation.
+            fixed = effect.kinds == ("centrifugal",) or effect.kinds in ALONE
+            return effect.sort == "physics" and not effect.timed and not fixed
         case "correlated":
             return effect.driver == "T"
         case "unrecorded":
-            # What acts now and then is by its readings a fault that comes and goes.
+            # By its readings, an effect that acts now and then is an intermittent fault.
             return effect.sort == "physics" and effect.driver != "" and not effect.corner
         case "form" | "coloured" | "drift" | "all":
             return True
         case sort:
             return effect.sort == sort
-
-
-def _curves_can_be_found(effect: Effect) -> bool:
-    """Is a pump that has it calibrated as it runs?"""
-    return effect.kinds != CENTRIFUGAL and effect.kinds not in ALONE
-
-
-def _in_oil(effect: Effect) -> bool:
-    return effect.at == "pump" and (not effect.kinds or "oil-set" in effect.kinds)

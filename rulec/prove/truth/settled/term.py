@@ -1,4 +1,4 @@
-"""What a plant does beyond its plain laws: terms that are added where they act."""
+"""Terms beyond the plain laws of a plant, added where they act."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from ..units import Array
 
 Kind = Literal["slip", "gain", "head", "loss", "power", "shaft", "leak", "friction"]
-"""Where a term acts: `slip` m3/s that the pump does not deliver, `gain` share of the delivered flow
-that is lost, `head` Pa that a centrifugal pump does not give, `loss` Pa of a line or mixer, `power`
-W at the motor, `shaft` share of the shown speed that the shaft does not turn, `leak` share of the
-pump's flow that returns, `friction` share by which the friction of a line or mixer is raised."""
+"""Where a term acts: `slip` lost flow of the pump, m3/s; `gain` lost share of the delivered flow;
+`head` lost pressure of a centrifugal pump, Pa; `loss` of a line or mixer, Pa; `power` at the motor,
+W; `shaft` lost share of the shown speed; `leak` share of the pump's flow that returns; `friction`
+added share of the friction of a line or mixer."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class State:
     speed : of the shaft, rev/s
     flow : net flow, m3/s
     pressure : across the pump, or behind a line, Pa
-    power : of the plain law, W; free of it where the law has no pressure: `idle`, W
+    power, idle : of the plain law, W, at the pressure and at none
     slip : of the plain law driven by pressure, m3/s
     """
 
@@ -52,7 +52,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a sensor shows of what is there, both SI, shape (n,); `place` such as `A.dp`."""
+    """The reading of a sensor by its true value, both SI, shape (n,); `place` such as `A.dp`."""
 
     place: str
     shown: Callable[[Array], Array]
@@ -60,8 +60,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class Column:
-    """What stands in the column of `place` in the file, of what all columns should hold, each shape
-    (n,); their noise is in them. Scales of units have no part in it."""
+    """The column of `place` in the file by the correct columns, each of shape (n,).
+
+    The columns include noise. Units play no part.
+    """
 
     place: str
     written: Callable[[Mapping[str, Array]], Array]
@@ -71,7 +73,7 @@ Change = Term | Reading | Column
 
 
 def total(terms: Iterable[Change], kind: Kind, module: str, state: State) -> Array | float:
-    """Sum of all terms of a kind in a module."""
+    """Return the sum of all terms of a kind in a module."""
     found = [
         t.law(state) for t in terms if isinstance(t, Term) and t.kind == kind and t.module == module
     ]
@@ -79,13 +81,13 @@ def total(terms: Iterable[Change], kind: Kind, module: str, state: State) -> Arr
 
 
 def written_by(terms: Sequence[Change], columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns as they stand in the file, by place."""
+    """Return the columns in the file by place."""
     wrong = {t.place: t.written(columns) for t in terms if isinstance(t, Column)}
     return {**columns, **wrong}
 
 
 def shown_by(terms: Sequence[Change], place: str, value: Array) -> Array:
-    """What a sensor shows, with all its errors beyond its class."""
+    """Return the reading of a sensor with all its errors beyond its class."""
     for term in terms:
         if isinstance(term, Reading) and term.place == place:
             value = term.shown(value)

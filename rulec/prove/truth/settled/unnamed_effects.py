@@ -1,4 +1,4 @@
-"""Physics that no catalogue names; the answer to it is its place."""
+"""Physics that no catalogue names; the right answer is its place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def resonance(here: Here) -> Made:
 
 
 def play(here: Here) -> Made:
-    """A valve with play: friction differs after the flow was raised and after it was lowered."""
+    """A valve has play: friction depends on whether the flow was raised or lowered."""
     speed = here.plain("n")
     state, last = np.zeros_like(speed), float(speed[0])
     side = 1.0
@@ -29,14 +29,14 @@ def play(here: Here) -> Made:
 
 
 def beside(here: Here) -> Made:
-    """A machine beside the pump, which nobody records, shakes its valves, now more, now less."""
+    """A machine beside the pump, which nobody records, shakes its valves periodically."""
     period, phase = here.between(120.0, 300.0), here.between(0.0, 2.0 * np.pi)
     wave = 0.5 * (1.0 + np.sin(2.0 * np.pi * here.scene.time / period + phase))
     return here.constant("gain", here.size * wave, share=here.size, period=period)
 
 
 def pattern(here: Here) -> Made:
-    """The flow in a mixer changes its pattern where one feed outweighs the others."""
+    """The flow pattern in a mixer changes if one feed outweighs the others."""
     rig = here.scene.rig
     feeding = [n for n in rig.pumps if here.module in rig.path(n)]
     flows = np.array([here.scene.plain[f"{n}.Q"] for n in feeding])

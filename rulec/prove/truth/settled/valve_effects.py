@@ -1,4 +1,4 @@
-"""Physics of a control valve: what its trim is, what chokes in it, what stands in row with it."""
+"""Physics of a control valve: its trim, choked flow, fittings in series with it."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from .effect import Effect, Here, Made, middle, quantile
 from .term import State
 
 CRITICAL = 0.96 - 0.28 * (VAPOUR / 220.64e5) ** 0.5
-"""Pressure in the jet, over that of the vapour, where it chokes. Source: IEC 60534-2-1, FF."""
+"""Pressure in a choked jet over vapour pressure. Source: IEC 60534-2-1, FF."""
 
 
 def _opened(here: Here, opening: Callable[[Array], Array], **parameters: float) -> Made:
-    """A valve that is open by another share than its travel; the plain law is linear in that."""
+    """A valve whose opening differs from its travel; the plain law is linear in the travel."""
     return here.term("shaft", lambda s: np.asarray(1.0 - opening(s.speed) / s.speed), **parameters)
 
 
 def percentage(here: Here) -> Made:
-    """Equal steps of travel change the flow by equal shares; `size` is part of the way there."""
+    """Equal steps of travel change the flow by equal shares; `size` is the part of this law."""
     ratio = here.between(20.0, 60.0)
     return _opened(here, lambda x: x + here.size * (ratio ** (x - 1.0) - x), s=here.size, R=ratio)
 
 
 def quick(here: Here) -> Made:
-    """A flat plug: the flow rises with a power of the travel below 1, at most with its root."""
+    """A flat plug: the flow rises with a power of the travel between 0.5 and 1."""
     return _opened(here, lambda x: x ** (1.0 - here.size), m=here.size)
 
 
 def open_seat(here: Here) -> Made:
-    """At no travel the share `size` is open; the rest opens in proportion to the travel."""
+    """At zero travel the share `size` is open; the rest opens in proportion to the travel."""
     return _opened(here, lambda x: here.size + (1.0 - here.size) * x, r=here.size)
 
 
@@ -42,13 +42,13 @@ def late(here: Here) -> Made:
 
 
 def stopped(here: Here) -> Made:
-    """A stop in the way: the valve opens no further; `size` is how often it would have to."""
+    """A stop limits the opening; `size` is the share of time in which it acts."""
     limit = quantile(here.scene, here.plain("x"), 1.0 - here.size)
     return _opened(here, lambda x: np.asarray(np.minimum(x, limit)), s=limit)
 
 
 def heavy(here: Here) -> Made:
-    """The loss follows the density; `size` is 1 for turbulent flow, less where that is partly so.
+    """The loss follows the density; `size` is 1 for turbulent flow, less for partly turbulent flow.
 
     The flow coefficient holds at the median density.
     """
@@ -58,7 +58,7 @@ def heavy(here: Here) -> Made:
 
 
 def choked(here: Here) -> Made:
-    """The jet is faster than what leaves, by the root of 1 + size: it boils the sooner."""
+    """The jet is faster than the outflow by the root of 1 + size, so it boils earlier."""
     before = here.scene.suction[here.module] + AMBIENT - CRITICAL * VAPOUR
     largest = before / (1.0 + here.size)
 
@@ -70,9 +70,9 @@ def choked(here: Here) -> Made:
 
 
 def in_row(here: Here) -> Made:
-    """Fittings between the taps lose pressure too, by the square of the flow.
+    """Fittings between the taps also lose pressure, with the square of the flow.
 
-    `size` is their loss over the valve's where that passes the median flow at the median pressure.
+    `size` is their loss over that of the valve at median flow and pressure.
     """
     fittings = here.size * here.usual("dp") / here.usual("Q") ** 2
     coefficient, reference = here.value("Kv"), here.value("p_ref")

@@ -1,9 +1,9 @@
-"""How visible an effect is at best: expected gain in log likelihood over recalibration.
+"""The limit of detection of an effect: expected gain in log likelihood over recalibration.
 
-Laws count as linear in the parameters, samples as independent (`blurred` has what hard cases
-need): a bound, not what a tool reaches.
-Sensors' systematic errors and all parameters are free within their uncertainties. A sample counts
-where its module is settled: of a reading that moves, a model of settled operation says nothing.
+Laws count as linear in the parameters, samples as independent (see `blurred` for hard cases): a
+bound that no tool reaches. Sensors' systematic errors and all parameters are free within their
+uncertainties. A sample counts if its module is settled, as the model describes settled operation
+only.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from .scene import SENSING, Scene
 from .term import Change
 
 RELATIVE = 1e-4
-"""Part of an uncertainty by which a parameter is moved to find its slope."""
+"""Share of an uncertainty by which a parameter is moved for its derivative."""
 
 
 @dataclass(frozen=True)
 class VisibleOutputs:
-    """What is seen of a scene: noise of each output, and how all that is uncertain changes it.
+    """The outputs of a scene: their noise, and their changes by everything uncertain.
 
     Attributes
     ----------
-    noise : by output, SI, shape (n,); that of the inputs included
+    noise : by output, SI, shape (n,), including that of the inputs
     settled : by module, shape (n,)
     sensitivities : shape (outputs*n, k), over the noise
-    whitening : of noise with a memory, shared by outputs; None for noise of each sample alone
+    whitening : of coloured noise, shared by outputs; None for white noise
     """
 
     scene: Scene
@@ -43,28 +43,25 @@ class VisibleOutputs:
     whitening: Whitening | None = None
 
     def change(self, terms: Sequence[Change]) -> Array:
-        """What terms change in the readings, over the noise; shape (outputs*n,)."""
+        """Return the change of the readings by terms, over the noise; shape (outputs*n,)."""
         scene = self.scene
         shown = scene.shown(scene.truly(terms), terms)
         own = self.over({n: shown[n] - scene.plain[n] for n in scene.rig.outputs})
-        # A wrong input moves what a model expects of all outputs.
+        # A wrong input changes the model's expectation of all outputs.
         for name in scene.rig.inputs:
             off = shown[name] - scene.given[name]
             if np.any(off):
-                own = own - self._moved(name, off)
+                own = own - self.over(_outputs_moved(scene, name, off))
         return own
 
     def gain(self, terms: Sequence[Change], flat: Array | None = None) -> float:
-        """Expected gain of a model with the terms."""
-        none = np.zeros((len(self.sensitivities), 0))
-        free = none if flat is None else flat
-        return expected_gain(self.change(terms), self.sensitivities, free)
-
-    def _moved(self, name: str, off: Array) -> Array:
-        return self.over(_outputs_moved(self.scene, name, off))
+        """Return the expected gain of a model with the terms."""
+        if flat is None:
+            flat = np.zeros((len(self.sensitivities), 0))
+        return expected_gain(self.change(terms), self.sensitivities, flat)
 
     def over(self, values: Mapping[str, Array]) -> Array:
-        """What of changed outputs, SI, by signal, is seen, over the noise; shape (outputs*n,)."""
+        """Return changes of outputs, SI, by signal, over the noise; shape (outputs*n,)."""
         if self.whitening is not None:
             outputs = np.stack([values[n] for n in self.scene.rig.outputs], 1)
             return self.whitening(outputs[:, :, None])[:, 0]
@@ -76,7 +73,7 @@ class VisibleOutputs:
 
 
 def sight(scene: Scene) -> VisibleOutputs:
-    """Find slopes by differences."""
+    """Return the detectability in a scene; derivatives are finite differences."""
     rig = scene.rig
     variance: dict[str, Any] = {n: noise_of(scene, n) ** 2 for n in rig.outputs}
     slopes = slopes_of(scene)
@@ -97,12 +94,12 @@ def sight(scene: Scene) -> VisibleOutputs:
 
 
 def slopes_of(scene: Scene) -> dict[str, dict[str, Array]]:
-    """What the noise of each input changes in the outputs, per standard deviation of a sample."""
+    """Return the change of the outputs per standard deviation of each input's noise."""
     return {name: _outputs_moved(scene, name, noise_of(scene, name)) for name in scene.rig.inputs}
 
 
 def parameters_moved(scene: Scene) -> Iterator[dict[str, Array]]:
-    """What each uncertain parameter changes in the outputs, per standard uncertainty."""
+    """Yield the change of the outputs per standard uncertainty of each parameter."""
     for name, (_, spread) in scene.rig.numbers.items():
         if spread > 0:
             step = RELATIVE * spread
@@ -111,8 +108,8 @@ def parameters_moved(scene: Scene) -> Iterator[dict[str, Array]]:
 
 
 def settled_of(scene: Scene) -> dict[str, np.ndarray]:
-    """By module the samples of the recording, shape (n,), at which none of its readings moves from
-    one to the next by more than its class."""
+    """Return the settled samples of the recording by module, shape (n,): none of its readings
+    changes from one sample to the next by more than its class."""
     seen = scene.running.copy()
     seen[: scene.first] = False
     found: dict[str, np.ndarray] = {}
@@ -127,7 +124,7 @@ def settled_of(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def noise_of(scene: Scene, place: str) -> Array:
-    """Standard deviation of a sample's error, SI, shape (n,)."""
+    """Return the standard deviation of a sample's error, SI, shape (n,)."""
     sensor = scene.rig.sensors[place]
     bound = sensor.bound * (np.abs(sensor.shown(scene.plain[place])) if sensor.relative else 1.0)
     size = SENSING.statistical * 0.5 * bound * sensor.scale
@@ -135,12 +132,12 @@ def noise_of(scene: Scene, place: str) -> Array:
 
 
 def class_of(scene: Scene, place: str) -> Array:
-    """Standard deviation of what all readings of a sensor share, SI, shape (n,)."""
+    """Return the standard deviation of a sensor's systematic error, SI, shape (n,)."""
     return noise_of(scene, place) / SENSING.statistical
 
 
 def _outputs_moved(scene: Scene, name: str, off: Array) -> dict[str, Array]:
-    """Change of all outputs if an input is moved, to first order."""
+    """Change of all outputs by that of an input, to first order."""
     step = 1e-3 if np.max(np.abs(off)) > 0 else 0.0
     given = {**scene.given, name: scene.given[name] + step * off}
     moved = replace(scene, given=given).truly()

@@ -1,5 +1,5 @@
-"""Mistakes of wiring and files: they hold from the first sample to the last, and no physics is
-beyond the model."""
+"""Mistakes of wiring and files: they hold in all samples, and no physics is missing in the
+model."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ UNITS: Mapping[str, tuple[float, ...]] = {
     "P_el": (1e-3, 1.0 / 745.7),  # kW and hp as W
     "n": (1.0 / 60.0, 2.0 * np.pi / 60.0),  # rev/s and rad/s as rpm
 }
-"""Factors of what stands in a column in another unit than its header says, by signal."""
+"""Factors of a column in another unit than in its header, by signal."""
 
 NAMES = {"dp": "dp", "P_el": "power", "n": "speed"}
-"""Of signals in names of effects."""
+"""Names of signals in those of effects."""
 
 ZERO = {"dp": 0.3 * BAR, "P_el": 60.0}
-"""Offset of a misadjusted meter where its gain is off by all, SI."""
+"""Offset of a misadjusted meter per relative error of its gain, SI."""
 
 
 def _unit(signal: str) -> Make:
@@ -43,7 +43,7 @@ def turned(here: Here) -> Made:
 
 
 def _swapped(signal: str) -> Make:
-    """The column of one pump holds what belongs to another, and the reverse."""
+    """The columns of two pumps are exchanged."""
 
     def make(here: Here) -> Made:
         others = [m for m in here.scene.rig.pumps if m != here.module]
@@ -57,7 +57,7 @@ def _swapped(signal: str) -> Make:
 
 
 def _late(signal: str) -> Make:
-    """A column comes from a recorder whose clock is behind, by `size` samples."""
+    """A column comes from a recorder whose clock is late by `size` samples."""
 
     def make(here: Here) -> Made:
         by, place = max(round(here.size), 1), f"{here.module}.{signal}"
@@ -68,7 +68,7 @@ def _late(signal: str) -> Make:
 
 
 def _misadjusted(signal: str) -> Make:
-    """A meter with a wrong zero and a wrong gain, against all others."""
+    """A meter has a wrong zero and a wrong gain."""
 
     def make(here: Here) -> Made:
         gain, zero = here.signed(), here.signed()
