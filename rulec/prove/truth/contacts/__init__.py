@@ -1,8 +1,8 @@
 """First contacts: a plant with a data sheet, and one recording of ordinary operation.
 
-Half of the plants have one law of another standard form than their module type says. True values
-lie within the uncertainty of the sheet, laws keep to their accuracy, sensors to their class.
-Shares no code with the packages it tests; module types are the YAML files here, and numbers are in
+In half of the plants, one law has another standard form than in the module type. True values are
+within the uncertainty of the sheet, laws within their accuracy, sensors within their class. It
+shares no code with the packages it tests; module types are the YAML files here, and numbers are in
 their units.
 """
 
@@ -31,7 +31,7 @@ MODULE = "unit"
 CASES, QUICK = 40, 10
 SAMPLES, PACE = 400, 10.0
 PART = 0.5, 0.9
-"""Part of the range of each setting that is used."""
+"""Least and largest used part of the range of each setting."""
 
 FLOW, WARM = 10.0, 30.0
 """m3/h and degC at which laws of another form agree with the ordinary ones."""
@@ -53,7 +53,7 @@ def _pump(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]
 
 
 def _valve(p: Numbers, x: Arrays, off: Arrays, form: Numbers) -> dict[str, Array]:
-    """Linear, or of equal percentage with rangeability R. Source: IEC 60534-2-4."""
+    """Linear or equal-percentage trim with rangeability R. Source: IEC 60534-2-4."""
     travel = x["x"] / 100.0
     share = form["R"] ** (travel - 1.0) if form else travel
     loss = p["k"] + 1.0 / (p["Kv"] * share * off["opening"]) ** 2
@@ -83,16 +83,16 @@ CLASSES = {
     "industrial-pressure": (0.001, "full scale"),
     "industrial-thermometer": (0.3, "value"),
 }
-"""Bound of the error, in the unit shown or as a share, of what."""
+"""Bound of the error, and its reference: in the unit shown, or as a share of it."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A law that may be of another form.
+    """A law that may have another form.
 
     Attributes
     ----------
-    type, law : the module type, and how a plant of it truly is
+    type, law : the module type, and the true law of its plants
     ranges : of each setting
     arguments : of each law, by its name in the module type
     form : smallest and largest size of the other form, by parameter
@@ -112,12 +112,12 @@ class Kind:
 
     @property
     def file(self) -> Path:
-        """Of the module type."""
+        """The file of the module type."""
         return Path(__file__).with_name(f"{self.type}.yaml")
 
     @functools.cached_property
     def sensors(self) -> Mapping[str, Sensor]:
-        """By signal."""
+        """The sensors by signal."""
         found = {}
         for name, signal in self.stated["signals"].items():
             bound, of = CLASSES[signal["sensor"]]
@@ -127,7 +127,7 @@ class Kind:
 
     @functools.cached_property
     def accuracy(self) -> Numbers:
-        """Of each law, a share."""
+        """Accuracy of each law as a share."""
         laws = {law: self.stated["definitions"][law]["accuracy"] for law in self.arguments}
         return {law: float(text.partition("%")[0]) / 100.0 for law, text in laws.items()}
 
@@ -164,7 +164,7 @@ KINDS: Mapping[str, Kind] = {
 
 @functools.cache
 def _answers() -> Mapping[str, Mapping[str, Sequence[str]]]:
-    """What is right for each law of another form."""
+    """The right names and places for each law of another form."""
     text = Path(__file__).with_name("answers.yaml").read_text(encoding="utf-8")
     found: Mapping[str, Mapping[str, Sequence[str]]] = yaml.safe_load(text)
     return found
@@ -172,15 +172,15 @@ def _answers() -> Mapping[str, Mapping[str, Sequence[str]]]:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactAnswer(Answer):
-    """What is true of a first contact.
+    """The truth of a first contact.
 
     Attributes
     ----------
-    other : which law is of another form; empty on a sound plant
-    names, places : entries and `module.place` that are right for it
+    other : the law of another form; empty on a sound plant
+    names, places : right entries and `module.place`
     form, values : true sizes of the other form, and parameters by `module.parameter`
-    allowed : error of each output that laws within their accuracy and sensors within their class
-        explain, root mean square over the recording
+    allowed : RMS error of each output over the recording that laws within their accuracy and
+        sensors within their class explain
     """
 
     other: str
@@ -220,10 +220,11 @@ class Planned:
             law: form_error(random, 0.5 * kind.accuracy[law], tuple(kind.ranges[a] for a in by))
             for law, by in kind.arguments.items()
         }
+        # Drawn for a sound plant too, so that both have the same operation.
         form = {name: float(random.uniform(*ends)) for name, ends in kind.form.items()}
+        form = form if self.other else {}
         given = _operated(kind, random)
         off = {law: 1.0 + forms[law](*(given[a] for a in kind.arguments[law])) for law in forms}
-        form = form if self.other else {}
         right = _answers()[self.kind] if self.other else {"names": (), "places": ()}
         answer = ContactAnswer(
             case=self.name,
@@ -275,12 +276,12 @@ class Contact:
         write_csv(folder / "recording.csv", columns)
 
     def reference(self, request: Request) -> Reference:
-        """Nothing: first contacts are judged by what laws may be off."""
+        """Return no reference: first contacts are scored by the accuracy of laws."""
         return Reference({})
 
 
 def planned(first: int, count: int = CASES) -> Iterator[Planned]:
-    """Cases of the seeds from `first` on: each kind in turn, once sound, once of another form."""
+    """Yield cases of the seeds from `first` on: each kind in turn, sound, then of another form."""
     for seed in range(first, first + count):
         yield Planned(seed, list(KINDS)[(seed - 1) // 2 % len(KINDS)], seed % 2 == 0)
 
@@ -298,7 +299,7 @@ def _operated(kind: Kind, random: np.random.Generator) -> dict[str, Array]:
 
 
 def _allowed(kind: Kind, true: Numbers, given: Arrays) -> dict[str, float]:
-    """By one step for each law and sensor. Source: GUM, 5.1.2."""
+    """RMS error of each output, by one step of each law and sensor. Source: GUM, 5.1.2."""
     one = {law: np.ones(SAMPLES) for law in kind.accuracy}
     plain = kind.law(true, given, one, {})
 

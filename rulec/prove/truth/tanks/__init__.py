@@ -1,12 +1,12 @@
 """Independent truth for plants that store liquid: tanks in a row, written from physics.
 
-Shares no code with the packages it tests. Files in order of data flow: `plant` (what is built),
-`laws` (flows), `balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true
-parameters by seed), `effect` and the three files of effects, `effects` (all by id), `size` (how
-large an effect is made), `case`, `rows` (plants drawn), `folder`, `key` (what is right), `knobs`,
-`step`, `model` (the true plant as a model), `seen` (what can be seen at best), `refit`, `sealed`
-(common form), `suite`. Of hard cases: `bend` (a form error), `hard` (what is drawn), `blurred`.
-All is in cm, s and V.
+It shares no code with the packages it tests. Files in order of data flow: `plant`, `laws` (flows),
+`balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true parameters by
+seed), `effect` and the three files of effects, `effects` (all by id), `size` (of an effect),
+`case`, `rows` (random plants), `folder`, `key` (right answers), `knobs` (parameters), `step`,
+`model` (the true plant as a model), `seen` (the limit of detection), `refit`, `sealed` (common
+form), `suite`. Of hard cases: `bend` (a form error), `hard` (difficulties), `blurred`. All is in
+cm, s and V.
 """
 
 from .build import CASCADED, Layout, build

@@ -1,7 +1,7 @@
-"""Balances of volume, integrated from sample to sample; every jump of a flow ends a stretch.
+"""Volume balances, integrated from sample to sample and from jump to jump of a flow.
 
-Source: conservation of volume; LSODA (Petzold 1983) as in scipy. Its `odeint` starts anew at every
-sample five times faster than `solve_ivp`, whose LSODA also keeps 2 kB for good each time (1.17).
+Source: conservation of volume; LSODA (Petzold 1983) as in scipy. Its `odeint` restarts at every
+sample five times faster than `solve_ivp`, whose LSODA also leaks 2 kB each time (1.17).
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from scipy.integrate import odeint
 from ..units import Array
 from .laws import arriving, bypassed, loss, outflow, overflow, supply
 from .memory import path, with_play
-from .plant import LevelSensor, Plant, Tank
+from .plant import Plant, Tank
 from .step import step
 
 RELATIVE, ABSOLUTE = 1e-7, 1e-7
 """Tolerances; levels are of the order of 10 cm."""
 
 MOST_STEPS = 20000
-"""In a stretch; a tank that runs empty takes some hundreds."""
+"""Of an interval; a tank that runs empty takes some hundreds."""
 
 SOLVED = "Integration successful."
-"""What scipy reports then."""
+"""Report of scipy on success."""
 
 SAME = 1e-6
-"""s; times that are closer are one."""
+"""s; closer times are one."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What happened, at the n samples.
+    """The course of a plant at n samples.
 
     Attributes
     ----------
-    time : s; `levels`, shape (n, tanks), cm; `fed` : flow of the feed where it arrives, cm3/s
-    fallen, left : what falls into each tank and leaves by its outlet, shape (n, tanks), cm3/s
-    sensed : level that each sensor follows, after its lag and dead time, shape (n, sensors), cm
+    time : s; `levels`, shape (n, tanks), cm; `fed` : flow of the feed at its end, cm3/s
+    fallen, left : inflow of each tank and outflow by its outlet, shape (n, tanks), cm3/s
+    sensed : level that each sensor shows, after its lag and dead time, shape (n, sensors), cm
     pumped, drained, lost : volumes since the beginning, shape (n,), cm3
     """
 
@@ -58,9 +58,9 @@ class Course:
 
 
 def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> Course:
-    """Run the plant; an input holds from its sample to the next.
+    """Simulate the plant; an input holds from its sample to the next.
 
-    `quick` takes one step of a fixed rule where that is enough; what is recorded never does.
+    `quick` takes one step of a fixed rule if that is accurate enough; recordings never use it.
     """
     moved = with_play(shown, plant.feed.play) if plant.feed.play else shown
     drive = path(time, moved, plant.feed.rate)
@@ -71,8 +71,8 @@ def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> C
     for i, (begin, end) in enumerate(pairwise(stops.tolist())):
         middle = 0.5 * (begin + end)
         tanks = tuple(t.at(middle) for t in plant.tanks)
-        # Before the first sample the plant was run as at the first. Within a stretch the drive
-        # stands still, or moves in a straight line about where it is in the middle.
+        # Before the first sample the input was as at the first. Within an interval the drive
+        # stands still, or moves linearly.
         ends = (begin, end) if not drive.stepped else (middle, middle)
         first, last = (drive.at(t - plant.feed.delay) for t in ends)
         given = supply(plant.feed, first)
@@ -113,7 +113,7 @@ def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> C
 
 
 def _stops(plant: Plant, time: Array, corners: Sequence[float]) -> tuple[Array, NDArray[np.intp]]:
-    """Times where something jumps, turns or is read, and which of them are samples."""
+    """Times at which something jumps, turns or is read, and the indices of samples among them."""
     begins = [f.begin for t in plant.tanks for f in (t.leak, t.clog) if f is not None]
     turns = np.asarray(corners, dtype=np.float64) + plant.feed.delay
     delayed = [turns, *([time + plant.feed.delay] if plant.feed.delay else [])]
@@ -127,7 +127,7 @@ def _stops(plant: Plant, time: Array, corners: Sequence[float]) -> tuple[Array, 
 
 
 def _start(plant: Plant, given: float) -> list[float]:
-    """Levels, what lagging sensors follow, the lagging feed, what air stores, three volumes."""
+    """Levels, states of lagging sensors and of the feed, volume stored by air, three volumes."""
     sensed = [plant.tank(s.tank).level for s in plant.sensors]
     stored = [plant.feed.pocket * given**2] if plant.feed.pocket else []
     return [*(t.level for t in plant.tanks), *sensed, given, *stored, 0.0, 0.0, 0.0]
@@ -136,7 +136,7 @@ def _start(plant: Plant, given: float) -> list[float]:
 def _flows(
     plant: Plant, tanks: Sequence[Tank], time: float, state: Sequence[float], given: float
 ) -> list[float]:
-    """Flow of the feed, what falls into each tank, what leaves each by its outlet."""
+    """Flow of the feed, inflow of each tank, outflow of each by its outlet."""
     count = len(tanks)
     fed = _driven(plant, state, given)
     if plant.feed.pocket:
@@ -161,14 +161,14 @@ def _driven(plant: Plant, state: Sequence[float], given: float) -> float:
 
 
 def _stored(plant: Plant, state: Sequence[float]) -> float:
-    """What air in the line stores, cm3."""
+    """Volume that air in the line stores, cm3."""
     return state[len(plant.tanks) + len(plant.sensors) + 1]
 
 
 def _rates(
     plant: Plant, tanks: Sequence[Tank], time: float, state: Sequence[float], given: float
 ) -> list[float]:
-    """Derivatives of the state by time."""
+    """Time derivatives of the state."""
     count = len(tanks)
     fed, *others = _flows(plant, tanks, time, state, given)
     falls, leaves = others[:count], others[count:]
@@ -180,7 +180,8 @@ def _rates(
         lost += away + over - caught
         drained = leaves[i] + caught
     for j, sensor in enumerate(plant.sensors):
-        rates.append(_followed(tanks, sensor, state, state[count + j]) if sensor.lag else 0.0)
+        level = state[[t.name for t in tanks].index(sensor.tank)]
+        rates.append((level - state[count + j]) / sensor.lag if sensor.lag else 0.0)
     lagging = state[count + len(plant.sensors)]
     rates.append((given - lagging) / plant.feed.lag if plant.feed.lag else 0.0)
     if plant.feed.pocket:
@@ -189,18 +190,10 @@ def _rates(
     return [*rates, fed, drained, lost]
 
 
-def _followed(
-    tanks: Sequence[Tank], sensor: LevelSensor, state: Sequence[float], sensed: float
-) -> float:
-    """How fast a lagging sensor comes nearer to its level, cm/s."""
-    level = state[[t.name for t in tanks].index(sensor.tank)]
-    return (level - sensed) / sensor.lag
-
-
 def _course(
     plant: Plant, stops: Array, sampled: NDArray[np.intp], states: Array, flows: Array
 ) -> Course:
-    """Samples picked out of all stops, and levels as sensors follow them."""
+    """The course at the samples among all stops, and the levels that sensors show."""
     count, time = len(plant.tanks), stops[sampled]
     names = [t.name for t in plant.tanks]
     sensed = np.empty((len(time), len(plant.sensors)))

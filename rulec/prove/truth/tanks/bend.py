@@ -1,4 +1,4 @@
-"""A law's form error in plain numbers, which a balance can ask for thousands of times."""
+"""A law's form error in plain numbers, for thousands of calls by a balance."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..units import Array
 
 @dataclass(frozen=True)
 class Bend:
-    """By which share a law is off: a series of Legendre polynomials from `low` to `high` of its
-    argument; beyond them it is as at the end. `rms` is its root mean square."""
+    """The relative error of a law: a series of Legendre polynomials from `low` to `high` of its
+    argument, constant beyond. `rms` is its root mean square."""
 
     rms: float
     low: float
@@ -23,12 +23,12 @@ class Bend:
 
     @classmethod
     def of(cls, form: Form) -> Bend:
-        """The same form error, of one argument."""
+        """Convert a form error of one argument."""
         ((low, high),) = form.ranges
         return cls(form.rms, low, high, tuple(series_of(form).tolist()))
 
     def at(self, value: float) -> float:
-        """Share, 1.
+        """Return the share, 1.
 
         Source: Clenshaw 1955.
         """
@@ -42,5 +42,5 @@ class Bend:
         return self.series[0] + x * last - 0.5 * before
 
     def further(self, by: Array) -> Bend:
-        """With another series added, shape (NODES,)."""
+        """Add another series, shape (NODES,)."""
         return replace(self, series=tuple((np.asarray(self.series) + by).tolist()))

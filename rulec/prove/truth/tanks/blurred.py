@@ -1,5 +1,5 @@
-"""What hides effects in hard cases of tanks: noise with a memory, drifts, and form errors, as
-random terms of the size that they have; see `settled/blurred.py`."""
+"""The limit of detection in hard cases of tanks: coloured noise, drifts and form errors, as random
+terms of their true size; see `settled/blurred.py`."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .model import Model, noise_of
 from .plant import LEVEL_ZERO, Plant
 
 SMALL = 0.1
-"""Share of a direction by which a law or an input is moved to find its slope."""
+"""Share of a direction by which a law or an input is moved for its derivative."""
 
 
 @dataclass(frozen=True)
 class Blur:
-    """Makes changes of the readings white, and knows what else may change them.
+    """Whitens changes of the readings, and has the changes by difficulties.
 
     Attributes
     ----------
-    over : of changes over their noise, shape (n, k), to the same with independent noise
-    free : what drifts and form errors change per standard deviation, shape (n, m), not yet white
+    over : maps changes over their noise, shape (n, k), to the same with independent noise
+    free : change by drifts and form errors per standard deviation, shape (n, m), not yet white
     """
 
     over: Callable[[Array], Array]
@@ -35,27 +35,23 @@ class Blur:
 
 
 def blurred(setup: Setup, model: Model, course: Course) -> Blur:
-    """Of a case with difficulties; all is linear about its plant without effects."""
+    """Return the blur of a case with difficulties, linear at its plant without effects."""
     start = model.readings(setup.plant, course)
-    columns = [*_drifts(setup), *_meter(setup, start), *_forms(setup, model, start)]
+    bent = [model.readings(plant, model.course(plant)) for plant in _bent(setup.plant)]
+    columns = [*_drifts(setup), *_meter(setup, start), *((b - start) / SMALL for b in bent)]
     free = np.column_stack(columns) if columns else np.zeros((start.size, 0))
     return Blur(_whitening(setup), free)
 
 
 def _whitening(setup: Setup) -> Callable[[Array], Array]:
-    """A sensor's noise has a memory, the steps of its converter have none."""
+    """A sensor's noise is coloured, the steps of its converter are white."""
     sensors, n = setup.plant.sensors, setup.time.size
     parts = []
     for sensor in sensors:
         steps = np.sqrt(max(noise_of(sensor) ** 2 - sensor.noise**2, 0.0))
-        sizes = np.array([sensor.noise, steps]) / noise_of(sensor)
-        parts.append(
-            Whitening.of(
-                np.tile(sizes, (n, 1, 1)),
-                np.array([sensor.colour, 0.0]),
-                np.ones((n, 1), dtype=bool),
-            )
-        )
+        sizes = np.tile(np.array([sensor.noise, steps]) / noise_of(sensor), (n, 1, 1))
+        colours = np.array([sensor.colour, 0.0])
+        parts.append(Whitening.of(sizes, colours, np.ones((n, 1), dtype=bool)))
 
     def over(changes: Array) -> Array:
         each = np.split(changes, len(sensors))
@@ -65,7 +61,7 @@ def _whitening(setup: Setup) -> Callable[[Array], Array]:
 
 
 def _drifts(setup: Setup) -> Iterator[Array]:
-    """Zeros that wander within their class."""
+    """Changes by zeros that drift within their class."""
     sensors, n = setup.plant.sensors, setup.time.size
     for j, sensor in enumerate(sensors):
         if sensor.wander is not None:
@@ -76,22 +72,16 @@ def _drifts(setup: Setup) -> Iterator[Array]:
 
 
 def _meter(setup: Setup, start: Array) -> Iterator[Array]:
-    """A meter whose slope wanders: the model is then given another flow than there was."""
+    """Changes by a meter whose gain drifts, so that the model gets another flow than the plant."""
     wander = setup.meter.wander
     if wander is None:
         return
     directions = drift_directions(wander, setup.time.size)
-    directions[:, 0] -= 1.0  # the first error is that of the meter's gain, which is free anyway
+    directions[:, 0] -= 1.0  # the first error is part of the meter's gain, which is free anyway
     for course in directions.T:
         given = setup.shown * (1.0 - METER_SLOPE * SMALL * course)
         other = Model(setup.time, given)
         yield (other.readings(setup.plant, other.course(setup.plant)) - start) / SMALL
-
-
-def _forms(setup: Setup, model: Model, start: Array) -> Iterator[Array]:
-    """Laws that are off by their form errors."""
-    for plant in _bent(setup.plant):
-        yield (model.readings(plant, model.course(plant)) - start) / SMALL
 
 
 def _bent(plant: Plant) -> Iterator[Plant]:

@@ -1,7 +1,7 @@
-"""Plants as they truly are: parameters drawn within what their module types state, and the input.
+"""True plants: parameters drawn within the uncertainties of their module types, and the input.
 
-The numbers below are those of `open-tank` and `voltage-pump`, written down once more: the truth
-reads no file of the tool. A test compares them.
+The numbers below repeat those of `open-tank` and `voltage-pump`, as the truth reads no file of the
+tool. A test compares them.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ NOMINAL: Mapping[str, tuple[float, float]] = {
     "g": (0.5, 0.05),
     "h0": (8.0, 8.0),
 }
-"""Mean and spread of what plants are drawn from: flow by voltage, area, outlet, gain, first level;
-cm, s, V. All within two uncertainties of what the module types state."""
+"""Mean and standard deviation of drawn parameters: flow by voltage, area, outlet, gain, first
+level; cm, s, V. All are within two uncertainties of the module types."""
 
 LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1.0}
-"""A drawn value is at least this, and at most two uncertainties above the nominal one."""
+"""Least drawn values; the largest is two uncertainties above the nominal one."""
 
 UNITS: Mapping[str, str] = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
 
@@ -51,9 +51,9 @@ CONVERTER = 10.0 / 4096.0
 
 @dataclass(frozen=True)
 class Layout:
-    """What stands on the plant's drawing: names, which tanks are measured, the columns.
+    """The plant's drawing: names, measured tanks, columns.
 
-    `metered` tells that the input is a flow meter, l/h, and not the voltage of a pump.
+    `metered`: the input is a flow meter, l/h, not the voltage of a pump.
     """
 
     name: str
@@ -80,7 +80,7 @@ CASCADED = Layout(
 
 @dataclass(frozen=True)
 class Setup:
-    """A plant without any effect, and how it is run; `shown` is the input as recorded."""
+    """A plant without any effect, and its operation; `shown` is the recorded input."""
 
     layout: Layout
     plant: Plant
@@ -98,15 +98,18 @@ def build(
     profile: str = "",
     difficulties: Sequence[str] = (),
 ) -> Setup:
-    """A plant that can be worked with, and an input that uses its range.
+    """Draw a plant, and an input that uses its range.
 
-    Drawn again until the levels at the highest input lie well inside tanks and sensors.
+    Draws are repeated until the levels at the highest input are well inside tanks and sensors.
     """
     random = stream(seed, f"plant {layout.name}")
     while True:
         highest = float(random.uniform(7.2, 8.4))  # V
         plant = _drawn(layout, random)
-        flow = min(_flow_at(plant.tank(s.tank), (highest - s.zero) / s.gain) for s in plant.sensors)
+        flow = min(
+            plant.tank(s.tank).outlet * math.sqrt(2.0 * GRAVITY * ((highest - s.zero) / s.gain))
+            for s in plant.sensors
+        )
         if _can_work(layout, plant, flow):
             break
     kind = profile or DRAWN[int(random.integers(len(DRAWN)))]
@@ -120,7 +123,7 @@ def build(
 
 
 def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
-    """True base parameters with their units; the gain of a sensor that is not there is left out."""
+    """Return the true base parameters with their units, without gains of absent sensors."""
     plant, layout = setup.plant, setup.layout
     found = {} if layout.metered else {f"{layout.feed}.k": (plant.feed.gain, UNITS["k"])}
     for tank in plant.tanks:
@@ -133,7 +136,7 @@ def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
 
 
 def recorded_input(setup: Setup, seed: int) -> Array:
-    """The input as it stands in the file: a meter adds noise, a set voltage is as it was set."""
+    """Return the input in the file: a meter adds noise, a voltage is as it was set."""
     if not setup.layout.metered:
         return setup.shown
     noise = stream(seed, "noise of the meter").standard_normal(setup.shown.size)
@@ -167,7 +170,7 @@ def _drawn(layout: Layout, random: np.random.Generator) -> Plant:
         for name in layout.measured
     )
     plant = Plant(layout.name, feed, tanks, sensors)
-    # Nobody begins with a level that a sensor cannot show.
+    # The first level must be one that the sensor can show.
     highest = {s.tank: 8.0 / s.gain for s in sensors}
     return replace(
         plant,
@@ -176,7 +179,7 @@ def _drawn(layout: Layout, random: np.random.Generator) -> Plant:
 
 
 def _draw(name: str, random: np.random.Generator) -> float:
-    """A parameter, normal about its nominal value, inside its bounds."""
+    """Draw a parameter from a normal distribution, within its bounds."""
     value, u = NOMINAL[name]
     while True:
         drawn = float(random.normal(value, u))
@@ -185,15 +188,10 @@ def _draw(name: str, random: np.random.Generator) -> float:
 
 
 def _normal(random: np.random.Generator) -> float:
-    """A standard normal draw inside the bounds of a class of sensors."""
+    """Draw from the standard normal distribution, within the bounds of a sensor class."""
     while abs(drawn := float(random.standard_normal())) > 2.0:
         pass
     return drawn
-
-
-def _flow_at(tank: Tank, level: float) -> float:
-    """Flow through a plain outlet at rest, cm3/s."""
-    return tank.outlet * math.sqrt(2.0 * GRAVITY * level)
 
 
 def _level_at(tank: Tank, flow: float) -> float:
@@ -202,7 +200,7 @@ def _level_at(tank: Tank, flow: float) -> float:
 
 
 def _can_work(layout: Layout, plant: Plant, flow: float) -> bool:
-    """Can this flow be set, and does it fill every tank to a level worth having?"""
+    """Whether this flow can be set, and fills every tank to a useful level."""
     if not 4.0 <= flow <= 40.0:
         return False
     if not layout.metered and not 3.0 <= flow / plant.feed.gain <= 9.5:

@@ -1,4 +1,4 @@
-"""A case: effects planted into a plant, and the recording of it with its answer."""
+"""A case: effects planted into a plant, and its recording."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ from dataclasses import dataclass, replace
 from ..recording import Recording
 from ..sealed import HIDES
 from ..streams import FURTHER
-from ..units import Array
 from .balance import Course, integrate
 from .build import CASCADED, Layout, Setup, build, recorded_input
 from .effect import Scene
-from .effects import Placed, possible_effects
+from .effects import possible_effects
 from .plant import Plant
 from .sensing import shown
-from .size import Planted, Readings, change_of, is_inside, most, plant_all, plant_each, run
+from .size import Planted, change_of, is_inside, most, plant_all, plant_each, run
 
 ATTEMPTS = 20
-"""Plants drawn until effects show as they should."""
+"""Most plants that are drawn until effects show as planned."""
 
 CLEAR = 0.1
-"""V; what is left of effects that hide each other."""
+"""V; least change by all effects together."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A recording, and what was planted.
+    """A recording, and the planted effects.
 
-    `plant` has all effects, each as `planted` has it alone; `scene` is the plant without any.
-    `drawn` is the seed of the attempt that was taken.
+    `plant` has all effects, `planted` each of them alone; `scene` is the plant without any. `drawn`
+    is the seed of the successful attempt.
     """
 
     name: str
@@ -60,19 +59,19 @@ def case(
     rarely: float = math.inf,
     difficulties: Sequence[str] = (),
 ) -> Case:
-    """A case from its seed and the ids of its effects; the same arguments give the same bytes.
+    """Make a case from its seed and the ids of its effects; same arguments give same bytes.
 
     Plants are drawn until every effect shows, and with `hiding`, until they hide each other.
-    `strength`, V, is what each effect changes alone, root mean square, instead of what is drawn.
-    `rarely` is the largest size of an effect, for those whose size is the share of samples where
-    they act. `difficulties` are what makes the case harder, of `sealed.DIFFICULTIES`.
-    Raises ValueError for an unknown effect, or where that never happens.
+    `strength`, V, replaces the drawn RMS change by each effect alone. `rarely` is the largest size
+    of an effect, for those whose size is the share of samples in which they act. `difficulties` are
+    of `sealed.DIFFICULTIES`. Raises ValueError for an unknown effect, or if no plant shows them.
     """
     known = possible_effects(layout)
     for effect in effects:
         if effect not in known:
             raise ValueError(f"no effect '{effect}'; known: {', '.join(known)}")
-    wanted = [_at_most(known[e], rarely) for e in effects]
+    placed = [known[e] for e in effects]
+    wanted = [replace(p, effect=replace(p.effect, high=min(p.effect.high, rarely))) for p in placed]
     clear = CLEAR if strength is None else 0.0
     for attempt in range(ATTEMPTS):
         drawn = seed + attempt * FURTHER
@@ -103,25 +102,14 @@ def case(
     raise ValueError(f"no plant of {ATTEMPTS} shows {' and '.join(effects)} as it should")
 
 
-def _at_most(placed: Placed, size: float) -> Placed:
-    """The effect with another largest size."""
-    effect = placed.effect
-    return replace(placed, effect=replace(effect, high=min(effect.high, size)))
-
-
 def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:
-    """Columns as the plant's file of columns names them."""
-    readings: Readings = shown(plant, course, seed)
+    """Readings by the headers of the plant's column map, and true levels and flows."""
     layout = setup.layout
-    columns = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
-    columns |= {layout.columns[tank]: values for tank, values in readings.items()}
-    return Recording(columns, _truth(setup, course))
-
-
-def _truth(setup: Setup, course: Course) -> dict[str, Array]:
-    """Levels and flows as they were."""
-    columns = {"time [s]": course.time, f"{setup.layout.feed} [cm3/s]": course.fed}
-    for i, tank in enumerate(setup.layout.tanks):
-        columns[f"{tank}.h [cm]"] = course.levels[:, i]
-        columns[f"{tank}.outflow [cm3/s]"] = course.left[:, i]
-    return columns
+    readings = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
+    for tank, values in shown(plant, course, seed).items():
+        readings[layout.columns[tank]] = values
+    truth = {"time [s]": course.time, f"{layout.feed} [cm3/s]": course.fed}
+    for i, tank in enumerate(layout.tanks):
+        truth[f"{tank}.h [cm]"] = course.levels[:, i]
+        truth[f"{tank}.outflow [cm3/s]"] = course.left[:, i]
+    return Recording(readings, truth)

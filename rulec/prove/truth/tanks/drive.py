@@ -1,4 +1,4 @@
-"""How a plant is driven: inputs from 0 to 1 of the highest, one value per sample."""
+"""Inputs of a plant from 0 to 1 of the highest, one value per sample."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..units import Array
 
 LOWEST = 0.3
-"""Share of the highest input below which a plant at work is not run."""
+"""Least share of the highest input in operation."""
 
 
 def steps(random: np.random.Generator, samples: int) -> Array:
@@ -18,7 +18,7 @@ def steps(random: np.random.Generator, samples: int) -> Array:
 
 
 def multisine(random: np.random.Generator, samples: int) -> Array:
-    """Eight slow sines of random phase, and a few steps on top."""
+    """Eight slow sines with random phase, and a few steps on top."""
     time = np.arange(samples)
     period = np.geomspace(25.0, max(0.4 * samples, 60.0), 8)
     phase = random.uniform(0.0, 2.0 * np.pi, 8)
@@ -45,7 +45,7 @@ def start_stop(random: np.random.Generator, samples: int) -> Array:
 
 
 def plateaus(random: np.random.Generator, samples: int) -> Array:
-    """A few values only, each held for a long time: what settles is seen again and again."""
+    """A few values only, each held for a long time, so that the plant settles."""
     count = int(random.integers(4, 8))
     values = random.uniform(LOWEST, 1.0, count)
     lengths = random.uniform(0.6, 1.4, count)
@@ -54,12 +54,11 @@ def plateaus(random: np.random.Generator, samples: int) -> Array:
 
 
 def few_values(random: np.random.Generator, samples: int) -> Array:
-    """Three to five values, each held for 30 to 80 samples whenever its turn comes."""
+    """Three to five values in random order, each held for 30 to 80 samples at a time."""
     values = random.uniform(LOWEST, 1.0, int(random.integers(3, 6)))
     result, begin, last = np.empty(samples), 0, -1
     while begin < samples:
-        others = [i for i in range(len(values)) if i != last]
-        last = int(random.choice(others))
+        last = int(random.choice([i for i in range(len(values)) if i != last]))
         end = begin + int(random.integers(30, 81))
         result[begin:end] = values[last]
         begin = end
@@ -76,11 +75,11 @@ PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
 }
 
 DRAWN = ("steps", "multisine", "ramps", "start-stop")
-"""Of these one is drawn where none is asked for."""
+"""One of these is drawn if no profile is given."""
 
 
 def _held(random: np.random.Generator, samples: int, draw: Callable[[], float]) -> Array:
-    """Values drawn one after the other, each held for 10 to 60 samples."""
+    """Successive draws, each held for 10 to 60 samples."""
     result, begin = np.empty(samples), 0
     while begin < samples:
         end = begin + int(random.integers(10, 61))

@@ -1,4 +1,4 @@
-"""What an effect is: a name, a size that is sought, and how it is built into a plant."""
+"""Effects of tanks: their name, their size, and how they are built into a plant."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ Part = Literal["tank", "feed", "sensor"]
 
 @dataclass(frozen=True)
 class Scene:
-    """A plant without effects and what happens in it: effects are placed by what they will see."""
+    """A plant without effects and its course, which sets the limits of effects."""
 
     setup: Setup
     course: Course
 
     def levels(self, tank: str) -> Array:
-        """Levels of a tank, cm."""
+        """Return the levels of a tank, cm."""
         return self.course.levels[:, self.setup.layout.tanks.index(tank)]
 
     def falling(self, tank: str) -> Array:
-        """What falls into a tank, cm3/s."""
+        """Return the inflow of a tank, cm3/s."""
         return self.course.fallen[:, self.setup.layout.tanks.index(tank)]
 
     def below(self, tank: str) -> str | None:
-        """The tank below another one; none below the last."""
+        """Return the tank below another one; None for the last."""
         names = self.setup.layout.tanks
         number = names.index(tank) + 1
         return names[number] if number < len(names) else None
 
     def time_at(self, share: float) -> float:
-        """The time after a share of the record, s."""
+        """Return the time after a share of the recording, s."""
         return round(float(self.course.time[0] + share * np.ptp(self.course.time)), 1)
 
 
@@ -56,10 +56,10 @@ class Built:
 
 @dataclass(frozen=True)
 class Here:
-    """Where an effect is built, and how large it is made.
+    """Place and size of an effect.
 
     `plant` has the effects that were built before, `place` is a tank (of a sensor: its tank) or the
-    feed, and `random` shapes the effect.
+    feed, and `random` draws the shape of the effect.
     """
 
     scene: Scene
@@ -81,7 +81,7 @@ class Here:
 
     @property
     def usual_fall(self) -> float:
-        """Median of what falls in here, cm3/s."""
+        """Median inflow of this tank, cm3/s."""
         return quantile(self.scene.falling(self.place), 0.5)
 
     @property
@@ -96,23 +96,23 @@ class Here:
 
     @property
     def record(self) -> float:
-        """Length of the record, s."""
+        """Length of the recording, s."""
         return float(np.ptp(self.scene.course.time))
 
     def level(self, share: float) -> float:
-        """A quantile of the level here, cm."""
+        """Return a quantile of the level here, cm."""
         return quantile(self.scene.levels(self.place), share)
 
     def voltage(self, share: float) -> float:
-        """A quantile of the reading here, V."""
+        """Return a quantile of the reading here, V."""
         return round(quantile(self.sensor.gain * self.scene.levels(self.place), share), 2)
 
     def between(self, low: float, high: float) -> float:
-        """A draw."""
+        """Draw uniformly."""
         return float(self.random.uniform(low, high))
 
     def changed(self, values: Values, **numbers: Any) -> Built:
-        """The plant with other numbers of the tank, feed or sensor here."""
+        """Return the plant with other numbers of the tank, feed or sensor here."""
         match self.at:
             case "tank":
                 plant = self.plant.with_tank(replace(self.tank, **numbers))
@@ -129,7 +129,7 @@ Make = Callable[[Here], Built]
 def number(
     field: str, parameter: str, unit: str, of: Callable[[Here], float] = lambda here: here.size
 ) -> Make:
-    """An effect that is one number of its tank, feed or sensor; as it is the size, if not told."""
+    """Return an effect that is one number of its tank, feed or sensor, by default its size."""
 
     def make(here: Here) -> Built:
         value = of(here)
@@ -144,9 +144,9 @@ class Effect:
 
     Attributes
     ----------
-    at : what it belongs to: a tank, the feed or a sensor
-    low, high : of the size; what an effect changes rises with its size
-    scale : of what it should change, for effects that would else be grotesque
+    at : the part it belongs to
+    low, high : of the size; the change by an effect rises with its size
+    scale : of the target change, for effects that would otherwise be unrealistic
     """
 
     name: str
@@ -160,5 +160,5 @@ class Effect:
 
 
 def quantile(values: Array, share: float) -> float:
-    """A quantile as plain number."""
+    """Return a quantile."""
     return float(np.quantile(values, share))

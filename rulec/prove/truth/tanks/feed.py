@@ -1,4 +1,4 @@
-"""What feeds the first tank: a pump by its voltage, or a pipe with a flow meter. cm, s, V."""
+"""The feed of the first tank: a pump by its voltage, or a pipe with a flow meter. cm, s, V."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Warming:
-    """A share by which the flow differs at the start, and the time constant of its end."""
+    """The share by which the flow differs at the start, and the time constant of its decay."""
 
     share: float
     constant: float
@@ -34,7 +34,7 @@ class Warming:
 
 @dataclass(frozen=True)
 class Bypass:
-    """A jet so fast that it misses the first tank: a share of the flow, above a flow."""
+    """A fast jet misses the first tank: a share of the flow, above a flow."""
 
     flow: float
     share: float
@@ -42,18 +42,19 @@ class Bypass:
 
 @dataclass(frozen=True)
 class Feed:
-    """What the input makes flow into the first tank: `gain` (u - dead_band) (1 - droop (...)).
+    """Flow into the first tank by the input: `gain` (u - dead_band) (1 - droop (...)).
 
-    `zero` is the error of the output card, `limit` an input beyond which nothing more comes, `lag`
-    a time constant, `delay` what the liquid needs to arrive.
+    `zero` is the error of the output card, `limit` the input above which the flow stays constant,
+    `lag` a time constant, `delay` the time until the liquid arrives.
 
-    Of the square of the voltage, which is the pump's head, `lift` (V2) holds a height and
-    `lift_level` (V2/cm) the level of the first tank. `held` is the share of the flow lost per cm of
-    that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time. The
-    form error of the whole law, by the voltage, is `form`.
+    `lift` (V2) is the part of the pump's head, the square of the voltage, for a height, and
+    `lift_level` (V2/cm) that for the level of the first tank. `held` is the share of the flow lost
+    per cm of that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with
+    time. `form` is the form error of the whole law, by the voltage.
 
-    What drives the feed follows its input with `play` (V, its whole width) and at `rate` (V/s) at
-    most. `pocket` is what air in the line stores per square of the flow, cm3/(cm3/s)2.
+    The drive of the feed follows its input with `play` (V, its whole width) and at most at `rate`
+    (V/s). `pocket` is the volume that air in the line stores per square of the flow,
+    cm3/(cm3/s)2.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Effects of what feeds the first tank: a pump by its voltage, or a pipe with a flow meter."""
+"""Effects of the feed of the first tank: a pump by its voltage, or a pipe with a flow meter."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from .feed import Bypass, Curve, Kink, Warming
 
 
 def rate(here: Here) -> Built:
-    """The drive takes `size` seconds to the usual voltage."""
+    """The drive takes `size` seconds to reach the usual voltage."""
     return here.changed({"running time": (here.size, "s")}, rate=here.usual_input / here.size)
 
 
 def pocket(here: Here) -> Built:
-    """Air in the line yields; `size` is the time constant at the usual flow."""
+    """Air in the line is compressed; `size` is the time constant at the usual flow."""
     stored = 0.5 * here.size / quantile(here.scene.course.fed, 0.5)
     return here.changed({"time constant": (here.size, "s")}, pocket=stored)
 
 
 def per_volt(here: Here) -> float:
-    """The flow bends; `size` is the share missing at the highest voltage (of what is left, where
-    it levels off)."""
+    """Return the curvature of the flow; `size` is the missing share at the highest voltage (of the
+    remaining flow, if it levels off)."""
     return here.size / float(here.scene.setup.shown.max())
 
 
 def upturn(here: Here) -> Built:
-    """Above a voltage the flow rises more steeply, by the share `size`."""
+    """Above a voltage the flow is steeper by the share `size`."""
     voltage = quantile(here.scene.setup.shown, here.between(0.25, 0.6))
     values = {"voltage": (voltage, "V"), "steeper": (here.size, "1")}
     return here.changed(values, kink=Kink(voltage, here.size))
@@ -47,7 +47,7 @@ def warm_up(here: Here) -> Built:
 def bypass(here: Here) -> Built:
     """A strong jet of the feed partly misses the first tank."""
     falling = here.scene.falling(here.scene.setup.layout.tanks[0])
-    # A feed that is off for long would let the jet begin with no flow.
+    # If a feed is off for long, the quantile is zero.
     flow = max(quantile(falling, here.between(0.1, 0.4)), 0.1 * float(falling.max()))
     values = {"flow": (flow, "cm3/s"), "share": (here.size, "1")}
     return here.changed(values, bypass=Bypass(flow, here.size))
@@ -89,4 +89,4 @@ FEED_EFFECTS = (
 )  # fmt: skip
 
 BYPASS = Effect("bypass", "jet misses the first tank", "unnamed", "feed", 0.05, 1.0, bypass)
-"""No catalogue names it; the answer to it is its place."""
+"""No catalogue names it; the right answer is its place."""

@@ -11,18 +11,18 @@ from .build import CASCADED, Layout
 
 _PACKAGE = Path(__file__).parents[3]
 ROOT = _PACKAGE if (_PACKAGE / "kb").is_dir() else _PACKAGE.parent
-"""Of kb and plants: the installed package, or a checkout."""
+"""Folder of kb and plants: the installed package, or a checkout."""
 
 METERED_INFLOW = Path(__file__).with_name("metered-inflow.yaml")
-"""A module type that is not shipped: what feeds a row whose inflow is measured."""
+"""A module type that is not shipped: the feed of a row with a flow meter."""
 
 FILES = ("plant.yaml", "columns.yaml")
 
 
 def write_plant(layout: Layout, folder: Path) -> Path:
-    """Write the folder of a plant: drawing, columns, and knowledge if not all of it is shipped.
+    """Write the folder of a plant: drawing, columns, and knowledge that is not shipped.
 
-    What is written follows from the layout alone; no true parameter is in it.
+    The files follow from the layout alone and contain no true parameter.
     """
     folder.mkdir(parents=True)
     for name, lines in zip(FILES, (_plant(layout), _columns(layout)), strict=True):
@@ -31,16 +31,11 @@ def write_plant(layout: Layout, folder: Path) -> Path:
         else:
             (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     if layout.metered:
-        _add_knowledge(folder)
+        shutil.copytree(ROOT / "kb", folder / "kb")
+        shutil.copy(METERED_INFLOW, folder / "kb" / "modules")
+        with (folder / "plant.yaml").open("a", encoding="utf-8") as plant:
+            plant.write("kb: kb\n")
     return folder
-
-
-def _add_knowledge(folder: Path) -> None:
-    """The shipped knowledge, and the module type of a metered inflow."""
-    shutil.copytree(ROOT / "kb", folder / "kb")
-    shutil.copy(METERED_INFLOW, folder / "kb" / "modules")
-    with (folder / "plant.yaml").open("a", encoding="utf-8") as plant:
-        plant.write("kb: kb\n")
 
 
 def _plant(layout: Layout) -> Iterator[str]:
@@ -50,8 +45,7 @@ def _plant(layout: Layout) -> Iterator[str]:
     yield f"  {layout.feed}: {{type: {'metered-inflow' if layout.metered else 'voltage-pump'}}}"
     yield from (f"  {tank}: {{type: open-tank, title: tank {tank}}}" for tank in layout.tanks)
     yield "connections:"
-    line = (layout.feed, *layout.tanks)
-    yield from (f"  - {a} -> {b}" for a, b in pairwise(line))
+    yield from (f"  - {a} -> {b}" for a, b in pairwise((layout.feed, *layout.tanks)))
     yield "columns: columns.yaml"
 
 

@@ -1,7 +1,7 @@
-"""What makes a case of tanks harder than its plain laws do: form errors, noise with a memory,
-drifts, starts at any level.
+"""Difficulties beyond the plain laws of a case of tanks: form errors, coloured noise, drifts,
+starts at any level.
 
-All of it is true of the plant or its sensors, and none of it is an effect to be found.
+They belong to the plant or its sensors, and none of them is an effect to be found.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ FORM = 0.005, 0.02
 """Root mean square of a law's form error, smallest and largest."""
 
 COLOUR = 0.5, 0.9
-"""Coefficient of noise of order one at the sample rate, smallest and largest."""
+"""Coefficient of first-order noise at the sample rate, smallest and largest."""
 
 STARTS = 1.0, 25.0
-"""Level at the beginning, lowest and highest, cm; no sensor begins above HIGHEST."""
+"""Lowest and highest first level, cm; the first reading is at most HIGHEST."""
 
 HIGHEST = 8.0
 """V"""
 
 ABOVE = 1.3
-"""Range of a law over what the largest settled flow asks of it."""
+"""Range of a law over its value at the largest settled flow."""
 
 Told = Mapping[str, Mapping[str, float]]
-"""What stands of it in the sealed answer."""
+"""The difficulties in the sealed answer: sizes by law or sensor."""
 
 
 @dataclass(frozen=True)
 class Meter:
-    """How a flow meter errs: coefficient of its noise, and its drift."""
+    """Errors of a flow meter: coefficient of its noise, and its drift."""
 
     colour: float = 0.0
     wander: Drift | None = None
@@ -46,7 +46,7 @@ class Meter:
 
 @dataclass(frozen=True)
 class Hardened:
-    """A plant with all that was drawn."""
+    """A plant with its difficulties."""
 
     plant: Plant
     meter: Meter
@@ -60,10 +60,9 @@ def hardened(
     ranges: Mapping[str, float],
     metered: bool,
 ) -> Hardened:
-    """Draw what is asked for; `ranges` has the largest settled level of each tank, cm, and the
+    """Draw the named difficulties; `ranges` has the largest settled level of each tank, cm, and the
     largest input of a pump, V, by its name."""
     told: dict[str, dict[str, float]] = {}
-    meter = Meter()
     if "form" in names:
         bends = {
             law: _bend(seed, law, ABOVE * most)
@@ -108,7 +107,7 @@ def _bend(seed: int, law: str, most: float) -> Bend:
 
 
 def _begun(plant: Plant, tank: Tank, seed: int) -> Tank:
-    """A tank that begins anywhere its sensor can show."""
+    """A tank with a random first level that its sensor can show."""
     level = float(stream(seed, f"start {tank.name}").uniform(*STARTS))
     most = [HIGHEST / s.gain for s in plant.sensors if s.tank == tank.name]
     return replace(tank, level=min([level, *most]))

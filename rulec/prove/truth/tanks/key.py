@@ -1,4 +1,4 @@
-"""The key: which names, places and parameters are right for a planted effect, from `key.yaml`."""
+"""The key: right names, places and parameters of a planted effect, from `key.yaml`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .size import Planted
 FILE = Path(__file__).with_name("key.yaml")
 
 FEED = {True: {"set": "Q", "flow": "flow"}, False: {"set": "u", "flow": "pump"}}
-"""Places of a feed as its module type names them, metered or not."""
+"""Places of a feed in its module type, metered or not."""
 
 
 @dataclass(frozen=True)
 class Right:
-    """What is right for an effect; see `sealed.Planted`."""
+    """The right answer for an effect; see `sealed.Planted`."""
 
     names: tuple[str, ...]
     places: tuple[str, ...]
@@ -30,7 +30,7 @@ class Right:
 
 
 def right(setup: Setup, one: Planted) -> Right:
-    """Look an effect up where it was planted."""
+    """Look up the right answer for a planted effect."""
     entry = _key()[id_of(one)]
     met = _conditions(setup, one)
     holding = [r for r in entry.get("right", ()) if met.issuperset(r.get("if", ()))]
@@ -50,7 +50,7 @@ def right(setup: Setup, one: Planted) -> Right:
 
 
 def id_of(one: Planted) -> str:
-    """`y.lag` of a sensor, `lag` of the feed: as the key is ordered."""
+    """Return the id in the key: `y.lag` of a sensor, `lag` of the feed."""
     effect = one.placed.effect
     return f"y.{effect.name}" if effect.at == "sensor" else effect.name
 
@@ -62,7 +62,7 @@ def _key() -> dict[str, Any]:
 
 
 def _conditions(setup: Setup, one: Planted) -> set[str]:
-    """What holds of the plant and the place: the words that `if` may have."""
+    """The words of `if` that hold for the plant and the place."""
     layout, place = setup.layout, one.placed.place
     values = {name: value for name, (value, _) in one.built.values.items()}
     feed = setup.plant.feed
@@ -73,15 +73,15 @@ def _conditions(setup: Setup, one: Planted) -> set[str]:
         "one sensor": len(layout.measured) == 1,
         "caught": values.get("caught", 0.0) > 0.0,
         "lost": values.get("caught", 0.0) == 0.0,
-        # The input never falls into the dead band, or to where less is fed than lost.
+        # The input never falls into the dead band, or below the flow that is lost.
         "always": setup.shown.min() + feed.zero
         > values.get("dead band", values.get("flow", math.inf) / feed.gain),
     }
-    return {word for word, it_does in holds.items() if it_does}
+    return {word for word, true in holds.items() if true}
 
 
 def _values(setup: Setup, one: Planted) -> dict[str, float]:
-    """True values that a parameter may be made of: of effect, tank, sensor and feed."""
+    """True values for the terms of parameters: of effect, tank, sensor and feed."""
     plant, place = setup.plant, one.placed.place
     known = {"k": plant.feed.gain, "zero": plant.feed.zero}
     for sensor in plant.sensors:
@@ -105,7 +105,7 @@ def _factor(factor: float | str, values: Mapping[str, float]) -> float:
 
 
 def _placed(setup: Setup, here: str, place: str) -> Iterator[str]:
-    """`upper.inflow` of `here.inflow`; `each` stands for all tanks, levels unseen have no `y`."""
+    """Places such as `upper.inflow` for `here.inflow`; `each` means all tanks."""
     layout = setup.layout
     where, _, what = place.partition(".")
     match where:

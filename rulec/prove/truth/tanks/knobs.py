@@ -1,4 +1,4 @@
-"""Numbers of a true plant that may be varied: its base parameters, and those of its effects."""
+"""Parameters of a true plant that may be varied: base parameters, and those of its effects."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from .plant import LEVEL_ZERO, Plant
 Path = tuple[str | int, ...]
 
 TANK = {"area": (15.0, 1.0, 0.1), "outlet": (0.05, 0.04, 1e-4), "level": (10.0, 8.0, 1e-6)}
-"""Mean, standard uncertainty and least value, as `open-tank` states them: cm2, cm2, cm."""
+"""Mean, standard uncertainty and least value in `open-tank`: cm2, cm2, cm."""
 
 GAIN = (0.5, 0.2, 0.01)
 ZERO = (0.0, math.hypot(0.5, LEVEL_ZERO), -math.inf)
-"""Of a level transmitter; its zero is that of the module type and that of its class."""
+"""Of a level transmitter; the zero combines that of the module type and that of its class."""
 
 VOLTAGE_GAIN = (2.5, 2.0, 0.01)
-"""As `voltage-pump` states it, cm3/s/V."""
+"""In `voltage-pump`, cm3/s/V."""
 
 NOT_VARIED = ("begin", "stuck", "step")
-"""Of effects: readings jump with these from sample to sample, or have no slope by them."""
+"""Parameters of effects by which readings jump, or have no derivative."""
 
 STEP = 0.01
-"""Of a finite difference, as share of the prior uncertainty; of the value itself where flat."""
+"""Finite difference as share of the prior uncertainty, or of the value if the prior is flat."""
 
 
 @dataclass(frozen=True)
 class Knob:
-    """A number of the plant.
+    """A parameter of the plant.
 
-    `path` leads to it; `u` is infinite where nothing is known of it before; `least` is its bound.
+    `path` leads to it; `u` is infinite for a flat prior; `least` is its lower bound.
     """
 
     path: Path
@@ -43,24 +43,24 @@ class Knob:
     least: float
 
     def of(self, plant: Plant) -> float:
-        """Its value."""
+        """Return its value."""
         found: Any = plant
         for part in self.path:
             found = found[part] if isinstance(part, int) else getattr(found, part)
         return float(found)
 
     def set(self, plant: Plant, value: float) -> Plant:
-        """The plant with another value."""
+        """Return the plant with another value."""
         changed: Plant = _set(plant, self.path, max(value, self.least))
         return changed
 
     def step(self, plant: Plant) -> float:
-        """Of a finite difference."""
+        """Return the step of a finite difference."""
         return STEP * (self.u if math.isfinite(self.u) else max(abs(self.of(plant)), 1e-6))
 
 
 def base_knobs(layout: Layout, plant: Plant) -> Iterator[Knob]:
-    """All that the plain model may fit: parameters, first levels, errors inside their class."""
+    """Yield all that the plain model may fit: parameters, first levels, errors of sensors."""
     if layout.metered:
         yield Knob(("feed", "gain"), LITRE_PER_HOUR, METER_SLOPE * LITRE_PER_HOUR, 0.0)
     else:
@@ -75,7 +75,7 @@ def base_knobs(layout: Layout, plant: Plant) -> Iterator[Knob]:
 
 
 def effect_knobs(plain: Plant, plant: Plant) -> Iterator[Knob]:
-    """Every number in which a plant differs from the plain one; nothing is known of it before."""
+    """Yield every number in which a plant differs from the plain one, with a flat prior."""
     for path, value in _numbers(plant, ()):
         if not set(path) & set(NOT_VARIED) and _at(plain, path) != value:
             yield Knob(path, value, math.inf, -math.inf if value < 0.0 else 0.0)
@@ -95,7 +95,7 @@ def _numbers(part: Any, path: Path) -> Iterator[tuple[Path, float]]:
 
 
 def _at(part: Any, path: Path) -> Any:
-    """What is there, or None."""
+    """The value at a path, or None."""
     for key in path:
         if part is None:
             return None

@@ -1,8 +1,8 @@
-"""Laws of flow: what leaves a tank, what runs over, what a feed gives. cm, s, V.
+"""Laws of flow: outflow and overflow of a tank, supply of a feed. cm, s, V.
 
 Source: Torricelli 1643 (orifice); Poleni 1717 (weir); Hagen 1839, Poiseuille 1840 (laminar part);
 Streeter, Wylie, Bedford 1998 (connected tanks); affinity laws of pumps (head by square of speed);
-vortex, bypass: own shapes, made to be in no catalogue.
+vortex, bypass: own shapes that are in no catalogue.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ BROAD = (2.0 / 3.0) ** 1.5 * 0.9 * math.sqrt(GRAVITY)
 """Of a broad-crested one. Source: critical depth over the crest; loss 0.9."""
 
 NEARLY_EMPTY = 1e-4
-"""cm of head below which the root is flattened: an empty tank has no infinite slope."""
+"""cm of head below which the root is smoothed, to avoid an infinite slope."""
 
 NEARLY_LEVEL = 0.05
-"""cm between two levels below which the root is flattened: a pipe turns round without a jerk."""
+"""cm between two levels below which the root is smoothed, so that flow reverses smoothly."""
 
 NEARLY_STILL = 1e-4
-"""Share of a pump's head that is left where its flow is flattened to nothing."""
+"""Share of a pump's head below which its flow is smoothed to zero."""
 
 WET = 0.01
 """cm below which a floor that seeps runs dry."""
@@ -38,7 +38,7 @@ ONSET = 0.05
 
 
 def outflow(tank: Tank, level: float, below: float, time: float) -> float:
-    """Flow through the outlet; `below` is the level of the next tank, 0 for the reservoir."""
+    """Return the flow through the outlet; `below` is the next tank's level, 0 for the reservoir."""
     return _through_outlet(tank, level, below, time) + _linked(tank, level, below)
 
 
@@ -58,7 +58,7 @@ def _through_outlet(tank: Tank, level: float, below: float, time: float) -> floa
         return 0.0
     if tank.laminar > 0.0:
         turbulent = 0.5 / (GRAVITY * tank.outlet**2)
-        # Root of laminar q + turbulent q**2 = head, in the form that keeps its digits.
+        # Root of laminar q + turbulent q**2 = head, without cancellation.
         flow = 2.0 * head / (tank.laminar + math.sqrt(tank.laminar**2 + 4.0 * turbulent * head))
     elif tank.power is not None:
         flow = tank.outlet * math.sqrt(2.0 * GRAVITY * tank.power.level)
@@ -77,14 +77,14 @@ def _through_outlet(tank: Tank, level: float, below: float, time: float) -> floa
 
 
 def overflow(tank: Tank, level: float) -> float:
-    """Flow over the rim."""
+    """Return the flow over the rim."""
     if tank.rim is None or level <= tank.rim.height:
         return 0.0
     return tank.rim.strength * math.pow(level - tank.rim.height, 1.5)
 
 
 def loss(tank: Tank, level: float) -> float:
-    """What seeps or leaks away and reaches no other tank."""
+    """Return the flow that seeps or leaks out of the plant."""
     if level <= 0.0:
         return 0.0
     lost = tank.seepage * level / (level + WET)
@@ -102,7 +102,7 @@ def _orifice(area: float, head: float) -> float:
 
 
 def supply(feed: Feed, shown: float) -> float:
-    """Flow of a feed at an input as recorded, without lag and delay, against no level."""
+    """Return the flow of a feed at a recorded input, without lag, delay and back-pressure."""
     driving = max(min(shown + feed.zero, feed.limit) - feed.dead_band, 0.0)
     asked = driving * (1.0 - feed.droop * driving) / (1.0 + feed.roll * driving)
     if feed.kink is not None:
@@ -117,7 +117,7 @@ def supply(feed: Feed, shown: float) -> float:
 
 
 def arriving(feed: Feed, flow: float, level: float, time: float) -> float:
-    """What of a flow arrives against the level of the first tank at a time, cm3/s."""
+    """Return the flow that arrives against the level of the first tank at a time, cm3/s."""
     if feed.lift_level > 0.0:
         head = (flow / feed.gain) ** 2
         left = max(head - feed.lift_level * max(level, 0.0), 0.0)
@@ -129,7 +129,7 @@ def arriving(feed: Feed, flow: float, level: float, time: float) -> float:
 
 
 def bypassed(feed: Feed, flow: float) -> float:
-    """Part of the flow, cm3/s, that falls past the first tank into the second."""
+    """Return the part of the flow, cm3/s, that misses the first tank and falls into the second."""
     if feed.bypass is None or flow <= feed.bypass.flow:
         return 0.0
     return flow * feed.bypass.share * (1.0 - math.exp(1.0 - flow / feed.bypass.flow))

@@ -1,4 +1,4 @@
-"""Drives with a memory: play, and a limited rate. Readings and set values by sample."""
+"""Drives with a memory: play, and a limited rate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..units import Array
 
 
 def with_play(value: Array, width: float) -> Array:
-    """A pointer with play: it moves when pushed only.
+    """Return the course of a pointer with play, which moves only when pushed.
 
     Source: Prandtl's play operator.
     """
@@ -26,14 +26,14 @@ def with_play(value: Array, width: float) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """Where a drive is: straight between corners, or a step at each; before the first at rest."""
+    """Position of a drive: linear between corners, or a step at each; at rest before the first."""
 
     times: Sequence[float]
     values: Sequence[float]
     stepped: bool
 
     def at(self, time: float) -> float:
-        """Where it is; where it steps, behind the step."""
+        """Return the position; at a step, that after it."""
         i = bisect_right(self.times, time) - 1
         if i < 0:
             return self.values[0]
@@ -44,14 +44,13 @@ class Path:
 
 
 def path(time: Array, wanted: Array, rate: float) -> Path:
-    """Where a drive is that moves at a `rate` at most to what each sample wants."""
+    """Return the path of a drive that moves at most at a `rate` to the setting of each sample."""
     if math.isinf(rate):
         return Path(time.tolist(), wanted.tolist(), stepped=True)
     here = float(wanted[0])
     times, values = [float(time[0])], [here]
     for i in range(len(time) - 1):
-        begin, end = float(time[i]), float(time[i + 1])
-        goal = float(wanted[i])
+        begin, end, goal = float(time[i]), float(time[i + 1]), float(wanted[i])
         arrival = begin + abs(goal - here) / rate
         if arrival < end:
             if arrival > begin:

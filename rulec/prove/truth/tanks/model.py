@@ -1,4 +1,4 @@
-"""A true plant as a model: what its sensors should read, over their noise, and its slopes."""
+"""A true plant as a model: expected readings over their noise, and their derivatives."""
 
 from __future__ import annotations
 
@@ -15,33 +15,36 @@ from .plant import LevelSensor, Plant
 from .sensing import shown
 
 ONLY_READ = ("gain", "zero")
-"""Numbers of a sensor that change no course."""
+"""Parameters of a sensor that do not change the course of a plant."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """How a plant is run: time, s, and input as recorded, both of shape (samples,)."""
+    """Operation of a plant: time, s, and recorded input, both of shape (samples,)."""
 
     time: Array
     given: Array
 
     def course(self, plant: Plant) -> Course:
-        """What happens."""
+        """Simulate a plant."""
         return integrate(plant, self.time, self.given, quick=True)
 
     def alike(self, plant: Plant, course: Course, other: Plant) -> Course:
-        """What happens in another plant; the same where only what is read differs."""
+        """Simulate another plant; the course is the same if only its readings differ."""
         same = (plant.feed, plant.tanks) == (other.feed, other.tanks)
         follow = any(s.lag or s.dead_time for s in (*plant.sensors, *other.sensors))
         return course if same and not follow else self.course(other)
 
     def readings(self, plant: Plant, course: Course) -> Array:
-        """Noise-free readings over their noise, one sensor after the other, shape (n,), 1."""
+        """Return noise-free readings over their noise, sensor by sensor, shape (n,), 1."""
         values = shown(plant, course)
         return np.concatenate([values[s.tank] / noise_of(s) for s in plant.sensors])
 
     def slopes(self, plant: Plant, course: Course, knobs: Sequence[Knob]) -> Array:
-        """Change of the readings per unit of each knob, shape (n, knobs); forward differences."""
+        """Return the derivatives of the readings by each knob, shape (n, knobs).
+
+        They are forward differences.
+        """
         plain = self.readings(plant, course)
         columns = []
         for knob in knobs:
@@ -54,8 +57,8 @@ class Model:
 
 
 def noise_of(sensor: LevelSensor) -> float:
-    """Standard deviation of a reading, V: white noise and the steps of the converter.
+    """Return the standard deviation of a reading, V: white noise and steps of the converter.
 
-    A step is uniform, GUM 4.3.7; where a sensor errs by coarse steps, that is its effect.
+    A step is uniform, GUM 4.3.7; coarse steps are an effect instead.
     """
     return math.hypot(sensor.noise, sensor.converter / math.sqrt(12.0))

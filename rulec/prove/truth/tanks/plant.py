@@ -1,7 +1,7 @@
-"""What is built: tanks in a row, what feeds them, and the level sensors. Every effect is optional.
+"""The plant: tanks in a row, their feed, and the level sensors. Every effect is optional.
 
 Lengths in cm, areas in cm2, flows in cm3/s, times in s, readings in V. A default leaves an effect
-out, so `Tank(...)` with the first four values is the plain tank of a text-book.
+out, so `Tank(...)` with the first four values is the plain tank of a textbook.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from .bend import Bend
 from .feed import Feed
 
 BODY_EDGE = 0.05
-"""cm over which a body ends; a step would only cost the solver time."""
+"""cm over which a body ends; a step would slow the solver down."""
 
 LEVEL_ZERO = 0.025
 """V; standard uncertainty of a transmitter's zero: 0.5 % of 10 V, over 2."""
 
 SLOT = 0.1
-"""Least width of a lying cylinder's surface over its diameter: its vents and its sump."""
+"""Least width of a lying cylinder's surface over its diameter, for vents and sump."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Rim:
 
 @dataclass(frozen=True)
 class Body:
-    """Something in the tank that displaces liquid below a height."""
+    """A body in the tank that displaces liquid below a height."""
 
     area: float
     height: float
@@ -42,7 +42,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Power:
-    """Outlet by (h / level)**exponent; at `level` it passes what the plain one does."""
+    """Outlet by (h / level)**exponent; at `level` it has the flow of the plain one."""
 
     exponent: float
     level: float
@@ -50,7 +50,7 @@ class Power:
 
 @dataclass(frozen=True)
 class Fault:
-    """Size of a fault and when it begins; before that there is none."""
+    """Size of a fault, and its beginning in s."""
 
     size: float
     begin: float
@@ -58,7 +58,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Vortex:
-    """Above `flow` an air core takes the share of the outlet, and the flow surges by `period`."""
+    """Above `flow` an air core takes a share of the outlet, and the flow surges with `period`."""
 
     flow: float
     share: float
@@ -67,7 +67,7 @@ class Vortex:
 
 @dataclass(frozen=True)
 class Opening:
-    """A hole in the wall at a height, which lets liquid out of the plant."""
+    """A hole in the wall at a height, through which liquid leaves the plant."""
 
     area: float
     height: float
@@ -75,7 +75,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Tank:
-    """An open tank with a free outlet into what lies below.
+    """An open tank with a free outlet.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Tank:
     form: Bend | None = None
 
     def at(self, time: float) -> Tank:
-        """The tank with the faults of that time: both begin long ago, or are absent."""
+        """Return the tank with the faults of that time, as constant properties."""
         if self.leak is None and self.clog is None:
             return self
         clogged = self.clog.size if self.clog and time >= self.clog.begin else 0.0
@@ -122,7 +122,7 @@ class Tank:
         return replace(self, outlet=self.outlet * (1.0 - clogged), clog=None, leak=leak)
 
     def surface(self, level: float) -> float:
-        """Area of the liquid's surface, cm2."""
+        """Return the area of the liquid's surface, cm2."""
         if self.lying:
             return self.area * _chord(self.lying, level)
         area = self.area * (1.0 + self.cone * level) ** 2 + self.growth * level
@@ -132,7 +132,7 @@ class Tank:
         return area - self.body.area / (1.0 + math.exp(over))
 
     def volume(self, level: float) -> float:
-        """Liquid below a level, cm3, but for a constant: the integral of `surface`."""
+        """Return the volume below a level, cm3, up to a constant: the integral of `surface`."""
         if self.lying:
             return self.area * _segment(self.lying, level)
         wide = 1.0 + self.cone * level + (self.cone * level) ** 2 / 3.0
@@ -145,7 +145,7 @@ class Tank:
 
 
 def _chord(diameter: float, level: float) -> float:
-    """Width of a lying cylinder's surface over its diameter; at its ends it is a narrow slot."""
+    """Width of a lying cylinder's surface over its diameter; a narrow slot at its ends."""
     across = 4.0 * level * (diameter - level) / diameter**2
     return math.sqrt(max(across, SLOT**2))
 
@@ -167,10 +167,9 @@ class LevelSensor:
     Errors: `offset`, `slope` (of the gain), `lag`, `dead_time`, `play` (width of the hysteresis),
     `step` (of a coarse display), `limit` (highest voltage), `drift` (V per s), `stuck` (from, to),
     `kink` (voltage, and share by which the gain is higher above it), `floor` (lowest voltage),
-    `overload` (voltage, and share of what peaks had above it that stays on the reading),
-    `jet` (V per (cm3/s)**2 of what falls in; no plain law knows that).
-    `colour` is the coefficient of its noise, of order one; `wander` how its zero drifts in its
-    class.
+    `overload` (voltage, and share of earlier peaks above it that the reading keeps), `jet` (V per
+    (cm3/s)**2 of inflow; in no plain law). `colour` is the coefficient of its first-order noise,
+    `wander` the drift of its zero in its class.
     """
 
     tank: str
@@ -205,18 +204,18 @@ class Plant:
     sensors: tuple[LevelSensor, ...]
 
     def tank(self, name: str) -> Tank:
-        """The tank of a name."""
+        """Return the tank of a name."""
         return next(t for t in self.tanks if t.name == name)
 
     def sensor(self, tank: str) -> LevelSensor:
-        """The sensor of a tank."""
+        """Return the sensor of a tank."""
         return next(s for s in self.sensors if s.tank == tank)
 
     def with_tank(self, tank: Tank) -> Plant:
-        """The plant with another tank in the place of that of the same name."""
+        """Return the plant with the tank of the same name replaced."""
         return replace(self, tanks=tuple(tank if t.name == tank.name else t for t in self.tanks))
 
     def with_sensor(self, sensor: LevelSensor) -> Plant:
-        """The plant with another sensor at the same tank."""
+        """Return the plant with the sensor of the same tank replaced."""
         sensors = tuple(sensor if s.tank == sensor.tank else s for s in self.sensors)
         return replace(self, sensors=sensors)

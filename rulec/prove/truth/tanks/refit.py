@@ -1,6 +1,6 @@
-"""The true model fitted to a recording: the best that can be had of held-out samples.
+"""The true model fitted to a recording: the least error on held-out samples.
 
-Source: Gauss 1809, with the rows of the priors added and a step halved where it does not help.
+Source: Gauss 1809, with rows for the priors; a step that does not help is halved.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .plant import Plant
 STEPS = 3
 HALVINGS = 3
 DONE = 0.1
-"""A step that gains less in log likelihood is the last."""
+"""The fit ends with a step that gains less in log likelihood."""
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """A plant with its residuals (n,), over the noise, and half the sum of squares with priors."""
+    """A plant with its residuals (n,), over the noise, and half their sum of squares and priors."""
 
     plant: Plant
     course: Course
@@ -37,12 +37,14 @@ class _Fit:
 
 
 def heldout_errors(case: Case, heldout: Periods) -> dict[str, float]:
-    """Root mean square of measured less simulated, V, by signal, in the periods held out.
+    """Return the RMS of measured minus simulated, V, by signal, in the held-out periods.
 
-    Fitted to all other samples, from the true values on. Raises ValueError where no sample, or
-    every one, is held out.
+    The fit to all other samples starts at the true values. Raises ValueError if no sample, or every
+    one, is held out.
     """
-    out = _inside(case.setup.time, heldout)
+    time, out = case.setup.time, np.zeros(case.setup.time.size, dtype=bool)
+    for begin, end in heldout:
+        out |= (time >= begin) & (time <= end)
     if not out.any() or out.all():
         raise ValueError("some samples must be held out, and some must not")
     layout = case.setup.layout
@@ -50,23 +52,14 @@ def heldout_errors(case: Case, heldout: Periods) -> dict[str, float]:
     model = Model(readings["time [s]"], readings[layout.input_column])
     sensors = case.plant.sensors
     measured = np.concatenate([readings[layout.columns[s.tank]] / noise_of(s) for s in sensors])
-    knobs = [
-        *base_knobs(layout, case.setup.plant),
-        *effect_knobs(case.setup.plant, case.plant),
-    ]
+    plain = case.setup.plant
+    knobs = [*base_knobs(layout, plain), *effect_knobs(plain, case.plant)]
     fit = _fitted(model, measured, np.tile(~out, len(sensors)), case.plant, knobs)
     parts = np.split(fit.residuals, len(sensors))
     return {
         f"{s.tank}{SENSOR}": noise_of(s) * float(np.sqrt(np.mean(part[out] ** 2)))
         for s, part in zip(sensors, parts, strict=True)
     }
-
-
-def _inside(time: Array, periods: Periods) -> NDArray[np.bool_]:
-    inside = np.zeros(time.size, dtype=bool)
-    for begin, end in periods:
-        inside |= (time >= begin) & (time <= end)
-    return inside
 
 
 def _fitted(
@@ -77,7 +70,7 @@ def _fitted(
     def at(plant: Plant) -> _Fit | None:
         try:
             course = model.course(plant)
-        except ArithmeticError:  # a step to where a law has no value
+        except ArithmeticError:  # a law has no value there
             return None
         residuals = measured - model.readings(plant, course)
         cost = 0.5 * float(np.sum(residuals[used] ** 2) + np.sum(_priors(plant, knobs) ** 2))
@@ -102,7 +95,7 @@ def _fitted(
 
 
 def _step(model: Model, fit: _Fit, used: NDArray[np.bool_], knobs: Sequence[Knob]) -> Array:
-    """Step of all knobs; columns are scaled alike before they are solved for."""
+    """Step of all knobs; columns are normalised before they are solved for."""
     slopes = model.slopes(fit.plant, fit.course, knobs)[used]
     matrix = np.vstack([slopes, np.diag([1.0 / knob.u for knob in knobs])])
     target = np.concatenate([fit.residuals[used], _priors(fit.plant, knobs)])
@@ -112,7 +105,7 @@ def _step(model: Model, fit: _Fit, used: NDArray[np.bool_], knobs: Sequence[Knob
 
 
 def _priors(plant: Plant, knobs: Sequence[Knob]) -> Array:
-    """How far each knob is below what was stated, in standard uncertainties."""
+    """Prior mean minus value of each knob, in standard uncertainties."""
     return np.array([(knob.mean - knob.of(plant)) / knob.u for knob in knobs])
 
 

@@ -1,4 +1,4 @@
-"""Rows of tanks drawn from a seed: how many, what they are called, what feeds and measures them."""
+"""Rows of tanks drawn from a seed: their number, names, feed and sensors."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ FEWEST, MOST = 2, 4
 """Tanks in a row."""
 
 ALSO_MEASURED = 0.4
-"""Probability that a tank above the last one is measured too."""
+"""Probability that a tank above the last one is also measured."""
 
 METERED = 0.4
-"""Probability that a flow meter shows what comes in, instead of the voltage of a pump."""
+"""Probability that a flow meter shows the feed, instead of the voltage of a pump."""
 
 INTERVALS = (3.0, 4.0, 5.0)
 """s"""
 
 
 def row(seed: int) -> Layout:
-    """A row of tanks; the last one is measured, as without it nothing would be seen of it."""
+    """Draw a row of tanks; the last one is measured, as nothing else depends on it."""
     random = stream(seed, "row")
     count = int(random.integers(FEWEST, MOST + 1))
     tanks = NAMES[int(random.integers(len(NAMES)))][:count]

@@ -14,25 +14,21 @@ from .key import right
 from .refit import heldout_errors
 from .seen import seen
 
-HALF = "dynamic"
-RECORDING = "recording.csv"
-PLANT = "plant"
-
 
 @dataclass(frozen=True)
 class SealedCase:
-    """A case that was made; `concealed` are its ways of CONCEALMENTS."""
+    """A case with its answer; `concealed` are its ways of CONCEALMENTS."""
 
     made: Case
     concealed: tuple[str, ...]
 
     @functools.cached_property
     def answer(self) -> sealed.Answer:
-        """The sealed answer; what no entry names is of the sort `unnamed`."""
+        """The sealed answer; effects without an entry have the sort `unnamed`."""
         setup, effects = self.made.setup, self._effects()
         return sealed.Answer(
             case=self.made.name,
-            half=HALF,
+            half="dynamic",
             plant=setup.layout.name,
             profile=setup.profile,
             seed=self.made.seed,
@@ -44,12 +40,12 @@ class SealedCase:
         )
 
     def write(self, folder: Path) -> None:
-        """Write `plant/` and `recording.csv`: names and numbers in them tell no effect."""
-        write_plant(self.made.setup.layout, folder / PLANT)
-        write_csv(folder / RECORDING, self.made.recording.readings)
+        """Write `plant/` and `recording.csv`: names and numbers in them reveal no effect."""
+        write_plant(self.made.setup.layout, folder / "plant")
+        write_csv(folder / "recording.csv", self.made.recording.readings)
 
     def reference(self, request: sealed.Request) -> sealed.Reference:
-        """The true model, fitted to all but held-out samples."""
+        """Return the errors of the true model, fitted to all samples that are not held out."""
         return sealed.Reference(heldout_errors(self.made, request.heldout))
 
     def _effects(self) -> tuple[sealed.Planted, ...]:

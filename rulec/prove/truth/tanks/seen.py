@@ -1,4 +1,4 @@
-"""How well each planted effect can be seen, and told from other effects, at best."""
+"""The limit of detection of each planted effect, and its margin over other effects."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .plant import Plant
 from .size import Planted, make
 
 SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
-"""No rivals: the mirror image of another effect, or the gain that is fitted anyway."""
+"""No rivals: mirror images of other effects, or the gain that is fitted anyway."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class Seen:
 
 
 def seen(case: Case) -> tuple[Seen, ...]:
-    """Of each planted effect, the others being there with any size.
+    """Return the limit of each planted effect while the others may have any size.
 
-    All is linear about the plant without effects: changes, slopes, rivals and others must be taken
-    at one point, or what lies between two points can pass for any effect. A large effect that
-    parameters mend along a curve therefore seems to be seen better than it can be.
+    All is linear at the plant without effects: changes, derivatives and rivals must be taken at one
+    point, or the difference between two points could pass for any effect. A large effect that
+    parameters compensate along a curve therefore seems more detectable than it is.
     """
     if not case.planted:
         return ()
@@ -69,16 +69,16 @@ def seen(case: Case) -> tuple[Seen, ...]:
 
 
 def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Iterator[Rival]:
-    """Other effects in the place or beside it.
+    """Other effects at the place or near it.
 
-    An effect that would rightly get the same name, or is planted too, is no rival; of two that
-    differ in sign one is enough.
+    An effect with the same right name, or one that is also planted, is no rival; of two that differ
+    in sign, one is enough.
     """
     plain, names = case.setup.plant, set(right(case.setup, one).names)
     planted = {p.placed.id for p in case.planted}
     for placed in possible_effects(case.setup.layout).values():
-        known = placed.id in planted or placed.effect.name in SAME
-        if known or not _is_near(case, one.placed, placed):
+        near = {one.placed.module, *_around(case, one.placed)}
+        if placed.id in planted or placed.effect.name in SAME or placed.module not in near:
             continue
 
         def built(size: float, placed: Placed = placed) -> Built:
@@ -87,7 +87,7 @@ def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Itera
         def changed(size: float, built: Callable[[float], Built] = built) -> Array | None:
             try:
                 return change(built(size).plant)
-            except RuntimeError:  # so large that the plant has no course: it explains nothing
+            except RuntimeError:  # so large that the plant has no course
                 return None
 
         low, high = placed.effect.low, placed.effect.high
@@ -96,13 +96,8 @@ def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Itera
             yield Rival(placed.id, low, high, changed)
 
 
-def _is_near(case: Case, here: Placed, there: Placed) -> bool:
-    """In the same tank, at the sensor that sees it first, or at what feeds it."""
-    return bool(_around(case, here) & {there.module}) or there.module == here.module
-
-
 def _around(case: Case, placed: Placed) -> set[str]:
-    """Modules beside a place: its tank, its feed if it is the first, the next sensor below."""
+    """Modules near a place: its tank, its feed if it is the first, the next sensor below."""
     layout = case.setup.layout
     tank = layout.tanks[0] if placed.effect.at == "feed" else placed.place
     below = layout.tanks[layout.tanks.index(tank) :]

@@ -1,4 +1,4 @@
-"""What a level sensor shows of a level: errors first, then noise, then what the card keeps."""
+"""Readings of level sensors: first errors, then noise, then conversion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .plant import LEVEL_ZERO, LevelSensor, Plant
 
 
 def shown(plant: Plant, course: Course, seed: int | None = None) -> dict[str, Array]:
-    """Voltage of every sensor by tank; without a seed, without noise and converter steps."""
+    """Return the voltage of every sensor by tank; without a seed, no noise and converter steps."""
     names = [t.name for t in plant.tanks]
     result = {}
     for j, sensor in enumerate(plant.sensors):
@@ -39,9 +39,9 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
 
 
 def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> Array:
-    """Voltage as recorded: noise, coarse display, highest voltage, converter, and stuck at last.
+    """Recorded voltage: noise, coarse display, limits, converter, and a stuck reading last.
 
-    Each sensor has its own stream of noise, which no effect changes.
+    Each sensor has its own noise stream, which no effect changes.
     """
     if seed is not None:
         stream = np.random.default_rng([seed, zlib.crc32(f"noise of {sensor.tank}".encode())])

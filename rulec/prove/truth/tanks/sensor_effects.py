@@ -1,4 +1,4 @@
-"""Errors of level sensors; their place is the tank they belong to."""
+"""Errors of level sensors; their place is the tank of the sensor."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def two_slope(here: Here) -> Built:
 
 
 def overload(here: Here) -> Built:
-    """Of what a peak had above a voltage the share `size` stays on the reading."""
+    """The reading keeps the share `size` of a peak above a voltage."""
     most = here.voltage(here.between(0.5, 0.8))
     values = {"overload": (most, "V"), "kept": (here.size, "1")}
     return here.changed(values, overload=(most, here.size))
 
 
 def drift(sign: float) -> Make:
-    """The zero moves by `size` volts over the record."""
+    """Return an effect: the zero moves by `size` volts over the recording."""
 
     def make(here: Here) -> Built:
         rate = sign * here.size / (here.scene.time_at(1.0) - here.scene.time_at(0.0))
@@ -30,7 +30,7 @@ def drift(sign: float) -> Make:
 
 
 def stuck(here: Here) -> Built:
-    """The reading stays as it is for a share of the record."""
+    """The reading is constant for a share of the recording."""
     first = here.between(0.1, 0.35)
     begin, end = (here.scene.time_at(share) for share in (first, min(first + here.size, 1.0)))
     return here.changed({"begin": (begin, "s"), "end": (end, "s")}, stuck=(begin, end))
@@ -71,4 +71,4 @@ SENSOR_EFFECTS = (
 JET = Effect("jet", "jet hits the pressure cell", "unnamed", "sensor", 0.05, 1.4,
              number("jet", "strength", "V/(cm3/s)**2",
                     lambda here: here.size / here.usual_fall**2))  # fmt: skip
-"""No catalogue names it; the answer to it is its place."""
+"""No catalogue names it; the right answer is its place."""

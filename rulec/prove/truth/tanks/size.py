@@ -1,4 +1,4 @@
-"""How large an effect is made: so large that it shows as it should, in the plant it is put into."""
+"""The size of an effect: so that it changes the readings of its plant as planned."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from .plant import Plant
 from .sensing import shown
 
 LEAST, MOST = 0.3, 1.0
-"""V; what an effect should change alone, root mean square of the reading that shows it most."""
+"""V; range of the target: RMS change by the effect alone of the reading that shows it most."""
 
 ACCEPTED = 0.15, 1.5
-"""V; what is taken where a size ends before that."""
+"""V; accepted change if the range of sizes ends before the target."""
 
 VISIBLE = 0.02, 2.5
-"""V; what is taken where a strength is asked for and cannot be reached."""
+"""V; accepted change if a given strength cannot be reached."""
 
 FAINT = 20.0
-"""A faint effect may be smaller than its usual least size by this factor."""
+"""Factor by which the least size is reduced if a strength is given."""
 
 NEAR = 1.2
-"""Factor to the aim that is near enough."""
+"""Factor to the target within which the search ends."""
 
 TRIES = 8
 
 LOWEST, HIGHEST = -0.2, 9.9
-"""V; no reading leaves the range of its sensor without an effect that says so."""
+"""V; range of a sensor, which readings must not leave."""
 
 Readings = Mapping[str, Array]
 """Voltages by tank."""
@@ -42,7 +42,7 @@ Readings = Mapping[str, Array]
 
 @dataclass(frozen=True)
 class Planted:
-    """An effect with its size found, and what it changes alone."""
+    """An effect with its size, and its change of the readings alone."""
 
     placed: Placed
     size: float
@@ -53,9 +53,9 @@ class Planted:
 def plant_each(
     scene: Scene, wanted: Sequence[Placed], seed: int, strength: float | None = None
 ) -> list[Planted] | None:
-    """Each effect alone, as large as drawn; None where one cannot be seen in this plant.
+    """Size each effect alone for a drawn change; None if the plant cannot show one of them.
 
-    `strength`, V, replaces what is drawn; where the plant cannot show it, what is nearest.
+    `strength`, V, replaces the drawn change; if the plant cannot show it, the nearest is taken.
     """
     drawn = float(stream(seed, "aim").uniform(NEAR * LEAST, MOST / NEAR))
     plain = shown(scene.setup.plant, scene.course)
@@ -74,7 +74,7 @@ def plant_each(
 
 
 def plant_all(scene: Scene, planted: Sequence[Planted], seed: int) -> Plant:
-    """The plant with all effects, each as it is alone."""
+    """Return the plant with all effects, each of the size it has alone."""
     plant = scene.setup.plant
     for one in planted:
         plant = make(scene, plant, one.placed, one.size, seed).plant
@@ -82,7 +82,7 @@ def plant_all(scene: Scene, planted: Sequence[Planted], seed: int) -> Plant:
 
 
 def run(scene: Scene, plant: Plant) -> Course:
-    """What happens in a plant; where only a sensor errs, the levels are known already."""
+    """Simulate a plant; if only sensors err, the course is that of the scene."""
     plain = scene.setup.plant
     same = (plant.feed, plant.tanks) == (plain.feed, plain.tanks)
     if same and not any(s.lag or s.dead_time for s in plant.sensors):
@@ -91,22 +91,22 @@ def run(scene: Scene, plant: Plant) -> Course:
 
 
 def change_of(readings: Readings, plain: Readings) -> dict[str, Array]:
-    """What was changed, by tank."""
+    """Return the change of the readings by tank."""
     return {tank: readings[tank] - plain[tank] for tank in plain}
 
 
 def rms(values: Array) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def most(change: Readings) -> float:
-    """Root mean square of the reading that changes most, V."""
+    """Return the RMS change of the reading that changes most, V."""
     return max(rms(values) for values in change.values())
 
 
 def is_inside(plant: Plant, course: Course) -> bool:
-    """Can the sensors show all that happens?"""
+    """Return whether all readings are within the range of their sensors."""
     values = shown(plant, course).values()
     return all(v.min() >= LOWEST and v.max() <= HIGHEST for v in values)
 
@@ -119,7 +119,7 @@ def _sought(
     accepted: tuple[float, float],
     seed: int,
 ) -> Planted | None:
-    """Seek the size at which an effect shows as aimed: between bounds, by the ratio missed."""
+    """Search the size with the target change: within bounds, by the ratio to the target."""
     low, high = placed.effect.low, placed.effect.high
     largest, size, best, least = high, math.sqrt(low * high), None, math.inf
     for _ in range(TRIES):
@@ -145,6 +145,6 @@ def _sought(
 
 
 def make(scene: Scene, plant: Plant, placed: Placed, size: float, seed: int) -> Built:
-    """An effect of some size; what shapes it is the same at every size."""
+    """Make an effect of some size; its shape is the same at every size."""
     at, random = placed.effect.at, stream(seed, placed.id)
     return placed.effect.make(Here(scene, plant, at, placed.place, size, random))

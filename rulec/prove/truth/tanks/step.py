@@ -1,4 +1,4 @@
-"""One step over a whole sample, for models that are run many times: fast where all is smooth.
+"""One integration step over a whole sample, for models that are simulated many times.
 
 Source: Cash, Karp 1990, the pair of orders 5 and 4.
 """
@@ -22,17 +22,16 @@ FOURTH = (2825 / 27648, 0.0, 18575 / 48384, 13525 / 55296, 277 / 14336, 1 / 4)
 OFF = tuple(a - b for a, b in zip(FIFTH, FOURTH, strict=True))
 
 ACCEPTED = 1e-5
-"""Estimated error of a step, cm; 5 microvolt of a usual sensor."""
+"""Largest estimated error of a step, cm; 5 microvolt of a usual sensor."""
 
 
 def step(rates: Rates, state: Sequence[float], begin: float, end: float) -> list[float] | None:
-    """The state at the end, or None where one step is not enough."""
+    """Return the state at the end, or None if one step is not accurate enough."""
     width = end - begin
     slopes = [rates(begin, state)]
     for node, weights in zip(NODES, STAGES, strict=True):
         slopes.append(rates(begin + node * width, _moved(state, slopes, weights, width)))
-    nothing = [0.0] * len(state)
-    if max(map(abs, _moved(nothing, slopes, OFF, width))) > ACCEPTED:
+    if max(map(abs, _moved([0.0] * len(state), slopes, OFF, width))) > ACCEPTED:
         return None
     return _moved(state, slopes, FIFTH, width)
 
@@ -43,7 +42,7 @@ def _moved(
     weights: Sequence[float],
     width: float,
 ) -> list[float]:
-    """State further by weighted slopes."""
+    """State plus weighted slopes."""
     result = list(state)
     for slope, weight in zip(slopes, weights, strict=True):
         if weight:

@@ -1,4 +1,4 @@
-"""The dynamic half of the proof: which cases are made, from a seed; each is cheap until made."""
+"""The dynamic cases of the proof: a list by seed; each is made when it is needed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .rows import row
 from .sealed import SealedCase
 
 WEAKEST, STRONGEST = 0.03, 2.0
-"""V; what a single effect changes, drawn evenly on a logarithmic scale."""
+"""V; change by a single effect, drawn uniformly on a logarithmic scale."""
 
 HARD: Mapping[str, int] = {
     "form-clean": 10,
@@ -28,7 +28,7 @@ HARD: Mapping[str, int] = {
     "all-clean": 10,
     "all": 10,
 }
-"""Cases of a run with difficulties; in the group `all` every one of them."""
+"""Cases of a run with difficulties, all of them in the group `all`."""
 
 DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
     "form": ("form",),
@@ -39,16 +39,16 @@ DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
 """By the first word of a group of `HARD`."""
 
 FEW = "few-values"
-"""How a plant with form errors is run: how its laws bend is seen at a few flows only."""
+"""Profile of a plant with form errors, which shows its laws at a few flows only."""
 
 RARELY = 0.15
-"""Share of samples in which an effect in a corner acts at most."""
+"""Largest share of samples in which an effect in a corner acts."""
 
 OWN_PLANT = 0.5
-"""Share of cases of the shipped plant; the others are rows drawn for the case."""
+"""Share of cases of the shipped plant; the others have random rows."""
 
 SETTLED = 0.2
-"""Share of cases that are run with long constant stretches."""
+"""Share of cases with long constant inputs."""
 
 CONCEALED: Mapping[str, str] = {
     "clean": "clean",
@@ -82,13 +82,13 @@ HIDING = (
     ("upper.leak", "lower.y.drift-up"),
     ("lower.clogging", "lower.y.drift-down"),
 )
-"""Together they show less than they add up to."""
+"""Pairs that together change less than the sum of their changes."""
 
 UNSEEN = ("gain-high", "gain-low")
-"""What these change is what a recalibration mends: nothing is missing."""
+"""Effects that a recalibration compensates, so that nothing is missing."""
 
 LEAST = 4.0
-"""Expected gain that an effect has at least, where it is alone."""
+"""Least expected gain of a single effect."""
 
 ALIKE = (
     "outlet-height",  # an offset of the sensor
@@ -108,7 +108,7 @@ ALIKE = (
 
 @dataclass(frozen=True)
 class Planned:
-    """A case to be made; `strength` is in V, None as it comes; `rarely` as in `case`."""
+    """A case to be made; `strength` is in V, or None for a drawn one; `rarely` as in `case`."""
 
     group: str
     number: int
@@ -123,11 +123,11 @@ class Planned:
 
     @property
     def name(self) -> str:
-        """Tells the case from all others; stands in no file that the analysis sees."""
+        """Unique name, which is in no file that the analysis gets."""
         return "-".join(["dynamic", self.group, str(self.number), *self.effects])
 
     def make(self) -> SealedCase:
-        """Simulate it. Raises ValueError where no plant drawn shows it."""
+        """Simulate it. Raises ValueError if no drawn plant shows it."""
         made = case(
             self.seed,
             self.effects,
@@ -146,7 +146,7 @@ class Planned:
         return found
 
     def _concealed(self, made: Case) -> str:
-        """Way of concealing; of a hard case by what is planted."""
+        """Way of concealment; of a hard case, by its planted effects."""
         if self.group in CONCEALED:
             return CONCEALED[self.group]
         sorts = [one.placed.effect.sort for one in made.planted]
@@ -156,7 +156,7 @@ class Planned:
 def cases(
     seed: int, count: Mapping[str, int], samples: int = 1024, own: float = OWN_PLANT
 ) -> Iterator[Planned]:
-    """So many cases of each group; a case depends on seed, group and number only.
+    """Yield `count` cases by group; a case depends on seed, group and number only.
 
     `own` is the share of cases of the shipped plant.
     """
@@ -186,13 +186,12 @@ def _planned(seed: int, group: str, number: int, samples: int, share: float) -> 
 def _chosen(
     group: str, number: int, layout: Layout, random: np.random.Generator
 ) -> tuple[str, ...]:
-    """Ids of the effects of a case."""
     if group == "clean" or group.endswith("-clean"):
         return ()
     if group == "hiding":
         return HIDING[number % len(HIDING)]
     fitting = [p for p in possible_effects(layout).values() if _fits(group, p)]
-    # Kinds first, then places: a plant with many tanks has not more of one kind than of others.
+    # Kinds first, then places, so that many tanks do not make one kind more frequent.
     kinds = sorted({(p.effect.name, p.effect.at) for p in fitting})
     order = random.permutation(len(kinds))[: 2 if group == "pair" else 1]
     found = []
@@ -203,7 +202,6 @@ def _chosen(
 
 
 def _fits(group: str, placed: Placed) -> bool:
-    """May a case of the group have this effect?"""
     name, sort = placed.effect.name, placed.effect.sort
     plain = name not in UNSEEN
     match group:

@@ -1,5 +1,5 @@
-"""Effects of tanks: what runs over, other outlets, losses, shapes, pipes between tanks, and faults
-that begin."""
+"""Effects of tanks: overflow, other outlets, losses, shapes, pipes between tanks, and faults that
+begin."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .plant import Body, Fault, Opening, Power, Rim, Vortex
 
 
 def overflow_sharp(here: Here) -> Built:
-    """A round rim takes any flow within millimetres; `size` is how often the tank would be full."""
+    """A round rim takes any flow within millimetres; `size` is the share of time it acts."""
     height = here.level(1.0 - here.size)
     return _with_rim(here, height, SHARP * here.random.uniform(8.0, 16.0))
 
 
 def overflow_broad(here: Here) -> Built:
-    """A notch of `size` cm in the wall; the level goes on rising."""
+    """A notch of `size` cm in the wall; the level can rise above its base."""
     return _with_rim(here, here.level(here.between(0.3, 0.6)), BROAD * here.size)
 
 
@@ -32,12 +32,12 @@ def _with_rim(here: Here, height: float, strength: float) -> Built:
 
 
 def resistance(here: Here) -> float:
-    """Of a narrow outlet, whose head has a part linear in the flow, `size` times the other."""
+    """Return the laminar resistance of a narrow outlet, `size` times its turbulent part."""
     return here.size * 0.5 * here.usual_fall / (GRAVITY * here.tank.outlet**2)
 
 
 def power(sign: float) -> Make:
-    """The outlet follows the level with more than the power 0.5, or less, when it chokes."""
+    """Return an effect: the exponent of the outlet is above 0.5, or below, if it chokes."""
 
     def make(here: Here) -> Built:
         exponent, level = 0.5 + sign * here.size, here.level(0.5)
@@ -48,7 +48,7 @@ def power(sign: float) -> Make:
 
 
 def evaporation(here: Here) -> Built:
-    """The same flow is lost from every tank, whatever its level; the place is the first one's."""
+    """Every tank loses the same flow at any level; the place is the first tank."""
     flow, plant = here.size * here.usual_fall, here.plant
     for tank in plant.tanks:
         plant = plant.with_tank(replace(tank, seepage=tank.seepage + flow))
@@ -56,26 +56,26 @@ def evaporation(here: Here) -> Built:
 
 
 def body(here: Here) -> Built:
-    """Something stands in the tank, `size` of its floor."""
+    """A body stands in the tank on the share `size` of its floor."""
     inside = Body(here.size * here.tank.area, here.level(here.between(0.5, 0.75)))
     values = {"area": (inside.area, "cm2"), "height": (inside.height, "cm")}
     return here.changed(values, body=inside)
 
 
 def leak(here: Here) -> Built:
-    """From some time on an orifice to the outside, `size` of the outlet."""
+    """An orifice to the outside opens at some time, `size` of the outlet."""
     fault = Fault(here.size * here.tank.outlet, here.scene.time_at(here.between(0.35, 0.65)))
     return here.changed({"area": (fault.size, "cm2"), "begin": (fault.begin, "s")}, leak=fault)
 
 
 def clogging(here: Here) -> Built:
-    """From some time on a part of the outlet is closed."""
+    """A part of the outlet closes at some time."""
     fault = Fault(here.size, here.scene.time_at(here.between(0.35, 0.65)))
     return here.changed({"share": (here.size, "1"), "begin": (fault.begin, "s")}, clog=fault)
 
 
 def end_of_pipe(here: Here) -> float:
-    """Height at which the pipe of the outlet drowns in the next tank, which holds its flow back."""
+    """Return the level of the next tank at which it drowns the outlet's pipe and holds it back."""
     below = here.scene.below(here.place)
     assert below is not None
     return (1.0 - here.size) * float(here.scene.levels(below).max())
@@ -89,7 +89,7 @@ def side(here: Here) -> Built:
 
 
 def diameter(here: Here) -> float:
-    """Of a lying cylinder as wide as the plain tank in its middle; `size` is how full it gets."""
+    """Return the diameter of a lying cylinder; `size` is its largest filling."""
     return float(here.scene.levels(here.place).max()) / here.size
 
 
@@ -138,4 +138,4 @@ TANK_EFFECTS = (
 )  # fmt: skip
 
 VORTEX = Effect("vortex", "air core, outflow surges", "unnamed", "tank", 0.02, 0.6, vortex)
-"""No catalogue names it; the answer to it is its place."""
+"""No catalogue names it; the right answer is its place."""
