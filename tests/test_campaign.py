@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rulec.prove.truth import (
-    INERTIA,
     INSIDE,
     NOISE_FREE,
     RIGS,
+    VALVE_TIME,
     abc,
     calibration_run,
     campaign,
@@ -27,7 +27,7 @@ from rulec.prove.truth import (
 def test_transients_follow_a_first_order_lag() -> None:
     """After a step what is left of it falls by exp(-t / time constant); sensors jump."""
     run = settling(fault_replay(abc(), "A.leakage", (0.0, 0.4)))
-    expected = 0.4 * (1 - np.exp(-np.arange(1.0, 11.0) / INERTIA.valve))
+    expected = 0.4 * (1 - np.exp(-np.arange(1.0, 11.0) / VALVE_TIME))
     assert [0.0] * 10 == run.faults["A.leakage"][:10].tolist()
     assert expected == pytest.approx(run.faults["A.leakage"][10:], rel=1e-12)
     jump = settling(fault_replay(abc(), "A.dp.high", (0.0, 0.4))).faults["A.dp.high"]

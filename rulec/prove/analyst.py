@@ -39,7 +39,7 @@ def analyse(folder: Path) -> dict[str, Any]:
         calibrate(folder)
         answer, files = folder / ANSWER, (folder / "plant", folder / "recording.csv")
         run_tool("mismatch", *files, "--json", answer, "--series", folder / SERIES)
-        return _read(answer)
+        return read_form(answer)
 
     return answered(folder / FORM, ask)
 
@@ -57,7 +57,7 @@ def plan(folder: Path) -> dict[str, Any]:
         allowed = ("--limits", limits) if limits.exists() else ()
         words = ("--hours", f"{hours:.6g}", "--json", recipe, *allowed)
         run_tool("experiment", folder / ANSWER, *words)
-        return _read(recipe)
+        return read_form(recipe)
 
     return answered(folder / PLAN, ask)
 
@@ -71,12 +71,13 @@ def ask_again(folder: Path) -> dict[str, Any]:
     def ask() -> dict[str, Any]:
         plant, answer = folder.parents[1] / "plant", folder / ANSWER
         run_tool("mismatch", plant, folder.parent / FIRST, folder / SECOND, "--json", answer)
-        return _read(answer)
+        return read_form(answer)
 
     return answered(folder / FORM, ask)
 
 
-def _read(file: Path) -> dict[str, Any]:
+def read_form(file: Path) -> dict[str, Any]:
+    """Read a JSON form that the tool or the proof wrote."""
     found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return found
 
@@ -84,7 +85,7 @@ def _read(file: Path) -> dict[str, Any]:
 def answered(form: Path, ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the answer in a file; if the file does not exist, ask and write it first."""
     if form.exists():
-        return _read(form)
+        return read_form(form)
     begin = time.perf_counter()
     try:
         found = ask()

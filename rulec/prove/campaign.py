@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,7 +17,7 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import in_order
-from rulec.prove.analyst import FORM, analyse
+from rulec.prove.analyst import FORM, analyse, read_form
 from rulec.prove.judge import judge
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Judged
@@ -135,8 +134,7 @@ def opened(case: Planned, folder: Path, seal: str) -> tuple[Case, dict[str, Any]
     made = case.make()
     if made.answer.digest != seal:
         raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
-    form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
-    return made, form
+    return made, read_form(folder / FORM)
 
 
 def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:

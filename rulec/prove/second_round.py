@@ -16,8 +16,8 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.engines.call import Engine
 from rulec.prove import campaign
-from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan
-from rulec.prove.campaign import Changed, OnProgress, folder_of
+from rulec.prove.analyst import FIRST, FORM, PLAN, ROUND, SECOND, ask_again, plan, read_form
+from rulec.prove.campaign import OnProgress, folder_of
 from rulec.prove.further_inputs import ARMS, RECIPE, run_again
 from rulec.prove.further_scores import further_of
 from rulec.prove.partition import Partition, Planned
@@ -93,16 +93,14 @@ def recorded(folder: Path, arm: str) -> bool:
 
 def _recipe(folder: Path) -> dict[str, Any]:
     """Return the recipe of a case; empty if it has no step."""
-    found: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+    found = read_form(folder / PLAN)
     return found if found.get("steps") else {}
 
 
 def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
     """Write the first recording with dates, and a further one for each arm."""
-    made = case.make()
+    made, _ = campaign.opened(case, folder, seal)
     assert isinstance(made, SettledCase)
-    if made.answer.digest != seal:
-        raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
     own = folder / ROUND
     own.mkdir(exist_ok=True)
     write_text(own / FIRST, dated((folder / "recording.csv").read_text(encoding="utf-8")))
@@ -123,13 +121,9 @@ def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
 
 
 def _judge(case: Planned, folder: Path, first: Judged, arms: Sequence[str]) -> Further:
-    recipe = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-    before = json.loads((folder / FORM).read_text(encoding="utf-8"))
-    after = {
-        arm: json.loads((folder / ROUND / arm / FORM).read_text(encoding="utf-8"))
-        for arm in arms
-        if recipe.get("steps")
-    }
+    recipe, before = read_form(folder / PLAN), read_form(folder / FORM)
+    again = arms if recipe.get("steps") else ()
+    after = {arm: read_form(folder / ROUND / arm / FORM) for arm in again}
     return further_of(case.make().answer, first, recipe, before, after)
 
 

@@ -8,7 +8,6 @@ is never copied.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 import subprocess
@@ -28,7 +27,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 import rulec
 from rulec.limits import UNSURE
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.analyst import ANSWER, EARLIER, answered
+from rulec.prove.analyst import ANSWER, EARLIER, answered, read_form
 from rulec.prove.real.files import write_yaml, yaml_of
 from rulec.prove.real.form import PLAIN, PLANT, TEST, TRAIN, Rig
 
@@ -119,7 +118,7 @@ def _asked(folder: Path, test: Path | None, limit: float) -> dict[str, Any]:
         _calibrate(commands)
         shown = sorted(p.name for p in folder.glob(f"{TRAIN}-*"))
         commands.run("mismatch", "plant", *shown, "--json", ANSWER, "--quiet")
-        found["form"] = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
+        found["form"] = read_form(folder / ANSWER)
     except NoAnswer as failure:
         found["error"] = str(failure)
     if test is not None:

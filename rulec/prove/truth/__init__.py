@@ -11,13 +11,12 @@ of plants that store liquid). Everything is SI until a sensor reads it; readings
 in trade units.
 """
 
-from .campaign import Case, campaign, fault_pairs, published_faults, single_faults
+from .campaign import campaign, fault_pairs, published_faults, single_faults
 from .drawn import drawn
 from .faults import possible_faults
-from .network import OperatingPoint, solve
-from .plant import DosingModule, Line, Mixer, Operation, Plant
+from .plant import Operation, Plant
 from .recording import Recording, record, write_csv
-from .rigs import RIGS, abc, mixing_rig, series, three
+from .rigs import RIGS, abc, mixing_rig
 from .runs import (
     Run,
     calibration_run,
@@ -28,21 +27,15 @@ from .runs import (
     visiting_run,
 )
 from .sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
-from .transients import INERTIA, Inertia, settling
+from .transients import VALVE_TIME, settling
 from .unmodelled import warm_run
 
 __all__ = [
-    "INERTIA",
     "INSIDE",
     "NOISE_FREE",
     "RIGS",
     "TABLE_1",
-    "Case",
-    "DosingModule",
-    "Inertia",
-    "Line",
-    "Mixer",
-    "OperatingPoint",
+    "VALVE_TIME",
     "Operation",
     "Plant",
     "Recording",
@@ -61,11 +54,8 @@ __all__ = [
     "possible_faults",
     "published_faults",
     "record",
-    "series",
     "settling",
     "single_faults",
-    "solve",
-    "three",
     "visiting_run",
     "warm_run",
     "write_csv",

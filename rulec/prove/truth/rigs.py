@@ -41,26 +41,26 @@ def dosing_module(pump: str = "pcp") -> DosingModule:
     raise ValueError(f"no pump type '{pump}'; known: pcp, membrane, centrifugal")
 
 
-def abc(pump_a: str = "pcp", pump_b: str = "pcp") -> Plant:
-    """A and B feed mixer C."""
-    modules = {"A": dosing_module(pump_a), "B": dosing_module(pump_b)}
+def abc(pump_a: str = "pcp") -> Plant:
+    """Return A and B, which feed mixer C."""
+    modules = {"A": dosing_module(pump_a), "B": dosing_module()}
     return Plant(modules, {"C": MIXER}, {"A": "C", "B": "C", "C": None})
 
 
 def three() -> Plant:
-    """A, B and C feed one mixer M."""
+    """Return A, B and C, which feed one mixer M."""
     modules = {name: dosing_module() for name in "ABC"}
     return Plant(modules, {"M": MIXER}, {"A": "M", "B": "M", "C": "M", "M": None})
 
 
 def series() -> Plant:
-    """A and B feed M1; M1 and C feed M2."""
+    """Return A and B, which feed M1; M1 and C feed M2."""
     downstream = {"A": "M1", "B": "M1", "C": "M2", "M1": "M2", "M2": None}
     return Plant({name: dosing_module() for name in "ABC"}, {"M1": MIXER, "M2": MIXER}, downstream)
 
 
 def mixing_rig() -> Plant:
-    """The paper's rig: A, B, C feed M1; M1, D (membrane), E (centrifugal) feed M2."""
+    """Return the paper's rig: A, B, C feed M1; M1, D (membrane), E (centrifugal) feed M2."""
     modules = {name: dosing_module() for name in "ABC"}
     modules |= {"D": dosing_module("membrane"), "E": dosing_module("centrifugal")}
     downstream = {"A": "M1", "B": "M1", "C": "M1", "D": "M2", "E": "M2", "M1": "M2", "M2": None}

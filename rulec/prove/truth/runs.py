@@ -38,17 +38,15 @@ def healthy_run(plant: Plant, samples: int = 60) -> Run:
     return Run(plant, _nominal(plant, samples))
 
 
-def fault_replay(
-    plant: Plant, fault: str, degrees: Sequence[float] = DEGREES, hold: int = HOLD
-) -> Run:
-    """One fault in plateaus of `hold` samples at nominal speed."""
-    degree = np.repeat(np.asarray(degrees, dtype=np.float64), hold)
+def fault_replay(plant: Plant, fault: str, degrees: Sequence[float] = DEGREES) -> Run:
+    """Return one fault in plateaus of HOLD samples at nominal speed."""
+    degree = np.repeat(np.asarray(degrees, dtype=np.float64), HOLD)
     return Run(plant, _nominal(plant, degree.size), {fault: degree})
 
 
-def leakage_replay(plant: Plant, module: str = "A") -> Run:
-    """Leakage 0, 0.2, 0, 0.4, 0, 0.6, 0, 0, each 10 s. Source: method.md, section 4."""
-    return fault_replay(plant, f"{module}.leakage")
+def leakage_replay(plant: Plant) -> Run:
+    """Return the leakage of A in the plateaus of DEGREES. Source: method.md, section 4."""
+    return fault_replay(plant, "A.leakage")
 
 
 def operating_points(plant: Plant, count: int) -> list[Speeds]:
@@ -83,7 +81,7 @@ def visiting_run(
     return Run(plant, operation, {name: degree * present for name, degree in faults.items()})
 
 
-def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD) -> Run:
+def calibration_run(plant: Plant) -> Run:
     """Return a fault-free run as a maker does it, with the flow meter as reference.
 
     First every module runs alone on a bench: each speed with each throttle, which is closed further
@@ -95,6 +93,7 @@ def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold:
     mixers over their whole range, and the back-pressure of a module independently of its flow. In
     every row all relations hold whose signals are given.
     """
+    speeds, mixer_points, hold = 5, 15, HOLD
     settings = min(len(module.throttles) for module in plant.modules.values())
     position = np.tile(np.linspace(0.0, 1.0, speeds), settings)
     bench = position.size * hold

@@ -4,7 +4,7 @@ The liquid follows within milliseconds, so every sample is an operating point of
 (quasi-stationary). A sensor fault jumps, because nothing moves.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,19 +13,11 @@ from .units import Array
 
 MOVED_BY_A_VALVE = (".leakage", ".clogging", ".widening")
 
-
-@dataclass(frozen=True)
-class Inertia:
-    """Time constants, s; assumed: a converter's speed ramp, a motorised valve of a small rig."""
-
-    speed: float = 1.0
-    valve: float = 1.5
+SPEED_TIME, VALVE_TIME = 1.0, 1.5
+"""Time constants, s; assumed: a converter's speed ramp, a motorised valve of a small rig."""
 
 
-INERTIA = Inertia()
-
-
-def settling(run: Run, inertia: Inertia = INERTIA) -> Run:
+def settling(run: Run) -> Run:
     """Return the run with its values as settings that speeds and valves approach.
 
     Raises ValueError for a run on the bench, whose throttle is not there afterwards.
@@ -34,11 +26,10 @@ def settling(run: Run, inertia: Inertia = INERTIA) -> Run:
     if operation.on_bench is not None:
         raise ValueError("a run on the maker's bench is set up point by point, without transients")
     speed = {
-        name: approach(operation.time, value, inertia.speed)
-        for name, value in operation.speed.items()
+        name: approach(operation.time, value, SPEED_TIME) for name, value in operation.speed.items()
     }
     faults = {
-        name: approach(operation.time, degree, inertia.valve)
+        name: approach(operation.time, degree, VALVE_TIME)
         if name.endswith(MOVED_BY_A_VALVE)
         else degree
         for name, degree in run.faults.items()

@@ -51,13 +51,13 @@ def taken(speed: Array) -> Array:
     return power
 
 
-def shaken_run(plant: Plant, module: str = "B") -> Run:
-    """Visit operating points while the frame below a module shakes and takes power."""
-    run, pump = _tour(plant), plant.modules[module].pump
+def shaken_run(plant: Plant) -> Run:
+    """Visit operating points while the frame below module B shakes and takes power."""
+    run, pump = _tour(plant), plant.modules["B"].pump
     assert isinstance(pump, Displacement)
-    more = pump.idle_power + taken(run.operation.speed[module])
+    more = pump.idle_power + taken(run.operation.speed["B"])
     shaking = replace(pump, idle_power=more)  # type: ignore[arg-type]
-    return Run(_with_pump(plant, module, shaking), run.operation)
+    return Run(_with_pump(plant, "B", shaking), run.operation)
 
 
 def thicker_run(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..transients import INERTIA, approach
+from ..transients import SPEED_TIME, approach
 from ..units import Array
 from .scene import SENSING, Scene, ambient
 from .sized import made_of
@@ -48,7 +48,7 @@ def held(case: SettledCase, points: Sequence[Point], samples: Sequence[int]) -> 
         set_ = [_behind_display(case, name, p[name]) if name in p else last for p in points]
         setting = np.concatenate([[last], np.repeat(set_, samples)])
         time = np.arange(setting.size, dtype=np.float64)
-        courses[name] = approach(time, setting, INERTIA.speed)[1:]
+        courses[name] = approach(time, setting, SPEED_TIME)[1:]
     return courses
 
 
@@ -85,10 +85,7 @@ def recorded_further(case: SettledCase, courses: Mapping[str, Array]) -> dict[st
         term for placed, size in case.planted for term in made_of(scene, placed, size, seed).changes
     ]
     columns = scene.recorded(scene.truly(terms), terms)
-    shown = {h: values[case.scene.time.size :] for h, values in columns.items()}
-    shown["time [s]"] = shown["time [s]"] - scene.clock[scene.first]
-    gone = case.answer.unrecorded
-    return {h: values for h, values in shown.items() if not gone or f".{gone} [" not in h}
+    return case.shown(columns, slice(case.scene.time.size, None))
 
 
 def longer(scene: Scene, courses: Mapping[str, Array]) -> Scene:

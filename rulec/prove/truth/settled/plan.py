@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from ..limit import expected_gain
 from ..recording import write_csv
 from ..sealed import HIDES, Answer, Reference, Request
 from ..streams import FURTHER, stream
+from ..units import Array
 from .answer import answer_of, connection_of
 from .blurred import blurred
 from .connection_effects import WAYS
@@ -122,14 +123,17 @@ class SettledCase:
         if self.may_be_set:
             write_limits(scene_.rig, self.may_be_set, folder / "limits.yaml")
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
-        gone = self.answer.unrecorded
-        shown = {h: v[first:] for h, v in columns.items() if not gone or f".{gone} [" not in h}
-        shown["time [s]"] = shown["time [s]"] - scene_.clock[first]
-        write_csv(folder / "recording.csv", shown)
+        write_csv(folder / "recording.csv", self.shown(columns, slice(first, None)))
         if first:
             terms = self.terms if "calibrated" in self.plan.conceal else ()
             earlier = scene_.recorded(scene_.truly(terms), terms)
             write_csv(folder / "earlier.csv", {h: v[:first] for h, v in earlier.items()})
+
+    def shown(self, columns: Mapping[str, Array], part: slice) -> dict[str, Array]:
+        """Return some samples of the recorded columns, with time since the recording began."""
+        gone = self.answer.unrecorded
+        found = {h: v[part] for h, v in columns.items() if not gone or f".{gone} [" not in h}
+        return {**found, "time [s]": found["time [s]"] - self.scene.clock[self.scene.first]}
 
     def reference(self, request: Request) -> Reference:
         """Return the errors of the true model on held-out samples, and the unrecorded course."""

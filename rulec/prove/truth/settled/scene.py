@@ -10,7 +10,7 @@ import numpy as np
 from ..sensors import Sensing, read
 from ..smooth import wobble
 from ..streams import stream
-from ..transients import INERTIA, approach
+from ..transients import SPEED_TIME, approach
 from ..units import BAR, LITRE_PER_HOUR, Array
 from . import drive
 from .difficulty import NONE, Difficulty, difficulty
@@ -171,17 +171,17 @@ def scene(
         low, high = load if rig.by_load else rig.kind(m).speeds
         setting = low + (high - low) * (USED[0] + (USED[1] - USED[0]) * share[m])
         place = f"{m}.{'dp' if rig.by_load else 'n'}"
-        given[place] = approach(seconds, setting, INERTIA.speed)
+        given[place] = approach(seconds, setting, SPEED_TIME)
         if place in hard.wobble:
             course = wobble(stream(seed, f"wobble {place}"), samples)
             given[place] = given[place] + (high - low) * hard.wobble[place] * course
         if rig.by_travel:
             travel = TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * make(random, samples)
-            given[f"{m}.x"] = opened_slowly(seconds, travel)
+            given[f"{m}.x"] = approach(seconds, travel, SPEED_TIME)
         if rig.by_meter:
             opened = OPENED[0] + (OPENED[1] - OPENED[0]) * make(random, samples)
-            usual = rig.numbers[f"{m}.n0"][0]
-            given[f"{m}.Q"] = FLOW * opened_slowly(seconds, opened) * given[f"{m}.n"] / usual
+            reached, usual = approach(seconds, opened, SPEED_TIME), rig.numbers[f"{m}.n0"][0]
+            given[f"{m}.Q"] = FLOW * reached * given[f"{m}.n"] / usual
     temperatures = {
         m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
         for m in rig.pumps
@@ -198,10 +198,8 @@ def scene(
         running = drive.stops(random, samples) > 0
         running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
-    laws = hard.terms(rig, values)
-    found = solve(Operated(rig, values, given, laws))
+    found = solve(Operated(rig, values, given, hard.terms(rig, values)))
     around = ambient(rig, temperatures, levels, suctions, densities)
-    plain = {**around, **given, **found}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
         rig,
@@ -216,7 +214,7 @@ def scene(
         suctions,
         densities,
         running,
-        plain,
+        {**around, **given, **found},
         hard,
         pace,
         correlated,
@@ -252,18 +250,13 @@ def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
 def _throttled(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
     """Gauge pressure behind a suction valve that is closed in steps."""
     opened, shut = SUCTION
-    return opened + (shut - opened) * opened_slowly(seconds, make(random, seconds.size)) ** 2
+    return opened + (shut - opened) * approach(seconds, make(random, seconds.size), SPEED_TIME) ** 2
 
 
 def _behind(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
     """Gauge pressure behind a valve."""
     low, high = BEHIND
-    return low + (high - low) * opened_slowly(seconds, make(random, seconds.size))
-
-
-def opened_slowly(seconds: Array, setting: Array) -> Array:
-    """Return the opening of a valve that follows its setting with the drive's inertia."""
-    return approach(seconds, setting, INERTIA.speed)
+    return low + (high - low) * approach(seconds, make(random, seconds.size), SPEED_TIME)
 
 
 def ambient(

@@ -76,8 +76,8 @@ def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Itera
     """
     plain, names = case.setup.plant, set(right(case.setup, one).names)
     planted = {p.placed.id for p in case.planted}
+    near = {one.placed.module, *_around(case, one.placed)}
     for placed in possible_effects(case.setup.layout).values():
-        near = {one.placed.module, *_around(case, one.placed)}
         if placed.id in planted or placed.effect.name in SAME or placed.module not in near:
             continue
 

@@ -51,7 +51,7 @@ class Planted:
 
 
 def plant_each(
-    scene: Scene, wanted: Sequence[Placed], seed: int, strength: float | None = None
+    scene: Scene, wanted: Sequence[Placed], seed: int, strength: float | None
 ) -> list[Planted] | None:
     """Size each effect alone for a drawn change; None if the plant cannot show one of them.
 
