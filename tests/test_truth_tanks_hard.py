@@ -18,9 +18,8 @@ from rulec.prove.truth.tanks.hard import FORM
 from rulec.prove.truth.tanks.laws import outflow, supply
 from rulec.prove.truth.tanks.model import Model, noise_of
 from rulec.prove.truth.tanks.plant import LEVEL_ZERO
-from rulec.prove.truth.tanks.rows import row
 from rulec.prove.truth.tanks.sensing import shown
-from rulec.prove.truth.tanks.suite import DIFFICULTIES, HARD, cases
+from rulec.prove.truth.tanks.suite import DIFFICULTIES, HARD, cases, row
 from rulec.prove.truth.units import Array
 
 ALL = DIFFICULTIES["all"]

@@ -20,9 +20,8 @@ from rulec.prove.truth.tanks.effects import EFFECTS
 from rulec.prove.truth.tanks.folder import write_plant
 from rulec.prove.truth.tanks.key import FILE, right
 from rulec.prove.truth.tanks.model import noise_of
-from rulec.prove.truth.tanks.rows import row
 from rulec.prove.truth.tanks.sealed import SealedCase
-from rulec.prove.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases
+from rulec.prove.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases, row
 from tests.conftest import ROOT
 
 SHORT = 90

@@ -87,7 +87,6 @@ def judge(answer: ContactAnswer, form: Form) -> Judged:
 
 
 def _probability(effect: Form) -> float:
-    """Probability of a finding's class."""
     return float(effect.get("class_probability") or effect["probability"] or 0.0)
 
 

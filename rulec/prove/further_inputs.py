@@ -94,7 +94,6 @@ def samples_of(recipe: Mapping[str, Any], pace: float) -> list[int]:
 
 
 def _points(scene: Scene, recipe: Mapping[str, Any]) -> list[Point]:
-    """Set points of each step, in the units of the sensors."""
     found: list[Point] = []
     for step in recipe["steps"]:
         for name, told in step["inputs"].items():
@@ -117,6 +116,5 @@ def _ranges(case: SettledCase, names: Sequence[str]) -> dict[str, tuple[float, f
 
 
 def _within(ranges: Mapping[str, tuple[float, float]], shares: Array) -> Point:
-    """A point at shares of ranges."""
     ends = zip(ranges.items(), shares.tolist(), strict=True)
     return {name: low + share * (high - low) for (name, (low, high)), share in ends}

@@ -112,7 +112,6 @@ def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim,
 
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
-    """The best share of any finding."""
     return max((_share_right(planted, e) for e in effects), default=0.0)
 
 

@@ -36,6 +36,7 @@ h3.after { margin: 1.4rem 0 .3rem; }
 def page(run: Run, made: Made | None = None) -> str:
     """Write the page; the same run gives the same text."""
     judged, rows = run.shown, table(run.shown)
+    good = all(row.met for row in rows)
     parts = [
         ("The worst cases", tables.worst_table(judged)),
         ("Names by their probability", tables.probabilities(judged)),
@@ -52,7 +53,7 @@ def page(run: Run, made: Made | None = None) -> str:
         kind="Proof on concealed effects",
         verdict=headline(run, rows),
         meaning=partition_words(run),
-        badge=_badge(rows),
+        badge=f'<span class="badge is-{"ok" if good else "F"}">{"✓" if good else "✗"}</span>',
         made=made,
     )
     return document(head, "".join(sections))
@@ -74,11 +75,6 @@ def partition_words(run: Run) -> str:
     if run.partition == "final":
         return f"The final cases were opened {counted(run.openings, 'time')}, this one included."
     return "The tool was improved on these very cases: they prove nothing yet."
-
-
-def _badge(rows: Sequence[Row]) -> str:
-    good = all(r.met for r in rows)
-    return '<span class="badge is-ok">✓</span>' if good else '<span class="badge is-F">✗</span>'
 
 
 def _remark(run: Run) -> str:

@@ -133,7 +133,7 @@ def _standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
 
 
 def _map(state: Array, control: Array, part: NDArray[np.bool_], threshold: float) -> Any:
-    """A fitted map; None if no run of samples is long enough."""
+    """The fitted map; None if no run of samples is long enough."""
     import pysindy
 
     edges = np.flatnonzero(np.diff(np.concatenate([[0], part.astype(int), [0]])))

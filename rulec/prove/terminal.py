@@ -77,7 +77,6 @@ def text(run: Run, width: int = 100) -> str:
 
 
 def _parts(parts: list[Group]) -> Table:
-    """The shares of each part in a column."""
     names = {words: name for name, words in DIFFICULTIES.items()}
     shown = Table("made harder by", box=None, pad_edge=False)
     for part in parts:

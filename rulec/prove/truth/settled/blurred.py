@@ -64,7 +64,7 @@ def _uncertain(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[Outputs]
 
 
 def _sensors(scene: Scene, slopes: Mapping[str, Outputs]) -> Iterator[tuple[str, Outputs]]:
-    """Change of the outputs by an error of each sensor of the size of its class."""
+    """Change of the outputs by each sensor's error of the size of its class."""
     zero = {name: np.zeros_like(scene.time) for name in scene.rig.outputs}
     for name in scene.rig.outputs:
         yield name, {**zero, name: class_of(scene, name)}

@@ -46,7 +46,6 @@ WAYS: Mapping[str, Callable[[Rig, np.random.Generator], tuple[Rig, Rig, str]]] =
 
 
 def _spared(rig: Rig, random: np.random.Generator) -> str:
-    """A module whose mixer is also fed by others."""
     fed = list(rig.downstream.values())
     found = [m for m, to in rig.downstream.items() if to is not None and fed.count(to) > 1]
     if not found:

@@ -59,11 +59,6 @@ def few_states(
     return {m: np.asarray(random.uniform(size=count)[order[held]]) for m in modules}
 
 
-def one_of_few(random: np.random.Generator, samples: int) -> Array:
-    """Course of a single setting between a few states."""
-    return few_states(random, ["alone"], samples)["alone"]
-
-
 PRODUCTION = "production"
 """Profile of a plant that makes its few products."""
 
@@ -77,19 +72,16 @@ def products(random: np.random.Generator, modules: Sequence[str], samples: int) 
     return {m: random.uniform(0.0, 1.0 - PART) + PART * run for m, run in runs.items()}
 
 
-def one_of_products(random: np.random.Generator, samples: int) -> Array:
-    """Course of a single setting within a part of its range."""
-    return products(random, ["alone"], samples)["alone"]
-
-
 PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "steps": steps,
     "ramps": ramps,
     "start-stop": steps,
     "long-constant": long_constant,
-    "few-states": one_of_few,
-    PRODUCTION: one_of_products,
+    "few-states": lambda random, samples: few_states(random, ["alone"], samples)["alone"],
+    PRODUCTION: lambda random, samples: products(random, ["alone"], samples)["alone"],
 }
+"""Course of a single setting by profile."""
+
 TOGETHER: Mapping[str, Callable[[np.random.Generator, Sequence[str], int], dict[str, Array]]] = {
     "few-states": few_states,
     PRODUCTION: products,

@@ -161,14 +161,12 @@ def _driven(plant: Plant, state: Sequence[float], given: float) -> float:
 
 
 def _stored(plant: Plant, state: Sequence[float]) -> float:
-    """Volume that air in the line stores, cm3."""
     return state[len(plant.tanks) + len(plant.sensors) + 1]
 
 
 def _rates(
     plant: Plant, tanks: Sequence[Tank], time: float, state: Sequence[float], given: float
 ) -> list[float]:
-    """Time derivatives of the state."""
     count = len(tanks)
     fed, *others = _flows(plant, tanks, time, state, given)
     falls, leaves = others[:count], others[count:]

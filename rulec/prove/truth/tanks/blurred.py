@@ -61,7 +61,6 @@ def _whitening(setup: Setup) -> Callable[[Array], Array]:
 
 
 def _drifts(setup: Setup) -> Iterator[Array]:
-    """Changes by zeros that drift within their class."""
     sensors, n = setup.plant.sensors, setup.time.size
     for j, sensor in enumerate(sensors):
         if sensor.wander is not None:

@@ -103,7 +103,6 @@ def case(
 
 
 def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:
-    """Readings by the headers of the plant's column map, and true levels and flows."""
     layout = setup.layout
     readings = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
     for tank, values in shown(plant, course, seed).items():

@@ -107,7 +107,6 @@ def _bend(seed: int, law: str, most: float) -> Bend:
 
 
 def _begun(plant: Plant, tank: Tank, seed: int) -> Tank:
-    """A tank with a random first level that its sensor can show."""
     level = float(stream(seed, f"start {tank.name}").uniform(*STARTS))
     most = [HIGHEST / s.gain for s in plant.sensors if s.tank == tank.name]
     return replace(tank, level=min([level, *most]))

@@ -95,13 +95,13 @@ def _values(setup: Setup, one: Planted) -> dict[str, float]:
 
 def _sum(terms: Sequence[Sequence[float | str]], values: Mapping[str, float]) -> float:
     """A sum of products; `/name` divides."""
-    return sum(math.prod(_factor(f, values) for f in factors) for factors in terms)
 
+    def value(factor: float | str) -> float:
+        if not isinstance(factor, str):
+            return float(factor)
+        return 1.0 / values[factor[1:]] if factor.startswith("/") else values[factor]
 
-def _factor(factor: float | str, values: Mapping[str, float]) -> float:
-    if not isinstance(factor, str):
-        return float(factor)
-    return 1.0 / values[factor[1:]] if factor.startswith("/") else values[factor]
+    return sum(math.prod(map(value, factors)) for factors in terms)
 
 
 def _placed(setup: Setup, here: str, place: str) -> Iterator[str]:

@@ -36,10 +36,6 @@ def stuck(here: Here) -> Built:
     return here.changed({"begin": (begin, "s"), "end": (end, "s")}, stuck=(begin, end))
 
 
-def _low(here: Here) -> float:
-    return -here.size
-
-
 def _error(
     name: str, title: str, low: float, high: float, make: Make, scale: float = 1.0
 ) -> Effect:
@@ -48,9 +44,11 @@ def _error(
 
 SENSOR_EFFECTS = (
     _error("offset-high", "reads high", 0.15, 1.4, number("offset", "offset", "V")),
-    _error("offset-low", "reads low", 0.15, 1.4, number("offset", "offset", "V", _low)),
+    _error("offset-low", "reads low", 0.15, 1.4,
+           number("offset", "offset", "V", lambda here: -here.size)),
     _error("gain-high", "gain too high", 0.02, 0.4, number("slope", "slope", "1")),
-    _error("gain-low", "gain too low", 0.02, 0.4, number("slope", "slope", "1", _low)),
+    _error("gain-low", "gain too low", 0.02, 0.4,
+           number("slope", "slope", "1", lambda here: -here.size)),
     # The transmitter ends early, or begins late; the size is the share that it cannot show.
     _error("clipping", "highest voltage", 0.01, 0.8,
            number("limit", "limit", "V", lambda here: here.voltage(1.0 - here.size))),

@@ -1,7 +1,11 @@
-"""The dynamic cases of the proof: a list by seed; each is made when it is needed."""
+"""The dynamic cases of the proof: a list by seed; each is made when it is needed.
+
+Plants are the shipped one, and rows of tanks with a random number, names, feed and sensors.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +16,6 @@ from ..streams import stream
 from .build import CASCADED, Layout
 from .case import Case, case
 from .effects import Placed, possible_effects
-from .rows import row
 from .sealed import SealedCase
 
 WEAKEST, STRONGEST = 0.03, 2.0
@@ -106,6 +109,27 @@ ALIKE = (
 """Faults and errors of sensors that look like physics, and the reverse."""
 
 
+NAMES = (
+    ("upper", "centre", "lower", "bottom"),
+    ("north", "east", "south", "west"),
+    ("T1", "T2", "T3", "T4"),
+    ("settling", "buffer", "storage", "sump"),
+)
+FEEDS, MAINS = ("pump", "supply", "P1"), ("mains", "inflow", "F1")
+
+FEWEST, MOST = 2, 4
+"""Tanks in a row."""
+
+ALSO_MEASURED = 0.4
+"""Probability that a tank above the last one is also measured."""
+
+METERED = 0.4
+"""Probability that a flow meter shows the feed, instead of the voltage of a pump."""
+
+INTERVALS = (3.0, 4.0, 5.0)
+"""s"""
+
+
 @dataclass(frozen=True)
 class Planned:
     """A case to be made; `strength` is in V, or None for a drawn one; `rarely` as in `case`."""
@@ -165,6 +189,21 @@ def cases(
             raise ValueError(f"no group '{group}'; known: {', '.join({**CONCEALED, **HARD})}")
         for number in range(many):
             yield _planned(seed, group, number, samples, own)
+
+
+def row(seed: int) -> Layout:
+    """Draw a row of tanks; the last one is measured, as nothing else depends on it."""
+    random = stream(seed, "row")
+    count = int(random.integers(FEWEST, MOST + 1))
+    tanks = NAMES[int(random.integers(len(NAMES)))][:count]
+    also = random.uniform(size=count - 1) < ALSO_MEASURED
+    measured = (*itertools.compress(tanks, also), tanks[-1])
+    metered = bool(random.uniform() < METERED)
+    feed = (MAINS if metered else FEEDS)[int(random.integers(len(FEEDS)))]
+    interval = float(random.choice(INTERVALS))
+    columns = {tank: f"L{tanks.index(tank) + 1} [V]" for tank in measured}
+    inlet = "F [l/h]" if metered else "u [V]"
+    return Layout(f"row-{seed}", feed, tanks, measured, metered, interval, inlet, columns)
 
 
 def _planned(seed: int, group: str, number: int, samples: int, share: float) -> Planned:
