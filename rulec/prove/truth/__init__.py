@@ -11,7 +11,7 @@ of plants that store liquid). Everything is SI until a sensor reads it; readings
 in trade units.
 """
 
-from .campaign import campaign, fault_pairs, published_faults, single_faults
+from .campaign import Case, campaign, fault_pairs, published_faults, single_faults
 from .drawn import drawn
 from .faults import possible_faults
 from .plant import Operation, Plant
@@ -36,6 +36,7 @@ __all__ = [
     "RIGS",
     "TABLE_1",
     "VALVE_TIME",
+    "Case",
     "Operation",
     "Plant",
     "Recording",
