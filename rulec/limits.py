@@ -47,6 +47,15 @@ standard (the default of difflib.get_close_matches)."""
 MAX_EQUATION_LENGTH = 600
 """Characters of an equation. Origin: assumed."""
 
+MOST_CURVE_POINTS = 10
+"""Points of a curve that `rulec adopt` writes into an equation. Origin: `MAX_EQUATION_LENGTH`."""
+
+CURVE_DIGITS = 4
+"""Significant digits of such a point. Origin: the same."""
+
+CURVE_KEPT = 0.01
+"""Share of its range by which it may miss the curve that was found. Origin: assumed."""
+
 MAX_EQUATION_DEPTH = 30
 """Operations inside one another in one equation. Origin: assumed."""
 

@@ -17,6 +17,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.cli import main
 from rulec.effects.adopt import adoption_of
 from rulec.effects.adopted_plant import put_in_place, write_plant
+from rulec.effects.candidate import CurveTerm
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_form, repair_of
@@ -264,6 +265,27 @@ def test_a_driver_of_a_neighbour_cannot_be_written(tmp_path: Path) -> None:
     data, _ = mismatch(plant, [(name, given)])
     adopted(tmp_path, data)
     assert "A.T is neither for C" in left_out(tmp_path)
+
+
+def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
+    """Straight between its points, level beyond them, in a type of its own."""
+    n, power = np.array([8.0, 12.0, 20.0]), np.array([-3.0, 5.0, 1.0])
+    curve = CurveTerm(
+        "definition:A.P_law", "A.n", tuple(zip(n.tolist(), power.tolist(), strict=True))
+    )
+    data, builder = mismatch(plant_path("abc"), [], curves=[vars(curve)])
+    fixed = {u.id: u.factor for u in builder.curve_term(curve).unknowns}
+    data["repair"]["joined"] = [{"id": curve.id, "unknowns": {}, "fixed": fixed}]
+    network = models_of(adopted(tmp_path, data)).network
+    assert "dosing-pcp-A" == network.plant.modules["A"].type.name
+    assert "dosing-pcp" == network.plant.modules["B"].type.name
+    there = np.array([4.0, 8.0, 10.0, 14.0, 20.0, 30.0])
+    readings = {**builder._readings, "A.n": there}
+    found = lower_module(Lowering(network, {}), "A", definitions=True).run(
+        {**parameter_values(network.plant), **readings}
+    )
+    added = found["d:P_law"] - found["d:P_law_plain"]
+    np.testing.assert_allclose(added, np.interp(there, n, power), rtol=1e-3)
 
 
 def test_a_free_form_is_left_out(tmp_path: Path) -> None:

@@ -71,7 +71,8 @@ class Adoption:
 def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     """The new types of all modules; raises `AdoptRefused` if the plant has changed since."""
     network = builder.network
-    by_id = {c.id: c for c in builder.candidates}
+    curves = map(builder.curve_term, repair.curves)
+    by_id = {c.id: c for c in (*builder.candidates, *curves)}
     free = {s.id for s in builder.spots}
     _refuse_unknown(builder, repair)
     readings = Gathering(network)

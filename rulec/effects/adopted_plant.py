@@ -76,4 +76,5 @@ def _repair(sources: Sources, found: Found) -> Repair:
         covariance=found.covariance,
         misfit=found.misfit,
         ranges=found.ranges,
+        curves=found.curves,
     )

@@ -39,11 +39,12 @@ class Unknown(Shape):
 class Candidate:
     """One explanation at one place.
 
-    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``. `id` is unique in the
-    plant, as ``A.slip-temperature@Q_law``; a fault has its id in the ruleset. `place` is the
-    definition, observer or signal that it changes; `observers` lists the ids of all observers that
-    it affects. `drivers` maps the names in its law to ids of signals of the plant (or ``time``);
-    `equation` shows the repaired relation. `text` has slots for parameters only.
+    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` (no physics, as a search
+    finds it) or ``curve`` (no physics, as a module type holds it). `id` is unique in the plant, as
+    ``A.slip-temperature@Q_law``; a fault has its id in the ruleset. `place` is the definition,
+    observer or signal that it changes; `observers` lists the ids of all observers that it affects.
+    `drivers` maps the names in its law to ids of signals of the plant (or ``time``); `equation`
+    shows the repaired relation. `text` has slots for parameters only.
     """
 
     id: str
@@ -136,6 +137,24 @@ class BaseParameters:
 
 
 @dataclass(frozen=True)
+class CurveTerm:
+    """What is added to a law, over a reading or a state of its own module, without physics.
+
+    `points` are values of the driver and of the term, SI; it is straight between them, and level
+    beyond the first and the last. `spot` is the id of the place.
+    """
+
+    spot: str
+    driver: str
+    points: tuple[tuple[float, float], ...]
+
+    @property
+    def id(self) -> str:
+        """Id of the candidate that builds it in."""
+        return f"{self.spot}[{self.driver}, curve]"
+
+
+@dataclass(frozen=True)
 class Changed:
     """A recalibrated parameter of the plain model (SI), for the repaired model."""
 
@@ -151,7 +170,7 @@ class Repair:
     `joined` are ids of its candidates. `parameters`, those of the candidates behind base
     parameters, have a joint `covariance`, shape (parameters, parameters). `fixed` are references of
     joined candidates, `misfit` the remaining error per observer, m3/s, `ranges` the readings per
-    signal at which its relations were tested.
+    signal at which its relations were tested, `curves` the joined terms without physics.
     """
 
     joined: tuple[str, ...]
@@ -160,6 +179,7 @@ class Repair:
     fixed: Mapping[str, float]
     misfit: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
+    curves: tuple[CurveTerm, ...] = ()
 
 
 class Unwritable(Exception):

@@ -3,13 +3,20 @@ one reading, with knots at its quantiles or at given values."""
 
 from __future__ import annotations
 
-from rulec.effects.candidate import MEDIAN, Candidate, Spot, Unknown
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, Spot, Unknown
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
+from rulec.knowledge.tables import PER, SIZE, equations
 from rulec.language.expression import Expression, parse
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
-from rulec.limits import SPREAD
+from rulec.language.written import rounded
+from rulec.limits import CURVE_DIGITS, CURVE_KEPT, MOST_CURVE_POINTS, SPREAD
 from rulec.passes.amend import Change
 
 BAND = "~"
@@ -81,6 +88,54 @@ def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Ma
         title = f"knot {k} of {driver}"
         unknowns.append(_statistic(id_, f"x_{k}", title, driver, (k / (knots - 1),)))
     return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": driver})
+
+
+def curve_through(spot: str, driver: str, at: Array, value: Array) -> CurveTerm:
+    """A curve through values, shape (n,), SI, with as few points as keep to it."""
+    kept = [0, len(at) - 1]
+    while len(kept) < MOST_CURVE_POINTS:
+        off = np.abs(np.interp(at, at[kept], value[kept]) - value)
+        if off.max() <= CURVE_KEPT * float(np.ptp(value)):
+            break
+        kept = sorted([*kept, int(np.argmax(off))])
+    points = zip(at[kept].tolist(), value[kept].tolist(), strict=True)
+    return CurveTerm(spot, driver, tuple(points))
+
+
+def curve_term(spot: Spot, curve: CurveTerm, over: Unit) -> Matched:
+    """The candidate of a curve, in the unit of the place `over` that of its driver."""
+    shown = [
+        (rounded(x / over.factor, CURVE_DIGITS), rounded(y / spot.factor, CURVE_DIGITS))
+        for x, y in curve.points
+    ]
+    (first, low), (last, high) = shown[0], shown[-1]
+    # A table goes on straight beyond its ends.
+    level = [(first - (last - first), low), *shown, (last + (last - first), high)]
+    law = equations("curve", {"over": "x1", "points": level})["curve"]
+    unknowns = [
+        Unknown(
+            id=f"{curve.id}.curve_{end}",
+            name=f"curve_{end}",
+            title=f"unit of {what}",
+            unit=unit,
+            factor=factor,
+            fixed=True,
+        )
+        for end, what, unit, factor in (
+            (SIZE, spot.place, spot.unit, spot.factor),
+            (PER, curve.driver, over.text, over.factor),
+        )
+    ]
+    found = _matched(spot, curve.id, parse(f"law + {law}"), unknowns, {"x1": curve.driver})
+    candidate = replace(
+        found.candidate,
+        sort="curve",
+        name="curve",
+        title=f"Curve over {curve.driver} from {first:g} to {last:g} {over.text}, without physics",
+        equation=f"{spot.place} = law + curve({curve.driver})",
+        source="no physics",
+    )
+    return replace(found, candidate=candidate)
 
 
 def _matched(

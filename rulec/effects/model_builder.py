@@ -16,11 +16,11 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.simulation.balances import Balances
 
-from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
+from rulec.effects.candidate import BaseParameters, Candidate, CurveTerm, Missing, Spot
 from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import FluidDriver, drivers_at
-from rulec.effects.free_form import BENDS, bent_line, free_form
+from rulec.effects.free_form import BENDS, bent_line, curve_term, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
 from rulec.knowledge.module_type import ENDS, Parameter
@@ -227,6 +227,17 @@ class ModelBuilder:
                 self._free[id_] = bent_line(self.places[spot], id_, driver, bends, knots)
             found.append(self._free[id_].candidate)
         return tuple(found)
+
+    def curve_term(self, curve: CurveTerm) -> Candidate:
+        """The candidate that builds a curve in; a module type can hold it."""
+        module, _, name = curve.driver.partition(".")
+        plant = self.network.plant
+        kind = plant.modules[module].type
+        over = (kind.states.get(name) or kind.signals[name]).unit
+        # The zero of a unit with an offset is not the zero of SI.
+        over = plant.knowledge.units.plain(over.dimension) if over.offset else over
+        self._free[curve.id] = curve_term(self.places[curve.spot], curve, over)
+        return self._free[curve.id].candidate
 
     def _shifts(self, spots: Iterable[str]) -> dict[tuple[str, str, str], str]:
         """Disturbance locations as shifts for `Lowering`."""

@@ -14,6 +14,8 @@ from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.mending import Mending
 
+from rulec.effects.candidate import CurveTerm
+
 
 class AdoptRefused(Refusal):
     """This file cannot be adopted; the message says why and what to do."""
@@ -69,7 +71,7 @@ class Repair:
 
     `parameters` are ids of plan inputs, also of candidates, with their `values`, shape (n,), and
     joint `covariance`, shape (n, n). `misfit` is per observer; `ranges` are the recorded ranges per
-    signal.
+    signal; `curves` are joined without physics.
     """
 
     plant: Path
@@ -80,6 +82,7 @@ class Repair:
     covariance: Array
     misfit: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
+    curves: tuple[CurveTerm, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,12 +214,18 @@ def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
         ranges={
             str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()
         },
+        curves=tuple(map(_curve, part.get("curves") or ())),
     )
 
 
 def _joined(entry: Mapping[str, Any]) -> Joined:
     values = {**entry["unknowns"], **(entry.get("fixed") or {})}
     return Joined(str(entry["id"]), {str(k): _number(v) for k, v in values.items()})
+
+
+def _curve(entry: Mapping[str, Any]) -> CurveTerm:
+    points = tuple((_number(x), _number(y)) for x, y in entry["points"])
+    return CurveTerm(str(entry["spot"]), str(entry["driver"]), points)
 
 
 def _number(value: Any) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.report.text import listed
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.belief import Strain, strain_of
@@ -32,7 +33,7 @@ from rulec.mismatch.evidence.steady.configuration import ERROR
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.power import self_proof
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Series
+from rulec.mismatch.result import Curves, Finding, Fit, Mismatch, Repair, Series
 from rulec.mismatch.structure import structure_findings as structure
 from rulec.mismatch.structure.hypotheses import CONNECTION, AcceptedHypothesis
 from rulec.mismatch.structure.settled import Settled
@@ -99,7 +100,7 @@ def analyse(
     unwritten = plants.refused if plants else ""
     recalibrated = _strain(found, {p.id: p.value for p in plain.parameters})
     instead = all(strain.is_believable for strain in recalibrated)
-    refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead)
+    refused = refusal(verdict, fits, repair.joined, unwritten, checks, instead, repair.curves)
     replayed = None
     if power is not None:
         tell("replaying the recording")
@@ -112,7 +113,14 @@ def analyse(
         headline_of(verdict, findings, locations, doubt, fits, standing)
         + remainder_of(verdict, fits),
         next_step(
-            verdict, findings, found.hidden, model.builder.missing, refused, locations, standing
+            verdict,
+            findings,
+            found.hidden,
+            model.builder.missing,
+            refused,
+            locations,
+            standing,
+            curves=bool(repair.curves),
         ),
         misread,
     )
@@ -138,6 +146,7 @@ def analyse(
             *_read_so(misread),
             *before,
             *([] if samples.timed else [NO_CLOCK.format(what=found.untimed)]),
+            *_of_curves(model.builder, repair),
             *_of_recording(recording),
             *behind,
         ),
@@ -231,6 +240,19 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
             "the plant file is edited, rulec adopt writes nothing"
         )
     return notes
+
+
+def _of_curves(builder: ModelBuilder, repair: Repair) -> list[str]:
+    """A remark on what the repaired plant holds without physics."""
+    places = [
+        f"{builder.places[curve.spot].module}.{builder.places[curve.spot].place} over "
+        f"{curve.driver}"
+        for curve in repair.curves
+    ]
+    return [
+        f"the repaired plant also holds what has no name, as a curve: {listed(places)}. Outside of "
+        "this recording it may be wrong, and it may hide a fault"
+    ] * bool(places)
 
 
 def _of_recording(recording: Recording) -> list[str]:

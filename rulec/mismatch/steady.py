@@ -112,6 +112,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         believed=posterior.models[posterior.told].setting.values,
         within=posterior.tolerance.allowed,
         posterior=posterior,
+        curves=tuple(term for curve in found.curves for term in curve.terms),
     )
 
 
@@ -227,6 +228,8 @@ class Explanation(Explained[Fitted]):
         for candidate in setting.joined:
             bare = bare.leaving(candidate.id)
             setting = setting if candidate.id in chosen else setting.leaving(candidate.id)
+        for curve in (c for c in taken if c.sort == "curve"):
+            setting = setting.joining(curve, {}, {u.id: u.factor for u in curve.unknowns})
         rows = clear_states(self._system, clear)
         plain = repaired = as_written(rows, [bare, Configuration()])
         if setting.joined:
@@ -237,6 +240,8 @@ class Explanation(Explained[Fitted]):
         none = no_lasting_errors(self._system)
         first, last = (fit(settled.rows, m.setting, settled.used & clear, 0, none) for m in models)
         repairs = repair_of(first, plain.covariance), repair_of(last, repaired.covariance)
+        curves = tuple(curve for curve in self.curves if curve.id in chosen)
+        repairs = repairs[0], replace(repairs[1], curves=curves)
         return Refits(plain=first, repaired=last, repairs=repairs, left_out=left, judged=clear)
 
     @property

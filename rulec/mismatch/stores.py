@@ -38,7 +38,7 @@ from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Rep
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.best_set import Found, search
-from rulec.mismatch.search.stores.unnamed import likeliest_curve
+from rulec.mismatch.search.stores.unnamed import curves_of, likeliest_curve
 
 
 def explain(
@@ -86,7 +86,8 @@ def explain(
         unnamed = likeliest_curve(found)
         if unnamed is not None:
             nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
-    return explanation(recording, model, found, accepted, nameless, dropped)
+    told = explanation(recording, model, found, accepted, nameless, dropped)
+    return told if dropped else replace(told, curves=curves_of(found))
 
 
 def explanation(
@@ -171,14 +172,16 @@ class Explanation(Explained[Fitted]):
         if taken:
             alike = {n: v for a in self.accepted for own in a.same.values() for n, v in own.items()}
             values = {**alike, **best.values}
+            values |= {u.id: u.factor for c in taken if c.sort == "curve" for u in c.unknowns}
             own = {u.id: u.fixed for c in taken for u in c.unknowns}
             kept = {n: values[n] for n, fixed in own.items() if fixed}
             starts = [values, {**first.values, **{n: values[n] for n in own}}]
             repaired = _refitted(bench, tuple(taken), kept, starts, judged)
+        curves = tuple(curve for curve in self.curves if curve.id in {c.id for c in taken})
         return Refits(
             plain=first,
             repaired=repaired,
-            repairs=(_repair_of(first), _repair_of(repaired)),
+            repairs=(_repair_of(first), replace(_repair_of(repaired), curves=curves)),
             left_out=tuple((c.id, why) for c, why in left_out),
             judged=np.ones(len(bench.time), dtype=bool),
         )

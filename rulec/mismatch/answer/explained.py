@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.effects.candidate import Candidate
+from rulec.effects.candidate import Candidate, CurveTerm
 from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
@@ -102,7 +102,7 @@ class Explained(ABC, Generic[F]):
     that are still possible, most probable first. Of several recordings, `recordings` has each, and
     `changed` the change by each further one. `nothing` is the probability by `posterior`, over all
     sets, that nothing is missing; `believed` are the values of parameters with the explanation
-    found, SI.
+    found, SI; `curves` are the nameless terms of the most probable set that a module type can hold.
     """
 
     recording: Recording
@@ -120,6 +120,7 @@ class Explained(ABC, Generic[F]):
     changed: tuple[Update, ...] = ()
     nothing: float = 1.0
     believed: Mapping[str, float] = field(default_factory=dict)
+    curves: tuple[CurveTerm, ...] = ()
 
     def allowed(self, signal: str) -> float:
         """Error of a reading that sensors within their class and laws within their accuracy explain

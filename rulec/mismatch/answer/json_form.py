@@ -146,6 +146,7 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     return {
         "plant": plant_file,
         "joined": joined,
+        "curves": repair.curves,
         **_values(repair),
         "misread": [{"kind": m.kind, **vars(m.mending)} for m in mismatch.misread],
         "rewired": mismatch.rewired,

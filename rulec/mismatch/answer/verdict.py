@@ -21,6 +21,8 @@ NOT_YET = "Do not adopt this as it is"
 
 EXPERIMENT = "Plan a recording that tells them apart: `rulec experiment` reads what `--json` wrote."
 
+MEANWHILE = " Until then, `rulec adopt` writes it as a curve."
+
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
 
@@ -226,8 +228,10 @@ def next_step(
     refused: str = "",
     locations: Sequence[Location] = (),
     standing: Sequence[CandidateSet] = (),
+    curves: bool = False,
 ) -> str:
-    """What to do next: adopt, act, or measure; `refused` says why nothing should be adopted."""
+    """What to do next: adopt, act, or measure; `refused` says why nothing should be adopted,
+    `curves` that a plant can hold what has no name."""
     if hidden is not None and hidden.switches:
         return (
             f"Look at what happens at {hidden.module}.{hidden.place} where it changes. Go to the "
@@ -253,7 +257,7 @@ def next_step(
         return f"{NOT_YET}: {refused}. {PLAIN}" if refused else adopt
     shaped = [at for at in locations if at.shape is not None and at.shape.driver != TIME]
     if verdict == "unnamed" and shaped:
-        return _look_at(shaped[0])
+        return _look_at(shaped[0]) + (MEANWHILE if curves and not refused else "")
     if first is not None:
         return first.action
     if missing:

@@ -22,7 +22,7 @@ from rulec_runtime.report.text import number
 
 from rulec.effects.adopt import why_not
 from rulec.effects.adopted_plant import trial
-from rulec.effects.candidate import Candidate, Unwritable
+from rulec.effects.candidate import Candidate, CurveTerm, Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Explained, F, Plants, Refits
@@ -42,23 +42,29 @@ def writable(found: Explained[F]) -> Refits[F]:
     """Refit what may be written, and the plain model.
 
     Of explanations with the same signature, the most probable one that may be written represents
-    all. If one is certain, uncertain ones are left out, as the plant would keep them.
+    all. If one is certain, uncertain ones are left out, as the plant would keep them. If something
+    is missing, nameless terms become curves, but not beside a fault, whose shape they may have.
     """
-    taken: list[Candidate] = []
-    left_out = []
-    sure = {a.candidate.id for a in found.accepted if a.class_probability >= limits.CERTAIN}
+    builder, taken, left_out = found.model.builder, list[Candidate](), []
+    certain = [a.candidate for a in found.accepted if a.class_probability >= limits.CERTAIN]
+    broken = any(c.sort in ("fault", "sensor") for c in certain) or found.failing
+    missing = found.model.joined or found.places
+    curves = [builder.curve_term(c) for c in found.curves if missing and not broken]
+    sure = {c.id for c in certain}
     for candidate in found.model.joined:
-        if sure and candidate.id not in sure:
+        if curves and candidate.sort == "free":
+            continue
+        if (sure or curves) and candidate.id not in sure:
             left_out.append((candidate, UNSURE))
             continue
-        why = _why_not(candidate, found.model.builder)
+        why = _why_not(candidate, builder)
         instead = _instead(found, candidate) if why else candidate
         if instead is not None:
             taken.append(instead)
         if why:
             same = f"; {instead.title} in {instead.module} shows the same" if instead else ""
             left_out.append((candidate, f"{why}{same}, and is adopted" if same else why))
-    return found.refitted(taken, left_out)
+    return found.refitted([*taken, *curves], left_out)
 
 
 def _instead(found: Explained[F], candidate: Candidate) -> Candidate | None:
@@ -144,6 +150,7 @@ def refusal(
     unwritten: str,
     checks: Sequence[Check] = (),
     instead: bool = True,
+    curves: Sequence[CurveTerm] = (),
 ) -> str:
     """Why the repaired plant should not be written; empty if it may be.
 
@@ -155,7 +162,7 @@ def refusal(
     periods of faults, as a fault may be false. It must not raise the error of any other reading
     significantly.
     """
-    if verdict == "ambiguous" and joined:
+    if verdict == "ambiguous" and set(joined).difference(c.id for c in curves):
         return "the recording does not tell which of several explanations is right"
     if unwritten:
         return f"it cannot be written: {unwritten}"

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.candidate import Candidate, CurveTerm, Spot
+from rulec.effects.free_form import curve_through
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +60,15 @@ class CurveFound:
     elsewhere: tuple[str, ...] = ()
     lost: tuple[RejectedCandidate, ...] = ()
     says: str = ""
+
+    @property
+    def terms(self) -> tuple[CurveTerm, ...]:
+        """The term that a module type may hold; none over what is not its own, over time, in
+        place of a parameter or of a sensor to be mended."""
+        own = self.driver.startswith(f"{self.place.module}.") and not self.says
+        if not own or self.place.kind in ("parameter", "signal"):
+            return ()
+        return (curve_through(self.place.id, self.driver, self.at, self.value),)
 
     @property
     def u(self) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from rulec.effects.candidate import Missing
+from rulec.effects.candidate import CurveTerm, Missing
 from rulec.knowledge.belief import Strain
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.wording import quantity
@@ -292,6 +292,8 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
         "named", [better], ["A.x@Q"], "", [whole]
     )
     assert "does not tell which" in refusal("ambiguous", [better], ["A.x@Q"], "")
+    curve = CurveTerm("definition:A.x", "A.n", ((0.0, 0.0), (1.0, 1.0)))
+    assert "" == refusal("ambiguous", [better], [curve.id], "", curves=[curve])
     assert "it cannot be written: why" == refusal("named", [], ["A.x@Q"], "why")
 
 

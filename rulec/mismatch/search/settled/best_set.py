@@ -20,6 +20,7 @@ from rulec.mismatch.result import Rival
 from rulec.mismatch.search import limits
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.branches import branches_of
+from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.prior import known_of
@@ -34,11 +35,13 @@ from rulec.mismatch.search.time_varying import varying_parameters
 
 @dataclass(frozen=True)
 class Search:
-    """The model fitted to all points, its explanations, and all sets that were compared."""
+    """The model fitted to all points, its explanations, all sets that were compared, and all
+    nameless terms of the best set, those within the accuracy of laws too."""
 
     fitted: Fitted
     accepted: tuple[Accepted, ...]
     posterior: Posterior
+    curves: tuple[CurveFound, ...]
 
     @property
     def tried(self) -> int:
@@ -54,9 +57,10 @@ def search(rows: Rows, progress: Progress) -> Search:
     model = posterior.models[posterior.told]
     fitted, candidates = _on_all_points(rows, posterior)
     geometry = posterior.settled
+    drawn = {term.name: curve_of(geometry, model, term) for term in model.terms}
     curves = {}
     for term in (t for t in model.terms if t.name in candidates):
-        curve = curve_of(geometry, model, term)
+        curve = drawn[term.name]
         curves[term.name] = replace(
             curve,
             says=term.basis.says,
@@ -70,7 +74,7 @@ def search(rows: Rows, progress: Progress) -> Search:
         replace(accepted_of(posterior, name, c), curve=curves.get(name))
         for name, c in candidates.items()
     )
-    return Search(fitted, accepted, posterior)
+    return Search(fitted, accepted, posterior, tuple({**drawn, **curves}.values()))
 
 
 def told_of(posterior: Posterior) -> Names:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.effects.candidate import CurveTerm
+from rulec.effects.free_form import curve_through
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.region import where_most
 from rulec.mismatch.evidence.stores.final_fits import FinalFits
@@ -39,6 +41,19 @@ def likeliest_curve(found: Found) -> Unnamed | None:
     curves = [fitted_curve(found.ends, found.plain, *way) for way in ways.values()]
     every = sorted((c for c in curves if c is not None), key=lambda c: -c.gain)
     return _first_of(found, every) if every else None
+
+
+def curves_of(found: Found) -> tuple[CurveTerm, ...]:
+    """What the best set has without a name, as far as a module type may hold it: each term drawn
+    beside the names and the terms before it."""
+    model, curves = found.best, list[CurveTerm]()
+    for term in found.posterior.models[found.posterior.told].terms:
+        own = term.driver.startswith(f"{term.changed.module}.")
+        curve = fitted_curve(found.ends, model, term.changed, term.driver) if own else None
+        if curve is not None and curve.gain > 0.0:
+            model, at = curve.fitted, curve.place.knots
+            curves.append(curve_through(term.changed.id, term.driver, at, curve.value(at)))
+    return tuple(curves)
 
 
 def _first_of(found: Found, every: Sequence[FittedCurve]) -> Unnamed:

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rulec.limits import MOST_CURVE_POINTS
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.locate import Suspect
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.search.stores.unnamed import likeliest_curve
+from rulec.mismatch.search.stores.unnamed import curves_of, likeliest_curve
 from rulec.mismatch.stores import nameless_places
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, searched, voltage
 
@@ -46,3 +47,17 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     assert unnamed.curve.driver == "pump.u"
     assert unnamed.curve.place.module in ("upper", "lower")
     assert unnamed.share > 1.0 - 0.7**2
+
+
+def test_a_reading_that_no_entry_names_is_a_curve_for_a_plant_file() -> None:
+    """A bump of a transmitter's characteristic, drawn over the level with ten points at most."""
+    level = made(384).values["lower.y"]
+    middle = float(np.median(level))
+    bump = 0.6 * np.exp(-(((level - middle) / 0.7) ** 2))
+    place = bench(made(384, errors={"reading:lower.y": bump}))
+    (curve,) = curves_of(searched(place, LOSS))
+    assert ("reading:lower.y", "lower.h") == (curve.spot, curve.driver)
+    h, shown = np.array(curve.points).T
+    assert len(h) <= MOST_CURVE_POINTS
+    assert h[np.argmax(shown)] == pytest.approx((middle - TRUE["lower.y0"]) / TRUE["lower.g"], 0.05)
+    assert max(shown) - 0.5 * (shown[0] + shown[-1]) == pytest.approx(0.6, abs=0.15)
