@@ -48,10 +48,11 @@ MAX_EQUATION_LENGTH = 600
 """Characters of an equation. Origin: assumed."""
 
 MOST_CURVE_POINTS = 10
-"""Points of a curve that `rulec adopt` writes into an equation. Origin: `MAX_EQUATION_LENGTH`."""
+"""Points of a curve that `rulec adopt` writes into an equation. Origin: numerical; more points
+would make it longer than `MAX_EQUATION_LENGTH`."""
 
 CURVE_DIGITS = 4
-"""Significant digits of such a point. Origin: the same."""
+"""Significant digits of such a point. Origin: numerical; far below the uncertainty of a curve."""
 
 CURVE_KEPT = 0.01
 """Share of its range by which it may miss the curve that was found. Origin: assumed."""

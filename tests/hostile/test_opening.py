@@ -10,7 +10,6 @@ import socket
 from pathlib import Path
 
 import pytest
-from rulec_runtime import limits
 from rulec_runtime.output.open_file import (
     FOLDERS,
     SCHEMES,
@@ -22,7 +21,7 @@ from rulec_runtime.output.open_file import (
     text_of,
 )
 from rulec_runtime.output.refusal import Refusal
-from rulec_runtime.recordings import given
+from rulec_runtime.recordings import given, limits
 
 from tests.conftest import ROOT
 from tests.hostile.test_writing import SOURCES

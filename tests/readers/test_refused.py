@@ -22,8 +22,8 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 from asammdf.blocks.v4_blocks import ChannelConversion
-from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from tests.readers.test_formats import READINGS

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import nothing_learned, remembered
 from rulec_runtime.diagnosis.steady.learn import Learner
 from rulec_runtime.diagnosis.steady.observe import Observed, observe

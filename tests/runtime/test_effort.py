@@ -6,8 +6,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
 from tests.conftest import compiled

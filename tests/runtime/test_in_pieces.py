@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose, told_of
+from rulec_runtime.diagnosis.steady import limits as of_steady
 from rulec_runtime.diagnosis.steady.evaluated_points import evaluate_stretches, judgeable
+from rulec_runtime.recordings import limits as of_recordings
 from rulec_runtime.recordings import text_parts, text_table
 from rulec_runtime.recordings.piecewise import (
     differences,
@@ -43,10 +44,10 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Makes pieces as small as this, and puts all arrays into files."""
 
     def set_to(block: int) -> None:
-        monkeypatch.setattr(limits, "IN_MEMORY", 0)
-        monkeypatch.setattr(limits, "BLOCK", block)
-        monkeypatch.setattr(limits, "SORTED_AT_ONCE", 5)
-        monkeypatch.setattr(limits, "POINTS_AT_ONCE", 2)
+        monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
+        monkeypatch.setattr(of_recordings, "BLOCK", block)
+        monkeypatch.setattr(of_recordings, "SORTED_AT_ONCE", 5)
+        monkeypatch.setattr(of_steady, "POINTS_AT_ONCE", 2)
         for module in (text_parts, text_table):
             monkeypatch.setattr(module, "BATCH", 7)
 
@@ -116,7 +117,7 @@ def test_runs_block_by_block(monkeypatch: pytest.MonkeyPatch) -> None:
     timeline = timeline_of(recording.time, stretches)
     blocks = {}
     for at_once in (64, 7, len(stretches)):
-        monkeypatch.setattr(limits, "RUNS_AT_ONCE", at_once)
+        monkeypatch.setattr(of_steady, "RUNS_AT_ONCE", at_once)
         blocks[at_once] = told_of(rules, timeline, seen)
     normal, small, whole = blocks.values()
     assert len(whole[1].findings) == 3 * 24 > next(iter(blocks))
@@ -181,9 +182,9 @@ def test_median_of_many(numbers: list[float], part: int) -> None:
         return (values[k : k + part] for k in range(0, len(values), part))
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(limits, "SORTED_AT_ONCE", 3)
-        patched.setattr(limits, "SAMPLED", 3)
-        patched.setattr(limits, "MEDIAN_WITHIN", 1.0)
+        patched.setattr(of_recordings, "SORTED_AT_ONCE", 3)
+        patched.setattr(of_recordings, "SAMPLED", 3)
+        patched.setattr(of_recordings, "MEDIAN_WITHIN", 1.0)
         found = median_of(parts)
     expected = float(np.median(values)) if numbers else NAN
     np.testing.assert_equal(found, expected)
@@ -195,7 +196,7 @@ def test_runs_across_blocks(numbers: list[float], block: int) -> None:
     same = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)]
     ones = values == 1.0
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(limits, "BLOCK", block)
+        patched.setattr(of_recordings, "BLOCK", block)
         long, shorter = runs_of_same(values, 3)
         flagged = runs_where(len(values), lambda a, b: ones[a:b], 1)
         steps = [*differences(parts_of(values), 1)]
@@ -216,7 +217,7 @@ def test_runs_across_blocks(numbers: list[float], block: int) -> None:
 
 def test_arrays_in_files_are_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """They are as good as others, and keep their numbers when memory is given back."""
-    monkeypatch.setattr(limits, "IN_MEMORY", 0)
+    monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
     one, flags = arrays([((3, 5), float), ((7,), bool)])
     one[1, 2], flags[6] = 2.5, True
     let_go(one[1], flags)
@@ -229,7 +230,7 @@ def test_full_disk_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> N
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(limits, "IN_MEMORY", 0)
+    monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
     monkeypatch.setattr("os.posix_fallocate", full, raising=False)
     with pytest.raises(Exception, match="TMPDIR"):
         array(10)

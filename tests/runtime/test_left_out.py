@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.sensors import headers
+from rulec_runtime.diagnosis.sensors import headers, limits
 from rulec_runtime.diagnosis.sensors.bench import Bench, bench_of
 from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.headers import Misread, misread_columns

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 
 Flags = NDArray[np.bool_]
 

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.piecewise import runs_of_same
 from rulec_runtime.recordings.scratch import blocks
 

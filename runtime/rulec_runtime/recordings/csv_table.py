@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.numbers import UNKNOWN, Convention
 from rulec_runtime.recordings.scratch import Growing
 

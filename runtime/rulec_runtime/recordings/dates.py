@@ -12,9 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 
 _MONTHS = {
     name: number

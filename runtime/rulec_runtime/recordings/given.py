@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
-from rulec_runtime import limits
 from rulec_runtime.output import open_file
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 STANDARD_INPUT = Path("-")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import Order
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.dates import dates_of
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells, Dates, texts_of

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Column
 from rulec_runtime.recordings.scratch import Growing
 from rulec_runtime.recordings.table import Cells

@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import FileForm
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.titles import is_time, names_of_times

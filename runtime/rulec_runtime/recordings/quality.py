@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import OPC_DA, OPC_UA, FileForm
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Column, Unclear
 from rulec_runtime.recordings.scratch import Growing
 

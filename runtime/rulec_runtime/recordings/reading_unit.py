@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import UnitSpec
+from rulec_runtime.recordings import limits
 
 _TYPOGRAPHY = str.maketrans({"°": "deg", "²": "2", "³": "3", "·": "*", "⋅": "*", " ": None})
 _NEGATIVE = re.compile(r"(?<=[A-Za-z])-(\d)")

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
 from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
@@ -133,7 +134,7 @@ def largest_reading(signal: SignalSpec) -> float:
     ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
     known = [abs(end) for end in ends if end is not None and isfinite(end)]
     scale = max(known, default=0.0)
-    return min(limits.ABSURD, limits.BEYOND_SENSOR * scale) if scale else limits.ABSURD
+    return min(common.ABSURD, limits.BEYOND_SENSOR * scale) if scale else common.ABSURD
 
 
 def in_si(

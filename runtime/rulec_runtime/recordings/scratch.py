@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.refusal import Refusal
+from rulec_runtime.recordings import limits
 
 Spec = tuple[tuple[int, ...], Any]
 """Shape and dtype of an array."""

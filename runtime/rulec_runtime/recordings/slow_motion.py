@@ -14,9 +14,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.piecewise import means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, blocks, let_go, mark
@@ -109,9 +110,9 @@ def lag_errors(
         with np.errstate(invalid="ignore", divide="ignore"):
             rate, u = apart / between, noise[signal.id] * np.sqrt(shares) / between
         level = means_between(values, stretches.first, stretches.last)[0]
-        least = limits.NO_CHANGE * systematic_u(signal, level)
+        least = common.NO_CHANGE * systematic_u(signal, level)
         with np.errstate(invalid="ignore"):
-            moves = (np.abs(rate) > limits.THRESHOLD * u) & (lag * np.abs(rate) > least)
+            moves = (np.abs(rate) > common.THRESHOLD * u) & (lag * np.abs(rate) > least)
         if moves.any():
             found[signal.id] = next(room)
             found[signal.id][moves] = (lag * rate)[moves]

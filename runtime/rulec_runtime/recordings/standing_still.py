@@ -7,8 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.piecewise import (
     Parts,
     differences,
@@ -103,7 +104,7 @@ def never_moves(values: Array) -> bool:
         if (part != level).any():
             return False
         count += len(part)
-    return count >= limits.NEVER_MOVED
+    return count >= common.NEVER_MOVED
 
 
 def last_digit(value: float) -> float:

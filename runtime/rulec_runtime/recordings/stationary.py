@@ -16,9 +16,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.piecewise import (
     Parts,
     differences,
@@ -95,7 +96,7 @@ def timeline_of(time: Array, stretches: Stretches) -> Timeline:
 
 def long_pause(time: Array) -> float:
     """Shortest time without samples, s, after which stretches are unrelated."""
-    return limits.LONGEST_STRETCH * interval_of(time, np.inf)
+    return common.LONGEST_STRETCH * interval_of(time, np.inf)
 
 
 def noise_of(values: Array, wanted: Callable[[Array], np.ndarray] = np.isfinite) -> float:
@@ -183,7 +184,7 @@ def find_stretches(
     ruleset: Ruleset,
     noise: Mapping[str, float],
     observers: Sequence[ObserverSpec] | None = None,
-    longest: int = limits.LONGEST_STRETCH,
+    longest: int = common.LONGEST_STRETCH,
     ramps: bool = False,
 ) -> Stretches:
     """Settled stretches by all readings that an observer (of those given, or any) uses.
@@ -201,15 +202,15 @@ def find_stretches(
         if values is None or signal.id not in used:
             continue
         floor = float(systematic_u(signal, _level(signal, values)))
-        limit = max(limits.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
+        limit = max(common.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
         columns.append(values)
         scales.append(
-            max(limits.SETTLED * noise[signal.id], floor * limits.NO_CHANGE, limits.LEAST_NOISE)
+            max(limits.SETTLED * noise[signal.id], floor * common.NO_CHANGE, limits.LEAST_NOISE)
         )
         # A second difference has three times the variance of a first one.
-        bend = max(limits.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
+        bend = max(common.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
         _mark_jumps(values, jumps, *((2, bend) if ramps else (1, limit)))
-        _mark_shifts(values, jumps, max(limit / np.sqrt(limits.SHORTEST_STRETCH), floor))
+        _mark_shifts(values, jumps, max(limit / np.sqrt(common.SHORTEST_STRETCH), floor))
         _break_at_gaps(values, breaks)
     return _cut(breaks, jumps, Levels(columns, scales), longest)
 
@@ -224,7 +225,7 @@ def _break_at_pauses(recording: Recording, breaks: np.ndarray) -> None:
     """Mark the first sample, and those after a pause or at the start of a file."""
     breaks[0] = True
     time, segment = recording.time, recording.segment
-    longest = limits.PAUSE * (recording.interval or np.inf)
+    longest = common.PAUSE * (recording.interval or np.inf)
     for low, high in blocks(len(time), time, segment, breaks):
         first = max(low, 1)
         breaks[first:high] |= np.diff(time[first - 1 : high]) > longest
@@ -243,7 +244,7 @@ def _mark_jumps(values: Array, jumps: np.ndarray, order: int, limit: float) -> N
 
 def _mark_shifts(values: Array, jumps: np.ndarray, limit: float) -> None:
     """Mark the first samples of a new level."""
-    n, begin = limits.SHORTEST_STRETCH, first_reading(values)
+    n, begin = common.SHORTEST_STRETCH, first_reading(values)
     if len(values) < 2 * n or begin is None:
         return
     for low, high, start, filled in filled_blocks(values, 2 * n):
@@ -261,7 +262,7 @@ def _break_at_gaps(values: Array, breaks: np.ndarray) -> None:
         let_go(values)
         return found
 
-    for first, behind in runs_where(len(values), blank, limits.SHORTEST_STRETCH):
+    for first, behind in runs_where(len(values), blank, common.SHORTEST_STRETCH):
         breaks[first] = True
         if behind < len(breaks):
             breaks[behind] = True
@@ -273,7 +274,7 @@ def _shifts(known: Array, limit: float) -> np.ndarray:
     Means over a few samples reveal a step that noise hides between two samples. On a slope the
     values change within the means as well: that is drift or settling, and ends no stretch.
     """
-    n = limits.SHORTEST_STRETCH
+    n = common.SHORTEST_STRETCH
     found = np.zeros(len(known), dtype=bool)
     if len(known) < 2 * n:
         return found
@@ -328,7 +329,7 @@ def _cut(breaks: np.ndarray, jumps: np.ndarray, levels: Levels, longest: int) ->
 def cut(begin: int, stop: int, pieces: int) -> tuple[list[int], list[int]]:
     """First samples and ends (excluded) of about equal pieces of a run, without too short ones."""
     edges = np.linspace(begin, stop, max(1, pieces) + 1).astype(int)
-    long = np.diff(edges) >= limits.SHORTEST_STRETCH
+    long = np.diff(edges) >= common.SHORTEST_STRETCH
     return edges[:-1][long].tolist(), edges[1:][long].tolist()
 
 
@@ -341,15 +342,15 @@ def _ends(breaks: np.ndarray, jumps: np.ndarray) -> Iterator[int]:
 
 def _settled_from(levels: Levels, begin: int, stop: int) -> int:
     """First sample after which no reading differs from the next few by more than its noise."""
-    middle = (limits.PERSISTENCE + 1) / 2
-    latest = min(begin + limits.SETTLING, stop - limits.PERSISTENCE)
+    middle = (common.PERSISTENCE + 1) / 2
+    latest = min(begin + common.SETTLING, stop - common.PERSISTENCE)
     if latest <= begin:
         return max(begin, latest)
-    table = levels.between(begin, min(latest + limits.LONGEST_STRETCH, stop))
+    table = levels.between(begin, min(latest + common.LONGEST_STRETCH, stop))
     for low in range(latest - begin):
-        rest = table[:, low + 1 : low + 1 + limits.LONGEST_STRETCH]
+        rest = table[:, low + 1 : low + 1 + common.LONGEST_STRETCH]
         drift = medians(np.diff(rest, axis=1)) * middle
-        ahead = medians(rest[:, : limits.PERSISTENCE]) - drift
+        ahead = medians(rest[:, : common.PERSISTENCE]) - drift
         if not np.any(np.abs(table[:, low] - ahead) > 1.0):
             return begin + low
     return max(begin, latest)

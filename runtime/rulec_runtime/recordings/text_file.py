@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from rulec_runtime import limits
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 
 _ANY = "latin-1"

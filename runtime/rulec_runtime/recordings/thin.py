@@ -6,15 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.recordings import limits
 
 
 def glitches_in(values: Array) -> np.ndarray:
     """Flags of single readings far from both neighbours, shape (n,)."""
     step = np.abs(np.diff(values))
-    usual = limits.NORMAL_SPREAD * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+    usual = common.NORMAL_SPREAD * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
     usual = max(usual, 1e-12 + limits.LEAST_USUAL_STEP * float(np.nanstd(values)))
     odd = np.zeros(len(values), dtype=bool)
     before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]

@@ -6,9 +6,9 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from rulec_runtime import limits
 from rulec_runtime.contract.file_form import FileForm
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import (
     BLANK,
     before_header,

@@ -10,9 +10,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.left_out import LeftOut, left_out
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, isolate, quantile
 from rulec_runtime.diagnosis.steady.many import at_once, has_many
@@ -213,6 +214,6 @@ def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
         stretches = settled_stretches(recording, ruleset)
     if not len(stretches) or not ruleset.observers:
         return None
-    chosen = np.unique(np.linspace(0, len(stretches) - 1, limits.STRETCHES_LOOKED_AT).astype(int))
+    chosen = np.unique(np.linspace(0, len(stretches) - 1, common.STRETCHES_LOOKED_AT).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
     return Bench(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)

@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.steady.errors import Gradients, gradients_of
 from rulec_runtime.diagnosis.steady.observe import (
@@ -118,7 +119,7 @@ class Changed:
         flows = np.array([out[f"q:{o.id}"] for o in observers])
         usable = np.array([usable_by_readings(ruleset, o, points.values, out) for o in observers])
         with np.errstate(invalid="ignore"):
-            usable &= np.isfinite(flows) & (np.sqrt(late[rows]) <= limits.TOO_FAST * np.abs(flows))
+            usable &= np.isfinite(flows) & (np.sqrt(late[rows]) <= common.TOO_FAST * np.abs(flows))
         return flows, usable, (scatter, misfits, lasting)
 
     def _plan(self, signal: str) -> Plan:
@@ -211,7 +212,7 @@ class Outcome:
         weight = bench.left_out.weight[:, rows, rows].T
         size = bench.recorded.observed.covariance[:, rows, rows].T
         with np.errstate(invalid="ignore"):
-            checked = weight * size > limits.LINKED
+            checked = weight * size > common.LINKED
         return np.asarray((self._before & ~self.usable & checked).any(axis=0))
 
     @property

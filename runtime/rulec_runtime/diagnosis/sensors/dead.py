@@ -13,9 +13,10 @@ from functools import partial
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
@@ -33,7 +34,7 @@ def dead_readings(
         if values is None or not bench.readers(signal.id).any():
             continue
         zero = mapped(values, partial(at_zero, signal), bool)
-        if zero.sum() < limits.PERSISTENCE:
+        if zero.sum() < common.PERSISTENCE:
             continue
         flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]
         runs = dict.fromkeys(_run_around(zero, int(first)) for first in flowing)
@@ -89,7 +90,7 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
     )
     result = np.zeros(len(stretches), dtype=bool)
     module = signal.id.partition(".")[0]
-    frozen = zero.sum() >= limits.NEVER_MOVED and _one_value(signal, values)
+    frozen = zero.sum() >= common.NEVER_MOVED and _one_value(signal, values)
     for i in np.flatnonzero(inside):
         flow = _flow_without(bench, signal.id, module, int(i))
         if flow is None:

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.diagnosis.steady.points import Points
@@ -82,11 +83,11 @@ def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
         return False
     # No value of the reading changes the estimates that do not read it.
     least = bench.left_out.least(bench.readers(signal.id))
-    if (least <= bench.widest_limit)[here].mean() < limits.NEARLY_ALL:
+    if (least <= bench.widest_limit)[here].mean() < common.NEARLY_ALL:
         return False
     freed = free(bench, signal)
     agrees = freed.excess[here] <= 1.0
-    if agrees.mean() < limits.NEARLY_ALL:
+    if agrees.mean() < common.NEARLY_ALL:
         return False
     shown = float(np.nanmedian(bench.points.values[signal.id]))
     digit = last_digit(signal.shown(shown)) * signal.factor
@@ -112,7 +113,7 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
         if fault.in_sensor and signal.id in fault.scales:
             continue
         both = off & fits
-        if (fits | recorded.sound)[here].mean() >= limits.NEARLY_ALL and both.any():
+        if (fits | recorded.sound)[here].mean() >= common.NEARLY_ALL and both.any():
             left = float(np.median(distance[both]))
             if left < np.median((freed.excess * recorded.limit)[both]) + limits.FROZEN_ODDS:
                 return False

@@ -16,9 +16,10 @@ from itertools import compress
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.changed import Changed
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
@@ -70,7 +71,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
             continue
         running = _running(bench, misread, found)
         explained = bench.explained(found, all_tried=False).stretches
-        if explained[running].mean() < limits.NEARLY_ALL or not _beats_faults(
+        if explained[running].mean() < common.NEARLY_ALL or not _beats_faults(
             bench, misread, found
         ):
             continue
@@ -143,7 +144,7 @@ def _may_make_sense(bench: Bench, misread: Misread, points: Points, changed: Cha
     few = fewer & (before.freedom <= _readers(bench, misread).sum())
     if (found.more | few)[apart].any():
         return True
-    if not running.any() or fewer[running].mean() > 1.0 - limits.NEARLY_ALL:
+    if not running.any() or fewer[running].mean() > 1.0 - common.NEARLY_ALL:
         return False
     if before.sound[running].mean() > limits.AGREES_AS_RECORDED:
         return False
@@ -166,14 +167,14 @@ def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
     return bool(
         agreed[running].mean() <= limits.AGREES_AS_RECORDED
         and found.sound[running].mean() >= limits.AGREES_OTHERWISE
-        and (found.freedom >= before.freedom)[running].mean() >= limits.NEARLY_ALL
+        and (found.freedom >= before.freedom)[running].mean() >= common.NEARLY_ALL
     )
 
 
 def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
     """Whether a fault has one degree: one that varies between operating points is no fault."""
     degree, u = explained.degree[fault, here], explained.u[fault, here]
-    return bool(degree.std() <= limits.SAME_DEGREE * abs(degree.mean()) + float(np.median(u)))
+    return bool(degree.std() <= common.SAME_DEGREE * abs(degree.mean()) + float(np.median(u)))
 
 
 def _readers(bench: Bench, misread: Misread) -> np.ndarray:
@@ -203,7 +204,7 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     of two units.
     """
     judged = _judged(bench, misread)
-    if judged.mean() < limits.NEARLY_ALL:
+    if judged.mean() < common.NEARLY_ALL:
         return True
     if _rival(bench, misread, bench.rivals_as_recorded, found.excess * found.limit):
         return False
@@ -229,7 +230,7 @@ def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) ->
     """Whether a fault of constant degree explains everything, as well as a hypothesis that leaves a
     chi-square of at least `left`, shape (n,)."""
     before, judged = bench.recorded, _judged(bench, misread)
-    if judged.mean() < limits.NEARLY_ALL:
+    if judged.mean() < common.NEARLY_ALL:
         return False
     for i in np.flatnonzero(explained.fits.any(axis=1)).tolist():
         fault, fits = bench.ruleset.faults[i], explained.fits[i]
@@ -238,7 +239,7 @@ def _rival(bench: Bench, misread: Misread, explained: Explained, left: Array) ->
         if (own and misread.condition is UNIT) or not off.any():
             continue
         as_well = np.median((explained.distance[i] - left)[off]) < limits.HEADER_ODDS
-        covers = (fits | before.sound)[judged].mean() >= limits.NEARLY_ALL
+        covers = (fits | before.sound)[judged].mean() >= common.NEARLY_ALL
         if covers and as_well and _steady(explained, i, off):
             return True
     return False
@@ -288,7 +289,7 @@ def _left(
     All of shape (k, n): stretches in which a reading differs, is allowed, loses an estimate that
     others check, and keeps one that reads it.
     """
-    most = (1.0 - limits.NEARLY_ALL) * apart.sum(axis=-1)
+    most = (1.0 - common.NEARLY_ALL) * apart.sum(axis=-1)
     flags: np.ndarray = (apart & allowed).any(axis=-1) & (apart & ~lost).any(axis=-1)
     flags &= (apart & lost & stays).sum(axis=-1) <= most
     return flags

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, groups_of
 

@@ -17,9 +17,10 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.steady.observe import plan_inputs, usable_by_readings
 from rulec_runtime.diagnosis.steady.points import Points
@@ -176,6 +177,6 @@ class Near:
         ruleset, every = self._ruleset, np.ones(len(self._ruleset.observers), dtype=bool)
         for valid, _ in patterns_of(self.bench.recorded.valid):
             basis = residual_basis(ruleset, valid)
-            every[valid] &= np.abs(basis).max(axis=0, initial=0.0) > limits.LINKED
+            every[valid] &= np.abs(basis).max(axis=0, initial=0.0) > common.LINKED
             every[~valid] = False
         return every

@@ -12,9 +12,10 @@ from functools import partial
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
 from rulec_runtime.recordings.piecewise import median_of, parts_of, runs_where
 from rulec_runtime.recordings.recording import Recording
@@ -28,7 +29,7 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
         if values is None:
             continue
         failed = partial(_failed_between, signal, values)
-        for a, b in runs_where(len(values), failed, limits.PERSISTENCE):
+        for a, b in runs_where(len(values), failed, common.PERSISTENCE):
             yield _finding(signal, recording, a, b), slice(a, b)
 
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts, start_of, with_free_states

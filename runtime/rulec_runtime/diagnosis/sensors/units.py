@@ -8,9 +8,9 @@ from itertools import combinations, product
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
+from rulec_runtime.diagnosis.sensors import limits
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.stationary import systematic_u
 

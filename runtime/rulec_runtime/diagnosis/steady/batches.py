@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.recordings.scratch import arrays, let_go
 
 Tables = TypeVar("Tables")

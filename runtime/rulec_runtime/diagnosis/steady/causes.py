@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, hypotheses_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.isolate import Isolation
@@ -150,7 +151,7 @@ def _average(isolation: Isolation, members: Sequence[int], odds: Array) -> Hypot
     degrees, spreads = [], []
     for fault in faults:
         each, u = isolation.degree[fault, members], isolation.u[fault, members]
-        weights = 1.0 / np.maximum(u, limits.LEAST_U) ** 2
+        weights = 1.0 / np.maximum(u, common.LEAST_U) ** 2
         degree = float(np.sum(weights * each) / np.sum(weights))
         degrees.append(degree)
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady import limits
 
 
 @dataclass(frozen=True)

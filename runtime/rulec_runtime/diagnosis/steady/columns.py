@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, inverse_information
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Part, Undoing
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, in_a_row
@@ -78,7 +79,7 @@ class Columns:
     def _range(self) -> tuple[Array, Array]:
         """Lowest and highest degree, shape (faults, n)."""
         lowest, highest = (self._of_faults(name) for name in ("lowest", "highest"))
-        return lowest, highest * (1.0 - limits.BELOW_HIGHEST)
+        return lowest, highest * (1.0 - common.BELOW_HIGHEST)
 
     def _believed(self, degree: Array) -> np.ndarray:
         """Whether all degrees of a column, shape (faults, n), are credible."""
@@ -131,7 +132,7 @@ class Columns:
             scale = self._scale(degree)
             chi = self.test.rescaled(Scales(scale, scale), self.places)
             left.append(self._place(chi, degree).distance)
-        first = np.argmax(left <= np.min(left, axis=0) + limits.COVERAGE**2, axis=0)
+        first = np.argmax(left <= np.min(left, axis=0) + common.COVERAGE**2, axis=0)
         small: Array = np.take_along_axis(tried, first[None, None], axis=1)[:, 0]
         return np.where(small > 0.0, small, self._range[1])
 

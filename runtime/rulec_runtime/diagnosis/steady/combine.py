@@ -14,9 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import Baselines
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import Outcomes, fit, pair_starts
@@ -49,7 +50,7 @@ class Hypothesis:
     def bounds(self, fault: int) -> tuple[float, float]:
         """95 % bounds of the degree of one of the faults."""
         place = self.faults.index(fault)
-        half = limits.COVERAGE * self.u[place]
+        half = common.COVERAGE * self.u[place]
         return self.degrees[place] - half, self.degrees[place] + half
 
 

@@ -16,8 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of

@@ -17,9 +17,10 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import times_of
 from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
@@ -284,7 +285,7 @@ class Stack:
         wide = max(left / count, 1.0) ** 0.5
         (now,), (u_now,) = weighed.moments(shapes.table(np.array([self.end])))
         (rate,), (u_rate,) = growing.moments(shapes.rates()[None])
-        lowest = np.append(mean + limits.COVERAGE * u, now + limits.COVERAGE * u_now).min()
+        lowest = np.append(mean + common.COVERAGE * u, now + common.COVERAGE * u_now).min()
         if not (lowest >= spec.lowest and max(now, mean.max()) < spec.credible):
             return None
         onset = int(weighed.columns[int(np.argmax(weighed.gain))].min())
@@ -432,7 +433,7 @@ _AHEAD = np.geomspace(limits.SOONEST, limits.LATEST, limits.TIMES_AHEAD)
 def _first_step(weighed: _Weighed) -> int:
     """The point of the first significant step; an initial level near 0 is none."""
     u = np.sqrt(np.diag(weighed.covariance[0]))
-    sure = np.abs(weighed.parts[0]) > limits.COVERAGE * u
+    sure = np.abs(weighed.parts[0]) > common.COVERAGE * u
     return int(weighed.columns[0][sure if sure.any() else slice(None)].min())
 
 

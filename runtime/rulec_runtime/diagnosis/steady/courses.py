@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET
 from rulec_runtime.diagnosis.steady.course import Course, Stack, stack_of
@@ -61,11 +62,11 @@ def _is_reported(found: Found, faults: Sequence[FaultSpec], course: Course) -> b
         return False
     degree, u = course.now
     active = [f for f in found.findings if f.active]
-    if degree < limits.THRESHOLD * u:
+    if degree < common.THRESHOLD * u:
         return True
     return any(
         f.fault.id == faults[course.fault].id
-        and f.lower - limits.COVERAGE * u <= degree <= f.upper + limits.COVERAGE * u
+        and f.lower - common.COVERAGE * u <= degree <= f.upper + common.COVERAGE * u
         for f in active
     )
 
@@ -149,8 +150,8 @@ def _with_the_best(
     cause = Cause(
         best.fault,
         best.now[0],
-        best.now[0] - limits.COVERAGE * best.now[1],
-        best.now[0] + limits.COVERAGE * best.now[1],
+        best.now[0] - common.COVERAGE * best.now[1],
+        best.now[0] + common.COVERAGE * best.now[1],
         named.probability,
         rivals,
         remote,

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.points import Points
 
 Gradients = dict[str, dict[int, Array]]

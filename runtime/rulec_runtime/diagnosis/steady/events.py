@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints, evaluate_part
 from rulec_runtime.diagnosis.steady.findings import Events, Finding, findings_of
 from rulec_runtime.diagnosis.steady.many import has_many
@@ -93,8 +94,8 @@ def _without_reason(
 
 def _held(signal: SignalSpec, values: np.ndarray, noise: float) -> bool:
     level = float(np.median(values))
-    floor = limits.NO_CHANGE * float(systematic_u(signal, level))
-    limit = max(limits.JUMP * np.sqrt(2.0) * noise, floor)
+    floor = common.NO_CHANGE * float(systematic_u(signal, level))
+    limit = max(common.JUMP * np.sqrt(2.0) * noise, floor)
     return bool(np.ptp(values) <= limit)
 
 
@@ -139,7 +140,7 @@ def _pooled(
 
 def _sound(evaluated: EvaluatedPoints) -> np.ndarray:
     sound = np.flatnonzero(evaluated.isolation.judged & ~evaluated.isolation.deviating)
-    return thinned(sound, limits.STRETCHES_LOOKED_AT)
+    return thinned(sound, common.STRETCHES_LOOKED_AT)
 
 
 def _behind(sound: Points, own: Points) -> Points:
@@ -154,7 +155,7 @@ def _one_after_the_other(own: Timeline, sound: int) -> Timeline:
     return Timeline(
         since=np.concatenate([before, own.since]),
         until=np.concatenate([before, own.until]),
-        samples=np.concatenate([np.full(sound, limits.PERSISTENCE), own.samples]),
+        samples=np.concatenate([np.full(sound, common.PERSISTENCE), own.samples]),
         later=np.concatenate([np.full(sound, own.later[0]), own.later]),
         paused=np.zeros(sound + len(own), dtype=bool),
     )

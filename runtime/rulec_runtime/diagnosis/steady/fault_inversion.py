@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady import limits
 
 Faults = tuple[FaultSpec, ...]
 """The simultaneous faults of one hypothesis."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET, Fit, Fits, fits_of
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
@@ -187,7 +188,7 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, evaluated: EvaluatedPoints
         text = verdicts[members[0]].text
         if kind == "fault" and _too_brief(evaluated, timeline, members):
             fault = evaluated.part.ruleset.faults[verdicts[members[0]].faults[0]]
-            text = f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
+            text = f"{fault.id} would fit, but a finding takes {common.PERSISTENCE} samples"
             found.not_judged.append(Period(since, until, text))
         elif kind == "fault":
             fitted = by_temperature(evaluated, members, _evident(evaluated, members, next(fits)))
@@ -261,7 +262,7 @@ def _too_brief(evaluated: EvaluatedPoints, timeline: Timeline, members: list[int
     strongest = _worst(evaluated, members)
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
-    brief = timeline.samples[members].sum() < limits.PERSISTENCE
+    brief = timeline.samples[members].sum() < common.PERSISTENCE
     let_go(isolation.misfit, timeline.samples)
     return bool(brief and not far)
 
@@ -286,7 +287,7 @@ def behind_of(timeline: Timeline, evaluated: EvaluatedPoints, members: list[int]
     last = members[-1]
     if evaluated.isolation.judged[last + 1 :].any():
         return OVER
-    if timeline.later[last] < limits.PERSISTENCE:
+    if timeline.later[last] < common.PERSISTENCE:
         return TO_THE_END
     return UNSETTLED if last + 1 == len(timeline) else UNJUDGED
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.columns import Columns
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
@@ -125,7 +126,7 @@ def _single(faults: Faults) -> Array:
     """Initial degrees of one fault: zero and those in its range."""
     (fault,) = faults
     low = fault.lowest / fault.scale
-    top = fault.highest * (1.0 - limits.BELOW_HIGHEST) / fault.scale
+    top = fault.highest * (1.0 - common.BELOW_HIGHEST) / fault.scale
     starts = np.array(limits.FIT_STARTS)
     return np.asarray(starts[(starts == 0.0) | ((low < starts) & (top > starts))] * fault.scale)
 

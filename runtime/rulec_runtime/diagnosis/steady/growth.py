@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.course import Course, Moments
 from rulec_runtime.recordings.wall_clock import DAY, HOUR
 
@@ -86,7 +87,7 @@ def _until(course: Course, latest: float) -> tuple[tuple[float, float, float], .
 
 def _between(value: Moments) -> tuple[float, float, float]:
     middle, u = value
-    return middle, middle - limits.COVERAGE * u, middle + limits.COVERAGE * u
+    return middle, middle - common.COVERAGE * u, middle + common.COVERAGE * u
 
 
 def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | None:
@@ -96,7 +97,7 @@ def _rate_of_steps(course: Course, time: float) -> tuple[float, float, float] | 
     if len(steps) < limits.STEPS_THAT_GROW or min(size for _, size in steps) <= 0.0:
         return None
     rate = sum(size for _, size in steps) / (time - float(course.time[0]))
-    wide = float(np.exp(limits.COVERAGE / len(steps) ** 0.5))
+    wide = float(np.exp(common.COVERAGE / len(steps) ** 0.5))
     return rate, rate / wide, rate * wide
 
 
@@ -114,7 +115,7 @@ def _reaches(
             degree=level, earliest=time, latest=time + ahead / rate[1] + pause, open_end=False
         )
     later, middle, u = course.ahead
-    soon, sure = (middle + sign * limits.COVERAGE * u >= level for sign in (1.0, -1.0))
+    soon, sure = (middle + sign * common.COVERAGE * u >= level for sign in (1.0, -1.0))
     return Reaches(
         degree=level,
         earliest=float(later[int(np.argmax(soon)) if soon.any() else -1]),

@@ -9,9 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, Weighing, inverse_of
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -141,7 +142,7 @@ class HypothesisTest:
                 own[i] = np.maximum(own[i], np.max(np.abs(slope), axis=0))
                 table[:, i] += self.basis[:, place, None, None] * slope
         residual = self._in_a_row(table * self.present)
-        visible = np.sqrt(np.sum(residual**2, axis=1)) > limits.UNTOUCHED * own.T
+        visible = np.sqrt(np.sum(residual**2, axis=1)) > common.UNTOUCHED * own.T
         return np.where(visible[:, None], residual, 0.0)
 
     @cached_property
@@ -194,7 +195,7 @@ class HypothesisTest:
             own = np.repeat(places, len(self), axis=1)
             both = seen[own[:, None], own]
             size = np.einsum("tpc,upc,tuc->c", columns, columns, both, optimize=True)
-            visible = np.sqrt(np.maximum(size, 0.0)) > limits.UNTOUCHED * largest
+            visible = np.sqrt(np.maximum(size, 0.0)) > common.UNTOUCHED * largest
             effect = in_a_row(np.where(visible, columns, 0.0))
             again = np.tile(np.arange(len(self)), len(chosen))
             chi = self.metric.problems(again).moving(own)

@@ -16,9 +16,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import FIRST, SECOND, points_along
 from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales, gain_of

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import (
     Baseline,
     Baselines,
@@ -110,7 +111,7 @@ class _Group:
         except np.linalg.LinAlgError:  # at least one is singular: `taken_up` tries each
             return np.asarray(self.points[here])
         gain = np.linalg.slogdet(total)[1] - self.log_determinant[here]
-        calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, limits.CALM)
+        calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, common.CALM)
         found: np.ndarray = self.points[
             here[calm & (limits.ROUNDED_OTHERWISE * gain >= limits.WORTH_LEARNING * rank)]
         ]
@@ -128,7 +129,7 @@ class _Group:
             solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
         except np.linalg.LinAlgError:  # readings so far off that rounding hides their errors
             return None
-        if off @ solved[:, 0] > chi_square_limit(len(off), limits.CALM):
+        if off @ solved[:, 0] > chi_square_limit(len(off), common.CALM):
             return None
         gain = np.linalg.slogdet(total)[1] - self.log_determinant[place]
         if gain < limits.WORTH_LEARNING * len(off):

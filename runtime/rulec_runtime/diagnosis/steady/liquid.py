@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import LiquidSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.causes import Cause
 from rulec_runtime.diagnosis.steady.combine import ONSET, Fit, Fits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
@@ -70,7 +71,7 @@ def with_temperature(
     change = _changes(evaluated).get(cause.fault)
     if change is None:
         return cause, ""
-    half = limits.COVERAGE * change.fault.tolerance * cause.degree
+    half = common.COVERAGE * change.fault.tolerance * cause.degree
     lower = cause.degree - math.hypot(half, cause.degree - cause.lower)
     upper = cause.degree + math.hypot(half, cause.upper - cause.degree)
     wide = replace(cause, lower=lower, upper=upper)
@@ -111,9 +112,9 @@ def _evidence(change: LiquidSpec, degree: float, warming: Warming | None) -> flo
     """Log-likelihood of a change of the liquid by the temperatures; 0 if they do not decide."""
     if warming is None or degree <= 0.0:
         return 0.0
-    needed = math.log1p(change.sign * min(degree, limits.NEARLY_ALL if change.sign < 0 else degree))
+    needed = math.log1p(change.sign * min(degree, common.NEARLY_ALL if change.sign < 0 else degree))
     share = change.per_kelvin * warming.rise / needed
-    known_to = change.factor**limits.COVERAGE
+    known_to = change.factor**common.COVERAGE
     if share < 1.0 / known_to:
         return -limits.BY_TEMPERATURE
     return limits.BY_TEMPERATURE if share <= known_to else 0.0

@@ -13,9 +13,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import Baselines, against
 from rulec_runtime.diagnosis.steady.batches import Tables
 from rulec_runtime.diagnosis.steady.isolate import POINTS_ALONG as EXPLAINED_ALONG

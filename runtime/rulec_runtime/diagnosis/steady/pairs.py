@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import Metric
 from rulec_runtime.diagnosis.steady.fit import fit
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest

@@ -8,9 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.recordings.piecewise import any_of, means_between
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.scratch import arrays, let_go, mapped, picked
@@ -109,7 +110,7 @@ def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
         return np.zeros(len(values), dtype=bool)
-    slack = limits.BEYOND_RANGE * (high - low)
+    slack = common.BEYOND_RANGE * (high - low)
     with np.errstate(invalid="ignore"):
         outside: np.ndarray = (values < low - slack) | (values > high + slack)
     return outside

@@ -7,9 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Junction, Ruleset
+from rulec_runtime.diagnosis.steady import limits
 
 
 def blocks_of(ruleset: Ruleset) -> list[np.ndarray]:
@@ -22,7 +23,7 @@ def blocks_of(ruleset: Ruleset) -> list[np.ndarray]:
     """
     every = np.ones(len(ruleset.observers), dtype=bool)
     basis = residual_basis(ruleset, every)
-    linked = np.abs(basis.T @ basis) > limits.LINKED
+    linked = np.abs(basis.T @ basis) > common.LINKED
     left = {int(i) for i in np.flatnonzero(linked.any(axis=0))}
     blocks = []
     while left:

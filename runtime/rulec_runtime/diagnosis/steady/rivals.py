@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from rulec_runtime import limits
+from rulec_runtime.diagnosis.steady import limits
 
 Name = TypeVar("Name", int, str)
 

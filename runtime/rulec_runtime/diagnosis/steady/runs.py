@@ -7,8 +7,9 @@ from itertools import islice
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.threshold import threshold_of
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.verdict import Verdict
 
@@ -76,6 +77,6 @@ def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> 
     before = isolation.degree[fault, recent]
     # Neighbouring stretches share systematic errors, so their scatter is the measure, if there are
     # enough of them to have one.
-    spread = limits.COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
+    spread = common.COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
     change = abs(isolation.degree[fault, point] - before.mean())
-    return bool(change <= spread + limits.SAME_DEGREE * before.mean())
+    return bool(change <= spread + common.SAME_DEGREE * before.mean())

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, solved
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, alike, gain_of, in_a_row
 

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.evaluated_points import EvaluatedPoints
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.steady.isolate import accepted

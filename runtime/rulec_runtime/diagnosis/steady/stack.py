@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.baseline import remembered, times_of
 from rulec_runtime.diagnosis.steady.batches import of_points
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales

@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.isolate import agreement, alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.many import has_many
 from rulec_runtime.diagnosis.steady.observe import observe

@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady import limits
 from rulec_runtime.diagnosis.steady.batches import batches, in_batches, part_of
 from rulec_runtime.diagnosis.steady.contrasts import Contrasts
 from rulec_runtime.diagnosis.steady.fit import fit

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.free_balances import with_free_states
 from rulec_runtime.diagnosis.stores.joined_windows import Cause, Spell, spells_of

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import shares
 from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.judge import Judged
 
 
@@ -158,5 +159,5 @@ def _cause(judged: Sequence[Judged], inside: Sequence[int], faults: Sequence[Fau
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
     degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
     # Lasting errors are the same in all windows: averaging does not reduce them.
-    half = limits.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
+    half = common.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
     return Cause(names[best], degree, degree - half, degree + half, posterior[best], rivals, remote)

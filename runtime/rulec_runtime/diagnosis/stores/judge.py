@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.errors import KnownErrors, nothing_known
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
@@ -86,7 +87,7 @@ class Judge:
             plain = judged.plain
             if not learning or window.time[0] <= learned or plain is None or judged.deviating:
                 continue
-            if plain.chi < chi_square_limit(judged.freedom, limits.CALM):
+            if plain.chi < chi_square_limit(judged.freedom, common.CALM):
                 starts = len(plain.guess.starts)
                 covariance = plain.covariance[starts:, starts:]
                 known = KnownErrors(plain.guess.errors, covariance, window.middle, now.windows + 1)

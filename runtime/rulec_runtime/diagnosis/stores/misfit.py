@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
 from rulec_runtime.diagnosis.stores.judge import Judge, Judged
 from rulec_runtime.diagnosis.stores.window_fit import Model

@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
 from rulec_runtime.diagnosis.stores.free_balances import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model, inverse
@@ -80,7 +81,7 @@ def sighted(ruleset: Ruleset) -> StoresSighted:
     assert dynamics is not None
     signals = [ruleset.signal_by_id[name] for name in dynamics.outputs]
     level = np.array([signal.reference for signal in signals])
-    spread = np.array([limits.NO_CHANGE * float(systematic_u(s, s.reference)) for s in signals])
+    spread = np.array([common.NO_CHANGE * float(systematic_u(s, s.reference)) for s in signals])
     spread = np.where(spread > 0.0, spread, 1.0)
     model = Model.of(ruleset, (), spread)
     errors = lasting_errors(ruleset, model.balances.plan.used_inputs, level)

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.diagnosis.stores.errors import KnownErrors, LastingError
 from rulec_runtime.diagnosis.stores.free_balances import start_of, with_free_states
 from rulec_runtime.diagnosis.stores.windows import Window
@@ -110,7 +111,7 @@ class Model:
         """The most probable unknowns, from a guess; None if nothing can be simulated."""
         specs = [self.ruleset.fault_by_id[f] for f in faults]
         low = np.array([s.lowest for s in specs])
-        high = np.array([s.highest * (1.0 - limits.BELOW_HIGHEST) for s in specs])
+        high = np.array([s.highest * (1.0 - common.BELOW_HIGHEST) for s in specs])
         certain = inverse(known.covariance)
         best = self._tried(window, known, certain, guess, faults)
         damping = limits.FIRST_DAMPING

@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime import limits as common
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
+from rulec_runtime.diagnosis.stores import limits
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.recordings.stationary import systematic_u
@@ -209,6 +210,6 @@ def _noise(
         white = white_noise(third[np.isfinite(third)], 3)
         level[i] = float(np.nanmedian(values))
         signal = ruleset.signal_by_id[name]
-        least = limits.NO_CHANGE * float(systematic_u(signal, level[i]))
+        least = common.NO_CHANGE * float(systematic_u(signal, level[i]))
         noise[i] = max(white, resolution(values, signal), least)
     return noise, level

@@ -11,8 +11,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.arrays import array_sheet, seconds_of
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.table import Dates, Sheet

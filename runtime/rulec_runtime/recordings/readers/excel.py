@@ -12,8 +12,8 @@ from typing import Any, BinaryIO
 
 import openpyxl
 
-from rulec_runtime import limits
 from rulec_runtime.output.plural import plural
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.table import Sheet
 from rulec_runtime.recordings.text_table import text_sheet

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from rulec_runtime import limits
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
 from rulec_runtime.recordings.table import Sheet

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from rulec_runtime import limits
+from rulec_runtime.recordings import limits
 from rulec_runtime.recordings.csv_table import RecordingRefused, refuse_bomb
 from rulec_runtime.recordings.readers.tree import Group, tables
 from rulec_runtime.recordings.table import Sheet

@@ -1,0 +1,120 @@
+"""Numbers that decide in plants that store. Origins as in `rulec_runtime/limits.py`."""
+
+from __future__ import annotations
+
+# Plants that store -------------------------------------------------------------------------------
+
+SAMPLES_FITTED = 4096
+"""Samples of a recording at most; neighbours of longer recordings are averaged. Origin: assumed."""
+
+WINDOWS_SIDE_BY_SIDE = 8
+"""Windows that a recording is cut into, where that leaves them long enough. Origin: assumed."""
+
+SHORT_WINDOW = 48
+"""Samples of a window at least, where a recording has them. Origin: assumed."""
+
+LONG_WINDOW = 256
+"""Samples of a window at most. Origin: assumed."""
+
+FEWEST_IN_WINDOW = 24
+"""Samples without a pause below which nothing is judged. Origin: assumed."""
+
+PAUSE_STORES = 20.0
+"""Sampling intervals without a sample that balances cannot be followed across: what is given may
+have been anything. Origin: assumed."""
+
+WINDOW_KNOWN = 0.8
+"""Share of the samples of a window in which given readings, and some measured one, must be there.
+Origin: assumed."""
+
+USUAL_MISFIT = 0.4
+"""Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
+middle. Origin: assumed."""
+
+MISFIT_PASSES = 4
+"""Times at most that the usual misfit is raised. Origin: numerical."""
+
+MISFIT_TOO_SMALL = 1.1
+"""Chi-square over freedom from which on the usual misfit was taken too small. Origin: assumed."""
+
+LARGEST_MISFIT = 5.0
+"""Factor by which the misfit of windows that know of each other may exceed that of windows on their
+own: beyond it, something is wrong in most of them. Origin: assumed."""
+
+SLOW_ERROR = 1.5
+"""Correlation length, in samples, from which on an error counts as slow. Origin: assumed."""
+
+REMARKABLE_MISFIT = 1.5
+"""Usual misfit over noise from which on it is worth a remark. Origin: assumed."""
+
+EDGE_PLACES = 32
+"""Times that are tried for the beginning or the end of a fault. Origin: assumed."""
+
+HIDDEN_EFFECT = 1e-9
+"""Share of a fault's effect that is left beside all errors below which it shows nothing. Origin:
+numerical."""
+
+SMALLEST_START = 0.02
+"""Smallest degree from which a fit of a fault starts. Origin: numerical."""
+
+LARGEST_START = 0.5
+"""Largest degree, as a share of the highest, from which a fit of a fault starts. Origin:
+numerical."""
+
+WINDOWS_IN_A_ROW = 3
+"""Windows over which a finding must hold: the first and the last of them share no sample. Origin:
+assumed."""
+
+FITS_MOST = 0.8
+"""Share of windows that a fault must fit in to explain all of them. Origin: assumed."""
+
+SPELL_DECIMALS = 2
+"""Decimals of log-likelihoods: faults that a fit tells apart by less are named in their order.
+Origin: numerical, windows are fitted no closer."""
+
+LEAST_U_STORES = 1e-9
+"""Standard uncertainty of a degree in a window at least, where it weights a mean. Origin:
+numerical."""
+
+WINDOW_STEPS = 40
+"""Levenberg-Marquardt steps of a fit at most. Origin: numerical."""
+
+WINDOW_SETTLED = 1e-3
+"""A fit ends when chi-square falls by less than this. Origin: numerical."""
+
+WINDOW_SLIGHT = 1e-5
+"""Or by less than this share: what is far off is not worth the last step. Origin: numerical."""
+
+FIRST_DAMPING = 1e-3
+"""Damping of the first step of a fit. Origin: numerical."""
+
+LESS_DAMPING = 0.2
+"""Factor on the damping after a step that led on. Origin: numerical."""
+
+MORE_DAMPING = 8.0
+"""Factor on the damping after a step that led away. Origin: numerical."""
+
+LARGEST_DAMPING = 1e6
+"""Damping beyond which no step leads on. Origin: numerical."""
+
+LARGEST_CHI_SQUARE = 1e15
+"""Chi-square beyond which a course says nothing. Origin: numerical."""
+
+LEAST_CURVATURE = 1e-12
+"""Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
+numerical."""
+
+SIGNATURE_SAMPLES = 400
+"""Samples of the course in which effects of faults are compared. Origin: assumed."""
+
+SIGNATURE_STEP = 2.0
+"""Seconds between them. Origin: assumed."""
+
+SIGNATURE_SWING = 0.2
+"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
+
+SIGNATURE_PACE = 40.0
+"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
+
+SIGNATURE_PACES_APART = 17.0
+"""Seconds per radian by which each further one is slower. Origin: assumed."""
