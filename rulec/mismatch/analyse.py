@@ -26,7 +26,7 @@ from rulec.mismatch.answer.verdict import (
     verdict_of,
     with_misread,
 )
-from rulec.mismatch.answer.written import PlantErrors, checks_of, plant_errors, refusal, writable
+from rulec.mismatch.answer.written import PlantErrors, checks_of, refusal, written
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.steady.configuration import ERROR
@@ -82,8 +82,7 @@ def analyse(
     tell("opening the held-out blocks")
     proofs = found.proofs(named)
     tell("writing the plants and simulating them")
-    refits = writable(found)
-    shown = plant_errors(found, refits, proofs)
+    refits, shown = written(found, proofs)
     misread = structure.findings_of(taken)
     findings = (*named, *found.failing)
     locations = (

@@ -38,19 +38,54 @@ from rulec.simulation.predict import predict
 UNSURE = "it may as well be something else"
 
 
-def writable(found: Explained[F]) -> Refits[F]:
-    """Refit what may be written, and the plain model.
+@dataclass(frozen=True, kw_only=True)
+class PlantErrors:
+    """Errors of the three plants, their courses, and the simulation.
+
+    `plants` is None if the plant cannot be simulated, for the reason `why`.
+    """
+
+    fits: tuple[Fit, ...]
+    series: Series
+    plants: Plants | None
+    why: str
+
+
+def written(found: Explained[F], proofs: Sequence[Proof]) -> tuple[Refits[F], PlantErrors]:
+    """What may be written, refitted, and the errors of the plants.
+
+    If something is missing, nameless terms become curves, but not beside a fault, whose shape they
+    may have. They stay if the plant is fitted better with them than without.
+    """
+    certain = [a.candidate for a in found.accepted if a.class_probability >= limits.CERTAIN]
+    sure = {c.id for c in certain}
+    refits = _refitted(found, sure, [])
+    errors = plant_errors(found, refits, proofs)
+    broken = found.failing or any(c.sort in ("fault", "sensor") for c in certain)
+    if found.curves and not broken and (found.model.joined or found.places):
+        curves = [found.model.builder.curve_term(curve) for curve in found.curves]
+        drawn = _refitted(found, sure, curves)
+        drawn_errors = plant_errors(found, drawn, proofs)
+        if _fits_better(drawn_errors.fits, errors.fits):
+            return drawn, drawn_errors
+    return refits, errors
+
+
+def _fits_better(fits: Sequence[Fit], before: Sequence[Fit]) -> bool:
+    """Whether fitted samples show a smaller error of the first reading, and no larger one of any
+    other."""
+    earlier = {fit.signal: fit.estimation.repaired for fit in before}
+    falls = [fit.estimation.repaired / max(earlier.get(fit.signal, np.inf), 1e-300) for fit in fits]
+    return bool(falls) and falls[0] < 1.0 and max(falls) <= 1.0 + limits.SAME_ERROR
+
+
+def _refitted(found: Explained[F], sure: set[str], curves: Sequence[Candidate]) -> Refits[F]:
+    """Refits with what may be written, and `curves` in place of what has no name.
 
     Of explanations with the same signature, the most probable one that may be written represents
-    all. If one is certain, uncertain ones are left out, as the plant would keep them. If something
-    is missing, nameless terms become curves, but not beside a fault, whose shape they may have.
+    all. If one is certain, uncertain ones are left out, as the plant would keep them.
     """
     builder, taken, left_out = found.model.builder, list[Candidate](), []
-    certain = [a.candidate for a in found.accepted if a.class_probability >= limits.CERTAIN]
-    broken = any(c.sort in ("fault", "sensor") for c in certain) or found.failing
-    missing = found.model.joined or found.places
-    curves = [builder.curve_term(c) for c in found.curves if missing and not broken]
-    sure = {c.id for c in certain}
     for candidate in found.model.joined:
         if curves and candidate.sort == "free":
             continue
@@ -79,19 +114,6 @@ def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
     if candidate.sort == HIDDEN:
         return "what drives it is not recorded"
     return why_not(candidate, builder.network)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlantErrors:
-    """Errors of the three plants, their courses, and the simulation.
-
-    `plants` is None if the plant cannot be simulated, for the reason `why`.
-    """
-
-    fits: tuple[Fit, ...]
-    series: Series
-    plants: Plants | None
-    why: str
 
 
 def plant_errors(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> PlantErrors:
