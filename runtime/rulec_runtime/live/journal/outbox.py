@@ -113,12 +113,12 @@ class Outbox:
             self._changes += 1
             self._changed.notify_all()
 
-    def settle(self, patience: float = limits.BUSY) -> None:
+    def settle(self) -> None:
         """Wait until everything is written, or the sink fails."""
         with self._changed:
             self._changed.wait_for(
                 lambda: self._idle() or self._trouble is not None or self._refused is not None,
-                patience,
+                limits.BUSY,
             )
 
     def start(self) -> None:
@@ -126,9 +126,10 @@ class Outbox:
         self._thread = Thread(target=self._run, name="journal", daemon=True)
         self._thread.start()
 
-    def close(self, patience: float = limits.BUSY) -> int:
+    def close(self, patience: float | None = None) -> int:
         """Write what waits as far as possible within so many seconds; returns the number of events
         that are still pending."""
+        patience = limits.BUSY if patience is None else patience
         with self._changed:
             self._due, self._wait = self._clock(), limits.FIRST_RETRY
             self._ends = self._due + patience
