@@ -14,6 +14,8 @@ from rulec.curves.sheet import CurveRefused
 from rulec.knowledge.module_type import Accuracy
 from rulec.language.units import Dimension
 
+_FILE = Path(__file__).with_name("words.yaml")
+
 _GIVES = {
     "flow": (Dimension.of({"m": 3, "s": -1}),),
     "head": (Dimension.of({"m": 1}), Dimension.of({"kg": 1, "m": -1, "s": -2})),
@@ -72,4 +74,4 @@ def role_of(name: str) -> str:
 
 @functools.cache
 def _words() -> Any:
-    return yaml.safe_load(Path(__file__).with_name("words.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load(_FILE.read_text(encoding="utf-8"))

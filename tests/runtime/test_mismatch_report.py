@@ -237,7 +237,8 @@ def test_points_in_faults_do_not_count() -> None:
     measured = np.where(c.time < 100, 0.0, c.measured)
     faulty = dataclasses.replace(c, measured=measured, inside=c.time >= 100)
     found = drawn(dataclasses.replace(NAMED, curves=faulty))
-    assert rms((c.measured - c.repaired)[100:]) == rms(found.error("repaired"))
+    error = found.error("repaired")
+    assert rms((c.measured - c.repaired)[100:]) == rms(error[np.isfinite(error)])
     assert 0.0 == found.curves.measured[0]
 
 

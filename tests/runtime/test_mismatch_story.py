@@ -352,6 +352,7 @@ def test_machine_form_carries_the_repair() -> None:
                 "fixed": {"A.warm-gap@Q_gap.T0": 318.35},
             }
         ],
+        "curves": [],
         "parameters": ["A.C2", "A.warm-gap@Q_gap.b"],
         "values": [5.6e-17, 0.0231],
         "covariance": [[1e-36, -9e-22], [-9e-22, 1.2e-6]],

@@ -131,14 +131,20 @@ OTHER = {"settled, pressed to an end": 190, "stores, two effects": 150, "stores,
 
 MANY_PEAKS = "the refit ends on a lower peak, by 4.4 nats: the evidence is 3 nats or more too low"
 
-MARKS = {
-    "stores, a shape": pytest.mark.xfail(strict=True, reason=MANY_PEAKS),
-    # The widest integrals take longest.
-    "settled, two effects": pytest.mark.prove,
-    "stores, two effects": pytest.mark.prove,
-}
+FAST = ("settled, an amplitude", "stores, nothing joined")
+"""Problems of every run; the others run in `make prove`."""
 
-NAMES = [pytest.param(name, marks=MARKS[name]) if name in MARKS else name for name in PROBLEMS]
+
+def marks(name: str) -> list[pytest.MarkDecorator]:
+    """How a problem is run."""
+    peaks = name == "stores, a shape"
+    return [
+        *([pytest.mark.xfail(strict=True, reason=MANY_PEAKS)] if peaks else []),
+        *([] if name in FAST else [pytest.mark.prove]),
+    ]
+
+
+NAMES = [pytest.param(name, marks=marks(name)) for name in PROBLEMS]
 
 
 @pytest.mark.parametrize("name", NAMES)
