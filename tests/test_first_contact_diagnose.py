@@ -110,7 +110,7 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     assert "pump.head-flow" == off["residual"]
     assert off["threshold"] < off["share"] < 0.3
     assert "is not as its sheet says" in capsys.readouterr().out
-    assert "Not as its sheet says, from the first sample on" == heading
+    assert "Not as its sheet says, from the first sample" == heading
 
 
 def test_a_calibrated_pump_still_blames_the_meter(tmp_path: Path) -> None:

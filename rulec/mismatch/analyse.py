@@ -41,8 +41,8 @@ from rulec.mismatch.structure.structure_search import Evidence as StructureEvide
 from rulec.mismatch.structure.structure_search import structure_of
 
 NO_CLOCK = (
-    "these {what} have no common time: nothing that changes with time, and no fault that comes and "
-    "goes or begins, was looked for"
+    "these {what} have no common time, so rulec did not look for changes with time, nor for faults "
+    "that begin, or come and go"
 )
 """The note where effects of time cannot be judged."""
 
@@ -230,13 +230,12 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
     notes = []
     if columns:
         notes.append(
-            "all that is told, and what is adopted, holds for the recording read as it should be: "
-            f"{columns}"
+            f"all results, and what is adopted, hold for the corrected recording: {columns}"
         )
     if pipes:
         notes.append(
-            f"all that is told holds for the plant connected as the readings fit: {pipes}. Until "
-            "the plant file is edited, rulec adopt writes nothing"
+            f"all results hold for the plant connected as the readings say: {pipes}. Until the "
+            "plant file is edited, rulec adopt writes nothing"
         )
     return notes
 

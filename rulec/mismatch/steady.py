@@ -145,7 +145,7 @@ def _to_be_read(recording: Recording) -> str:
     empty = sorted(empty, key=lambda name: name in absent)
     names, more = empty[:SHOWN], len(empty) - SHOWN
     names += [counted(more, "other")] if more > 0 else []
-    return f"Look at {listed(names)} in the recording: there is not one number." if empty else ""
+    return f"Look at {listed(names)} in the recording: no cell holds a number." if empty else ""
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ def explain(
         why = lacking(recording, ruleset)
         evidence = counted_rows((), [*unread(recording), *[why] * len(recording)])
         return NotComparable(
-            why=why, next="Record again, with what lacks.", samples=None, evidence=evidence
+            why=why, next="Record again with what is missing.", samples=None, evidence=evidence
         )
     bench = SimulationProblem(ruleset, builder, record)
     try:
@@ -249,7 +249,7 @@ class Explanation(Explained[Fitted]):
             return []
         return [
             f"{listed(self.dropped)} fitted the other blocks but gained nothing on the held-out "
-            "ones, and so is not named: here the held-out blocks took part in the search"
+            "ones, so rulec does not name it; here the held-out blocks took part in the search"
         ]
 
     def _hiding(self) -> list[str]:
@@ -264,7 +264,7 @@ class Explanation(Explained[Fitted]):
             f"{alone.get(a.candidate.id, 0.0):.0f} alone and {a.gain:.0f} beside the others"
             for a in hidden
         )
-        return [f"these show only beside each other (gain in log likelihood): {'; '.join(gains)}"]
+        return [f"these show up only together (gain in log likelihood): {'; '.join(gains)}"]
 
     def _remaining(self) -> list[str]:
         if not self.nameless or not (self.accepted or self.failing):

@@ -168,7 +168,7 @@ def _left_out(location: Location, shape: Shape, index: int) -> Figure:
     marks = [panel.marks(z, v, "disc", "s1")]
     svg = panel.drawn(title, f"missing in {place}{_bracketed(shape.unit)}", lines, marks, True)
     matters = {"yes": "It matters", "no": "It does not matter"}
-    memory = f"{matters.get(shape.memory, 'It is open whether it matters')} from which side"
+    memory = f"{matters.get(shape.memory, 'It is not known whether it matters')} from which side"
     return Figure(
         name=f"shape{index}",
         title=title,

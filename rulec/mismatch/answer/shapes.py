@@ -102,9 +102,11 @@ def _memory(model: Model, found: CurveFound) -> tuple[str, str]:
         if found.driver == TIME:
             return "cannot be told", "it was looked at over time alone"
         if not model.samples.timed:
-            because = "there is no common time, so which way the driver came is not known"
+            because = (
+                "the samples have no common time, so it is not known which way the driver came"
+            )
             return "cannot be told", because
-        return "cannot be told", "its driver did not come from both sides often enough"
+        return "cannot be told", "its driver was not approached from both sides often enough"
     gap, u = (abs(v / found.place.factor) for v in (branches.gap, branches.u))
     side = "risen" if branches.gap / found.place.factor > 0 else "fallen"
     return answer_of(branches, float(np.ptp(found.value))), (

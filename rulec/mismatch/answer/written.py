@@ -35,7 +35,7 @@ from rulec.mismatch.result import Check, Fit, Repair, Series
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.predict import predict
 
-UNSURE = "it may as well be something else"
+UNSURE = "something else may explain it as well"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -59,7 +59,7 @@ def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
                 f"{len(known)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
                 f"{signal.unit}, which is all that its sensor can show; they are left out"
             )
-            yield _failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
+            yield _failed(signal, "impossible-reading", "Sensor with impossible readings", text)
 
 
 def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
@@ -94,7 +94,7 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         if signal.id in shown and (step := coarse_step(values, u)):
             text = (
                 f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far "
-                "coarser than its class; nothing finer can be told from it"
+                "coarser than its class; it shows nothing finer"
             )
             yield _failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
 

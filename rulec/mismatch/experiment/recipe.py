@@ -175,7 +175,7 @@ def _limits(found: Experiment) -> Iterator[str]:
     if found.time_is_short:
         yield "There is no time for steps that would tell more: --hours ends the experiment."
     for name in found.unwatched:
-        yield f"No explanation foretells {name}, which has limits: watch it while you run this."
+        yield f"No explanation predicts {name}, which has limits: watch it while you run this."
 
 
 def _steps_of(places: Sequence[int]) -> str:
@@ -216,8 +216,8 @@ def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
             panel.text(float(a), float(b), str(own + 1), "tick x", -6)
             for a, b in zip(x, high, strict=True)
         ]
-    title = f"{signal.id} as each explanation foretells it"
-    axis_title = f"{signal.id} less what 1 foretells [{signal.unit}]"
+    title = f"{signal.id} as each explanation predicts it"
+    axis_title = f"{signal.id} less the prediction of 1 [{signal.unit}]"
     return Figure(
         name=f"step{index}",
         title=title,

@@ -95,9 +95,9 @@ class Experiment:
         steps = counted(len(self.steps), "step")
         if len(self.standing) == 1:
             if not self.steps:
-                return "One explanation stands alone, and nothing may be set that would test it."
+                return "One explanation is left, and no input may be changed to test it."
             return (
-                f"One explanation stands alone. {steps} in {duration(self.steps[-1].until)} test "
+                f"One explanation is left. {steps} in {duration(self.steps[-1].until)} test "
                 "it: they explore the range that may be set, and show what it does not predict."
             )
         if not self.telling:

@@ -98,5 +98,5 @@ def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
         kind=SIGN,
         mending=Mending(signals=(signal.id,), factor=-1.0),
         text=f"{signal.id} has the wrong sign",
-        action=f"turn the sign of {signal.id} about where it is recorded",
+        action=f"reverse the sign of {signal.id} where it is recorded",
     )

@@ -105,6 +105,6 @@ def close(outbox: Outbox, unwritten: list[str]) -> None:
     if file is not None and file.exists():
         text += f"; what waits stands in {file} and is written at the next start"
     else:
-        text += " and nowhere else stands"
+        text += " and is kept nowhere else"
     say_aside(text)
     unwritten.append(text)

@@ -94,7 +94,7 @@ def assembled(
     recording = health.recording
     weather = [f for f in found.findings if is_ordinary(ruleset.liquid, f.fault.id, f.degree)]
     found = replace(found, findings=[f for f in found.findings if f not in weather])
-    notes = (*notes, *dict.fromkeys(f"{f.text}: as a change of the weather does" for f in weather))
+    notes = (*notes, *dict.fromkeys(f"{f.text}, as a change of the weather does" for f in weather))
     missing = (f"{name} is not in the recording" for name in recording.missing)
     blind = blind_of(recording, ruleset) if blind is None else blind
     blind = tuple(one for b in blind if (one := b.but(found.without)).faults)

@@ -41,7 +41,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return "Nothing could be judged"
     if diagnosis.unknown:
         if all(p.from_sheet for p in diagnosis.unknown):
-            return "Not as its sheet says, from the first sample on"
+            return "Not as its sheet says, from the first sample"
         return "Something is wrong, but nothing known explains it"
     if diagnosis.blind:
         return f"No fault found, but {hidden(diagnosis)}"

@@ -44,8 +44,8 @@ def kept_of(found: SensorFinding) -> str:
     if found.mended:
         return f"judged as if mended: {found.mended}"
     if found.signal:
-        return "its readings there are taken out of the evidence; the rest is judged without them"
-    return "rows stay in the order in which they stand; times behind it are moved on"
+        return "its readings there are left out; the rest is judged without them"
+    return "rows keep their order; later times are shifted"
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def headline(ruleset: Ruleset, finding: Finding) -> str:
 def actions(ruleset: Ruleset, finding: Finding) -> str:
     """Actions for the fault and its alternatives, the most probable first."""
     if finding.from_sheet:
-        first = "calibrate, or ask `rulec mismatch`: it is so from the first sample on"
+        first = "calibrate, or run `rulec mismatch`: it is so from the first sample"
         return f"{first}; or {actions(ruleset, replace(finding, from_sheet=False))}"
     if not finding.alternatives:
         return finding.fault.action

@@ -340,7 +340,7 @@ def test_an_explanation_that_stands_alone_is_tested(
     alone.write_text(json.dumps(form), encoding="utf-8")
     words = ["--json", str(plan), "--report", str(tmp_path / "e.html")]
     assert main(["experiment", str(alone), *words]) == 0
-    assert "One explanation stands alone. 18 steps in" in capsys.readouterr().out
+    assert "One explanation is left. 18 steps in" in capsys.readouterr().out
     found = json.loads(plan.read_text(encoding="utf-8"))
     assert all(step["covers"] for step in found["steps"])
     assert len(found["certainty"]) == 1

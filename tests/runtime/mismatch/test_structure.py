@@ -139,7 +139,7 @@ def test_the_answer_tells_it_first_and_its_plant_can_be_adopted(
     assert ("wrong-unit", "A.dp") == tuple(form["effects"][0][k] for k in ("effect", "place"))
     assert ("A", "dp") == tuple(form["locations"][0][k] for k in ("module", "place"))
     assert form["next"].startswith("Write kPa as the unit of A.dp")
-    assert any(note.startswith("all that is told, and what is adopted") for note in form["notes"])
+    assert any(note.startswith("all results, and what is adopted") for note in form["notes"])
     target = tmp_path / "adopted"
     assert 0 == main(["adopt", str(answer), "--recalibrated", "-o", str(target)])
     # Without that, the readings are not the ones that the plant was fitted to.

@@ -20,7 +20,7 @@ from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 from rulec_runtime.diagnosis.steady.verdict import disagreeing
 from rulec_runtime.recordings.stationary import Timeline
 
-ADVICE = "from the first sample on: calibrate, or ask `rulec mismatch`"
+ADVICE = "from the first sample: calibrate, or run `rulec mismatch`"
 
 
 def against_sheet(timeline: Timeline, evaluated: EvaluatedPoints, found: Found) -> Found:

@@ -109,7 +109,7 @@ class GrowingFile(TextSource):
                 return found or self._end_of_file()
         if self._was_cut(file):
             self._open(self._path)
-            return [self._notice("gap", " was cut; what nobody had read of it is lost")]
+            return [self._notice("gap", " was cut short; rows not yet read are lost")]
         data = file.read(limits.PIECE)
         if not data:
             return self._end_of_file()
