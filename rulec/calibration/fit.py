@@ -22,24 +22,22 @@ from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares, lsq_linear
 
-from rulec.calibration.sheet_priors import SheetPriors
-from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
-from rulec.knowledge.plant import Module
-from rulec.limits import (
+from rulec.calibration.limits import (
     COVERAGE,
-    FAR_POINT,
     JOINING_STEPS,
     LEAST_SCATTER,
     MAX_CONDITION,
     MISFIT_SETTLED,
     NO_VALUE,
-    POINTS_PER_PARAMETER,
     ROBUST_ROUNDS,
     ROBUST_WIDTH,
     SLOPE_STEP,
     SOLVED,
-    UNTOLD,
 )
+from rulec.calibration.sheet_priors import SheetPriors
+from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
+from rulec.knowledge.plant import Module
+from rulec.limits import FAR_POINT, POINTS_PER_PARAMETER, UNTOLD
 from rulec.passes.differentiate import TypeModel
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.calibration.limits import NEAR_END
 from rulec.knowledge.belief import Belief, Coordinates, belief_in
 from rulec.knowledge.module_type import Parameter
-from rulec.limits import BELIEF_FREEDOM, NEAR_END
+from rulec.limits import BELIEF_FREEDOM
 
 
 @dataclass(frozen=True, kw_only=True)

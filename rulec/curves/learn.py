@@ -23,19 +23,12 @@ from scipy.optimize import lsq_linear
 from rulec.calibration.calibrate import local_readings, settled_points
 from rulec.calibration.fit import CalibrationRefused
 from rulec.calibration.true_flow import TrueFlow, true_flows
+from rulec.curves.limits import GAP, KNOT_GAP, LEARNT_FAR, LEARNT_KNOTS, LEARNT_STEPS
 from rulec.curves.samples import Samples, samples_of
 from rulec.knowledge.module_type import ModuleType, Signal
 from rulec.knowledge.plant import Module
 from rulec.language.diagnostics import did_you_mean
-from rulec.limits import (
-    FAR_POINT,
-    GAP,
-    KNOT_GAP,
-    LEARNT_FAR,
-    LEARNT_KNOTS,
-    LEARNT_STEPS,
-    POINTS_PER_PARAMETER,
-)
+from rulec.limits import FAR_POINT, POINTS_PER_PARAMETER
 from rulec.passes.types import Compilation
 
 

@@ -16,8 +16,8 @@ from rulec_runtime.recordings.formats import opened_table
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.titles import is_value
 
+from rulec.curves.limits import MOST_SHEET_POINTS
 from rulec.language.units import Unit, UnitTable
-from rulec.limits import MOST_SHEET_POINTS
 
 _IN_BRACKETS = re.compile(r"(?P<name>[^()]+?)\s*\((?P<unit>[^()]+)\)")
 _SUPERSCRIPTS = str.maketrans({"²": "2", "³": "3", "·": "*"})

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from rulec.curves.fit import Compared, FittedCurve
+from rulec.curves.limits import SHEET_SCATTER
 from rulec.effects.write_module import file_text, plain_number
 from rulec.knowledge.module_type import Accuracy
 from rulec.language.document import Document
-from rulec.limits import SHEET_SCATTER
 
 
 def module_of(document: Document, fitted: FittedCurve, name: str, source: str) -> str:

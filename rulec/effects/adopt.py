@@ -15,6 +15,7 @@ import numpy as np
 from rulec.effects.candidate import TIME, Candidate, Unknown
 from rulec.effects.downstream_readings import Gathering
 from rulec.effects.hold_back import held_back
+from rulec.effects.limits import MAX_TYPE_STEM
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair
 from rulec.knowledge.fluid import reading_of
@@ -22,7 +23,6 @@ from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
-from rulec.limits import MAX_TYPE_STEM
 from rulec.passes.amend import Amended
 from rulec.passes.link import Network
 

@@ -11,6 +11,7 @@ import networkx as nx
 
 from rulec.effects.candidate import TIME
 from rulec.effects.fluid_driver import FluidDriver, drivers_at
+from rulec.effects.limits import NEAREST_DRIVERS, STEEP
 from rulec.effects.places import Site
 from rulec.knowledge.effect import Driver, Effect, Join
 from rulec.knowledge.fluid import property_at
@@ -18,7 +19,6 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ENDS, INFLOW
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
-from rulec.limits import NEAREST_DRIVERS, STEEP
 from rulec.passes.link import Network
 
 FLOW = "volume flow"

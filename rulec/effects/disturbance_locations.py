@@ -10,11 +10,12 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import Spot
+from rulec.effects.limits import COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
 from rulec.effects.places import Site, Survey
 from rulec.knowledge.module_type import OUTFLOW
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
-from rulec.limits import ASSUMED_ACCURACY, COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
+from rulec.limits import ASSUMED_ACCURACY
 from rulec.passes.lower import Lowering, lower_module
 
 _RATE = Dimension.of({"s": -1})

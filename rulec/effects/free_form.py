@@ -9,6 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, Spot, Unknown
+from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, MOST_CURVE_POINTS, SPREAD
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.tables import PER, SIZE, equations
@@ -16,7 +17,6 @@ from rulec.language.expression import Expression, parse
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
 from rulec.language.written import rounded
-from rulec.limits import CURVE_DIGITS, CURVE_KEPT, MOST_CURVE_POINTS, SPREAD
 from rulec.passes.amend import Change
 
 BAND = "~"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 
+from rulec.export.limits import LONGEST_IDENTIFIER
 from rulec.export.program import Kind, Variable
-from rulec.limits import LONGEST_IDENTIFIER
 
 _C = (
     "auto break case char const continue default do double else enum extern float for goto if "

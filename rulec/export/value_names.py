@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import ObserverSpec, ParameterSpec, Ruleset
 from rulec_runtime.recordings.reading_unit import parse_unit
 
-from rulec import limits
+from rulec.export import limits
 from rulec.export.identifiers import Identifiers
 from rulec.export.program import Parameter
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rulec import limits
+from rulec.export import limits
 from rulec.export.program import Expression, Number, apply
 
 ZERO, ONE = Number(0.0), Number(1.0)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 
 from rulec_runtime.contract.plan import UNARY, Plan
 
-from rulec import limits
+from rulec.export import limits
 from rulec.export.identifiers import Identifiers
 from rulec.export.program import Apply, Expression, Name, Number, Statement, apply, leaves
 from rulec.export.without_plc import sign, tanh, whole_power

@@ -19,7 +19,8 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.limits import BELIEF_FREEDOM, CALIBRATION_FAILS, STRAINED, UNBELIEVABLE
+from rulec.knowledge.limits import CALIBRATION_FAILS
+from rulec.limits import BELIEF_FREEDOM, STRAINED, UNBELIEVABLE
 
 
 def peak_of(freedom: Array) -> Array:

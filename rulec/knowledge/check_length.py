@@ -11,10 +11,10 @@ import ast
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from rulec.knowledge.limits import MAX_COUNTED_TERMS, MAX_LAW_WORK, MAX_WORK, MAX_WRITTEN_DEPTH
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.reader import Reader
-from rulec.limits import MAX_COUNTED_TERMS, MAX_LAW_WORK, MAX_WORK, MAX_WRITTEN_DEPTH
 
 
 @dataclass(frozen=True)

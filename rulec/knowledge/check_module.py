@@ -14,6 +14,7 @@ from rulec.knowledge.check_regimes import RegimeReader
 from rulec.knowledge.check_states import StateReader
 from rulec.knowledge.degree_unit import adds, has_no_zero, scales_from_zero
 from rulec.knowledge.knowledge import FaultType, SensorClass
+from rulec.knowledge.limits import MAX_DEFINITION_CHAIN
 from rulec.knowledge.module_type import (
     ENDS,
     Accuracy,
@@ -29,7 +30,6 @@ from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.reader import Reader
 from rulec.language.units import Unit
-from rulec.limits import MAX_DEFINITION_CHAIN
 
 
 @dataclass

@@ -18,6 +18,7 @@ from rulec.knowledge.check_module import check_value
 from rulec.knowledge.file_form import file_form, time_title
 from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
 from rulec.knowledge.sources import Sources
@@ -26,7 +27,6 @@ from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
 from rulec.language.units import VOLUME_FLOW, Unit
 from rulec.language.written import rounded
-from rulec.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 
 
 def check(sources: Sources) -> Plant:

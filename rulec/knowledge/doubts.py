@@ -11,19 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
 
 from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTORS, MOST_INSTRUMENTS
 from rulec.knowledge.module_type import ENDS, ModuleType, Observer, Parameter, Signal
 from rulec.knowledge.plant import Plant
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Rejected, constant
 from rulec.language.units import VOLUME_FLOW
-from rulec.limits import (
-    ALIKE_ESTIMATES,
-    ASSUMED_ACCURACY,
-    FAR_ESTIMATES,
-    MISREAD_FACTORS,
-    MOST_INSTRUMENTS,
-)
+from rulec.limits import ASSUMED_ACCURACY
 
 Values = Mapping[str, float]
 

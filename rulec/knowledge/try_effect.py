@@ -7,8 +7,8 @@ import random
 from collections.abc import Iterator, Mapping
 
 from rulec.knowledge.effect import PLAIN, Effect, Join
+from rulec.knowledge.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
 from rulec.language.expression import Rejected, constant
-from rulec.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
 
 
 def fails_at_null(effect: Effect, join: Join) -> str:

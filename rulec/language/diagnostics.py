@@ -10,7 +10,12 @@ from dataclasses import dataclass, field
 from rulec_runtime.output.open_file import begin_of
 from rulec_runtime.output.refusal import Refusal
 
-from rulec.limits import MAX_DIAGNOSTICS, MAX_EXCERPT_BYTES, MAX_MESSAGE_LENGTH, NEAREST_NAME
+from rulec.language.limits import (
+    MAX_DIAGNOSTICS,
+    MAX_EXCERPT_BYTES,
+    MAX_MESSAGE_LENGTH,
+    NEAREST_NAME,
+)
 
 WIDTH = 96
 

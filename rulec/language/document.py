@@ -26,13 +26,8 @@ from rulec.language.diagnostics import (
     no_file_of_ours,
     split_lines,
 )
-from rulec.limits import (
-    KEPT_DOCUMENTS,
-    MAX_FILE_BYTES,
-    MAX_FILE_NUMBER,
-    MAX_INTEGER_DIGITS,
-    MAX_NESTING,
-)
+from rulec.language.limits import MAX_FILE_NUMBER, MAX_INTEGER_DIGITS, MAX_NESTING
+from rulec.limits import KEPT_DOCUMENTS, MAX_FILE_BYTES
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -20,8 +20,13 @@ from typing import Any
 
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.functions import FUNCTIONS
+from rulec.language.limits import (
+    MAX_CONSTANT,
+    MAX_EQUATION_DEPTH,
+    MAX_EQUATION_LENGTH,
+    MAX_EXPONENT,
+)
 from rulec.language.units import PROPERTIES, exponent_of
-from rulec.limits import MAX_CONSTANT, MAX_EQUATION_DEPTH, MAX_EQUATION_LENGTH, MAX_EXPONENT
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | dict.fromkeys(PROPERTIES, 1)

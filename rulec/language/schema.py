@@ -14,7 +14,8 @@ import jsonschema
 
 from rulec.language.diagnostics import KINDS, Diagnostic, did_you_mean, nearest
 from rulec.language.document import Document, Path_
-from rulec.limits import KEPT_DOCUMENTS, MAX_UNKNOWN_KEYS
+from rulec.language.limits import MAX_UNKNOWN_KEYS
+from rulec.limits import KEPT_DOCUMENTS
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
 """Keys that name a kind of file but also occur in a plant, with another type."""

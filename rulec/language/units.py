@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rulec.limits import MAX_CONSTANT, MAX_DENOMINATOR, MAX_UNIT_LENGTH, MAX_UNIT_POWER
+from rulec.language.limits import MAX_CONSTANT, MAX_DENOMINATOR, MAX_UNIT_LENGTH, MAX_UNIT_POWER
 
 BASES = ("m", "kg", "s", "K", "A")
 

@@ -12,10 +12,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rulec.knowledge.plant import Module
-from rulec.limits import FAR_READERS, SEPARATED, SMALL_DEGREE, WIDE_JUNCTION
+from rulec.limits import SEPARATED
 from rulec.passes.assemble import Assembly
 from rulec.passes.cheapest import Advice, candidates, cheapest, degrees_at
 from rulec.passes.derive_signatures import Signatures
+from rulec.passes.limits import FAR_READERS, SMALL_DEGREE, WIDE_JUNCTION
 from rulec.passes.linearise import linearise
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart

@@ -26,7 +26,7 @@ from rulec.knowledge.module_type import (
 )
 from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
-from rulec.limits import MAX_STEM, SHORT_LAW
+from rulec.passes.limits import MAX_STEM, SHORT_LAW
 
 
 @dataclass(frozen=True, kw_only=True)

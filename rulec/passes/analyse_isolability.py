@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
-from rulec.limits import SAME_DIRECTION, SMALL_DEGREE
+from rulec.limits import SAME_DIRECTION
 from rulec.passes.advise import Adviser
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
+from rulec.passes.limits import SMALL_DEGREE
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Sensor
 from rulec.passes.observed_modules import seen_through_states

@@ -17,7 +17,8 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module
 from rulec.language.units import VOLUME_FLOW
-from rulec.limits import LEAST_SPREAD, MOST_SENSORS, SEEN, SEPARATED, SMALL_DEGREE
+from rulec.limits import SEPARATED
+from rulec.passes.limits import LEAST_SPREAD, MOST_SENSORS, SEEN, SMALL_DEGREE
 from rulec.passes.linearise import Linearised
 from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
 

@@ -10,7 +10,7 @@ from rulec.algebra.continuity import FixedFlow
 from rulec.algebra.span import Span
 from rulec.knowledge.plant import Module
 from rulec.language.written import signed_sum
-from rulec.limits import MOST_SUMMED
+from rulec.passes.limits import MOST_SUMMED
 from rulec.passes.link import Network
 
 Terms = tuple[tuple[int, str], ...]

@@ -13,10 +13,11 @@ from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.algebra.graph import Node
 from rulec.algebra.recipe import lower
-from rulec.limits import MOST_RULES, NEGLIGIBLE_EFFECT
+from rulec.limits import MOST_RULES
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import G
+from rulec.passes.limits import NEGLIGIBLE_EFFECT
 from rulec.passes.link import Network
 from rulec.passes.reference import solve_reference
 

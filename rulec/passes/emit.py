@@ -17,13 +17,13 @@ from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.written import filled, rounded
-from rulec.limits import ABSURD_FAULT, DIGITS, LIQUID_SEEN
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signature, Signatures
 from rulec.passes.differentiate import law_of, liquids_of
+from rulec.passes.limits import ABSURD_FAULT, DIGITS, LIQUID_SEEN
 from rulec.passes.link import Network, junctions
 from rulec.passes.liquid import liquid_id
 from rulec.passes.put_balances import Balanced

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from rulec.algebra.graph import Node
-from rulec.limits import LONG_SUM, MANY_CORRELATED
 from rulec.passes.assemble import Assembly, Gradient, combine, covariance
 from rulec.passes.derive_residuals import Residual
+from rulec.passes.limits import LONG_SUM, MANY_CORRELATED
 
 Signed = list[tuple[int, Gradient]]
 """A signed sum of gradients."""

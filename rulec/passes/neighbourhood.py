@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.limits import LEAST_SPREAD, ROUNDED_AWAY
+from rulec.passes.limits import LEAST_SPREAD, ROUNDED_AWAY
 from rulec.passes.linearise import Linearised
 
 

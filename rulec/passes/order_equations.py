@@ -25,9 +25,9 @@ from rulec_runtime.contract.ruleset import Simulation, SimulationStep
 from rulec.algebra.eliminate import independent_without, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.knowledge.module_type import Signal
-from rulec.limits import IMMOVABLE
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
 from rulec.passes.derive_signatures import Signatures
+from rulec.passes.limits import IMMOVABLE
 from rulec.passes.link import Network
 
 

@@ -14,7 +14,9 @@ import scipy.sparse.linalg as linalg
 from rulec_runtime.contract.plan import Array, Plan
 
 from rulec.language.diagnostics import Diagnostic, Refused
-from rulec.limits import (
+from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
+from rulec.passes.derive_residuals import Residual
+from rulec.passes.limits import (
     FLOW_COST,
     REFERENCE_DAMPING,
     REFERENCE_HALVINGS,
@@ -24,8 +26,6 @@ from rulec.limits import (
     SHARED_SHARES,
     VANISHED_RESIDUAL,
 )
-from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
-from rulec.passes.derive_residuals import Residual
 from rulec.passes.link import Network
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
-from rulec import limits
+from rulec.separation import limits
 from rulec.study.points import range_of
 
 

@@ -22,7 +22,7 @@ from rulec_runtime.diagnosis.steady.stack import stacked_test
 from rulec_runtime.limits import BELOW_HIGHEST, BEYOND_CALIBRATED, STATISTICAL_SHARE
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.limits import STEP_SECONDS
+from rulec.separation.limits import STEP_SECONDS
 from rulec.separation.propose import Looked, Point
 from rulec.simulation.equations import Equations
 from rulec.simulation.simulate import simulate_with

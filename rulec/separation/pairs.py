@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.limits import SEPARATED, STEP_DEGREES
+from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed
 from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.propose import Proposal, propose
 from rulec.simulation.equations import equations_of
 

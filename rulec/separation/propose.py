@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec import limits
+from rulec import limits as common
+from rulec.separation import limits
 from rulec.separation.allowed import Allowed
 
 Point = Mapping[str, float]
@@ -118,11 +119,11 @@ def _judged(
 
 def _moves(there: float, here: float) -> bool:
     """Whether a flow changes; an unknown flow counts as changed."""
-    return not abs(there - here) <= limits.SAME_FLOW * abs(here)
+    return not abs(there - here) <= common.SAME_FLOW * abs(here)
 
 
 def _separated(proposal: Proposal) -> int:
-    return sum(v >= limits.SEPARATED for v in proposal.apart)
+    return sum(v >= common.SEPARATED for v in proposal.apart)
 
 
 def _worth(proposal: Proposal) -> tuple[int, int, float]:

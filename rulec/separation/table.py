@@ -10,7 +10,8 @@ from rich.table import Table
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled
 
-from rulec.limits import SEPARATED, STEP_DEGREES
+from rulec.limits import SEPARATED
+from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.pairs import Separated
 from rulec.separation.words import costs_in_words, set_points
 

@@ -14,8 +14,8 @@ from rulec_runtime.contract.ruleset import Dynamics, Ruleset, StateSpec
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec import limits
 from rulec.algebra.tangent import run_with_slopes
+from rulec.simulation import limits
 from rulec.simulation.equations import SimulationRefused
 
 SHOWN, START = "shown:", "start:"

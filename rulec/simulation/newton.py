@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import LONGEST_STEP
 
-from rulec import limits
+from rulec.simulation import limits
 
 Index = NDArray[np.intp]
 

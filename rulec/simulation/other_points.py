@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec import limits
+from rulec.simulation import limits
 from rulec.simulation.equations import Equations
 from rulec.simulation.newton import Index, Systems, newton
 from rulec.simulation.simulate import Simulated, simulate_with

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.recordings.thin import filled
 from rulec_runtime.simulation.balances import Balances
 
-from rulec import limits
+from rulec.simulation import limits
 from rulec.simulation.equations import SimulationRefused
 from rulec.simulation.prediction import rows
 

@@ -14,7 +14,7 @@ from rulec_runtime.limits import COVERAGE
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec import limits
+from rulec.simulation import limits
 
 VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0, 0.0)
 """Exponents of m, kg, s, K, A."""

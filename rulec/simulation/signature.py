@@ -11,7 +11,7 @@ from rulec_runtime.diagnosis.stores.sighted import swinging
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec import limits
+from rulec.simulation import limits
 
 
 @dataclass(frozen=True)

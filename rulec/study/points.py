@@ -9,9 +9,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 
-from rulec.limits import HIGHEST_INPUT, LOWEST_INPUT, POINT_ROUNDS, STUDY_SEED
 from rulec.simulation.equations import Equations, SimulationRefused
 from rulec.simulation.simulate import simulate_with
+from rulec.study.limits import HIGHEST_INPUT, LOWEST_INPUT, POINT_ROUNDS, STUDY_SEED
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rulec_runtime.report.text import counted
 
-from rulec.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.judge import Kind
+from rulec.study.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
 
 TITLES = ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds")

@@ -10,8 +10,8 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from scipy.special import betaincinv
 
-from rulec.limits import CONFIDENCE
 from rulec.study.judge import Kind, Outcome
+from rulec.study.limits import CONFIDENCE
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rulec.export.identifiers import RESERVED, Identifiers
-from rulec.limits import LONGEST_IDENTIFIER
+from rulec.export.limits import LONGEST_IDENTIFIER
 from tests.export.plants import codes
 
 

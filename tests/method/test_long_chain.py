@@ -11,8 +11,9 @@ import rulec
 from rulec.algebra.span import Span
 from rulec.commands import matrix_page
 from rulec.commands.matrix_page import left_out
-from rulec.limits import MOST_RULES, MOST_SUMMED
+from rulec.limits import MOST_RULES
 from rulec.passes import derive_residuals, derive_signatures
+from rulec.passes.limits import MOST_SUMMED
 from rulec.passes.pipeline import compile_plant, run_passes
 from rulec.passes.types import Compilation
 from tests.bench.rigs import chain

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rulec.limits import SEPARATED, STEP_DEGREES
+from rulec.limits import SEPARATED
 from rulec.separation.allowed import Allowed, Range, allowed_of
 from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.limits import STEP_DEGREES
 from rulec.separation.pairs import separate_pairs
 from rulec.simulation.equations import equations_of
 from tests.conftest import compiled

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
-from rulec.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.allowed import Allowed, Range, allowed_of
+from rulec.separation.limits import MOST_INPUTS_OF_A_STEP, STEP_SECONDS
 from rulec.separation.propose import Looked, Measure, Point, Proposal, propose
 from tests.conftest import compiled
 

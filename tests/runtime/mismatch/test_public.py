@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rulec.effects.adopted_plant import trial
-from rulec.mismatch.answer.written import plant_errors, row_errors, simulated, writable
+from rulec.mismatch.answer.written import row_errors, simulated, written
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.model import model_of
@@ -31,8 +31,7 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     ends, plain = plain_end(place, {})
     model = model_of(place, plain, ends.judged, {})
     explained = explanation(recording, model, as_found(ends, plain, plain))
-    refits = writable(explained)
-    shown = plant_errors(explained, refits, explained.proofs(()))
+    refits, shown = written(explained, explained.proofs(()))
     assert shown.plants is not None
     held = shown.fits[0].heldout
     spans = heldout_spans(place.record.time, ~place.record.open)

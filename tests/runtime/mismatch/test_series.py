@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.written import writable
+from rulec.mismatch.answer.written import written
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
@@ -50,7 +50,9 @@ def test_plants_that_store_have_the_same_table() -> None:
     ends, plain = plain_end(place, {})
     model = model_of(place, plain, ends.judged, {})
     explained = explanation(recording, model, as_found(ends, plain, plain))
-    (reading,) = explained.readings(None, writable(explained), explained.proofs(()))
+    (reading,) = explained.readings(
+        None, written(explained, explained.proofs(()))[0], explained.proofs(())
+    )
     signal = place.ruleset.signal_by_id[reading.fit.signal]
     course = course_of(signal, reading.measured, reading.predicted)
     series = Series(place.record.time, ~place.record.open, (course,))

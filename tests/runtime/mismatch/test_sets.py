@@ -7,7 +7,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.language import expression
-from rulec.limits import MAX_EQUATION_LENGTH
+from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.settled.best_set import with_term

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.answer.findings import findings_of
 from rulec.mismatch.answer.verdict import Doubt, headline_of, verdict_of
-from rulec.mismatch.answer.written import writable
+from rulec.mismatch.answer.written import written
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.record import record_of
@@ -123,7 +123,7 @@ def test_laws_that_coincide_are_one_finding(row: Path) -> None:
     headline = headline_of("named", named, (), doubt)
     assert "worn seal in second or bent loss (second" in headline
     # The first may not be written, the other one may.
-    refits = writable(said)
+    refits = written(said, said.proofs(()))[0]
     assert (BENT,) == refits.repairs[1].joined
     ((left, why),) = refits.left_out
     assert WORN == left

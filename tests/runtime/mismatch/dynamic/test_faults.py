@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.findings import findings_of, location_of
-from rulec.mismatch.answer.written import writable
+from rulec.mismatch.answer.written import written
 from rulec.mismatch.evidence.stores.final_fits import fixed_values, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitter
 from rulec.mismatch.evidence.stores.model import model_of, period_of
@@ -96,7 +96,7 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     ends, plain, found = joined_to(place, fault, planted(fault))
     model_found = model_of(place, found, ends.judged, fixed_values(found))
     explained = explanation(recording, model_found, as_found(ends, plain, found))
-    model = writable(explained)
+    model = written(explained, explained.proofs(()))[0]
     adopted = model.repaired
     until = until_of(place, found, [place.candidate(fault)])
     assert found.values[f"{fault}.since"] == pytest.approx(until - place.record.time[0])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.limits import MOST_CURVE_POINTS
+from rulec.effects.limits import MOST_CURVE_POINTS
 from rulec.mismatch.evidence.stores.final_fits import plain_end
 from rulec.mismatch.evidence.stores.locate import Suspect
 from rulec.mismatch.evidence.stores.model import model_of
