@@ -9,9 +9,8 @@ HALF_STEPS = 50
 
 # Prices and gains: log likelihood and log odds.
 
-RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
-"""Prior log odds against each sort: laws are simplified more often than sensors leave their class.
-A free form is chosen among thousands, and pays for that. Origin: assumed."""
+CURVE_RARITY = 20.0
+"""Prior log odds against a curve without a name: it is chosen among thousands. Origin: assumed."""
 
 COMMON = 6.0
 """Additional gain required of a claim about several modules instead of one. Origin: assumed."""

@@ -136,7 +136,7 @@ def _gained(ends: FinalFits, fitted: Fitted, bare: Fitted, values: float) -> flo
     found = sum(gain(bare.noise[n], fitted.noise[n], ends.samples[n]) for n in bare.noise)
     found += bare.negative_log_prior - fitted.negative_log_prior
     each = 0.5 * float(np.log(max(ends.news(fitted), 2.0)))
-    return found - each * values - limits.RARITY["free"]
+    return found - each * values - limits.CURVE_RARITY
 
 
 def system_at(fitter: Fitter, at: Array, place: Place, judged: Judged) -> System:
