@@ -18,6 +18,7 @@ from rulec.cli import main
 from rulec.effects.adopt import adoption_of
 from rulec.effects.adopted_plant import put_in_place, write_plant
 from rulec.effects.candidate import CurveTerm
+from rulec.effects.free_form import curve_through
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_form, repair_of
@@ -286,6 +287,16 @@ def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
     )
     added = found["d:P_law"] - found["d:P_law_plain"]
     np.testing.assert_allclose(added, np.interp(there, n, power), rtol=1e-3)
+
+
+def test_a_curve_has_as_many_points_as_an_equation_holds() -> None:
+    """However long the name of its driver, and whatever its numbers."""
+    builder = opened(plant_path("abc"))
+    at = np.linspace(-1.234567e-3, 7.654321e-3, 60)
+    for driver in ("A.n", "A.dp"):
+        curve = curve_through("definition:A.P_law", driver, at, 1e-5 * np.sin(2e3 * at))
+        assert 6 < len(curve.points) < 20
+        builder.curve_term(curve)
 
 
 def test_a_free_form_is_left_out(tmp_path: Path) -> None:

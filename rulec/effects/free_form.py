@@ -9,11 +9,12 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, Spot, Unknown
-from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, MOST_CURVE_POINTS, SPREAD
+from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, CURVE_POINT, SPREAD
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.tables import PER, SIZE, equations
 from rulec.language.expression import Expression, parse
+from rulec.language.limits import MAX_EQUATION_LENGTH
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
 from rulec.language.written import rounded
@@ -91,9 +92,10 @@ def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Ma
 
 
 def curve_through(spot: str, driver: str, at: Array, value: Array) -> CurveTerm:
-    """A curve through values, shape (n,), SI, with as few points as keep to it."""
+    """A curve through values, shape (n,), SI, with as few points as keep to it, and no more than an
+    equation may have."""
     kept = [0, len(at) - 1]
-    while len(kept) < MOST_CURVE_POINTS:
+    while (len(kept) + 2) * (CURVE_POINT + len(driver)) < MAX_EQUATION_LENGTH:
         off = np.abs(np.interp(at, at[kept], value[kept]) - value)
         if off.max() <= CURVE_KEPT * float(np.ptp(value)):
             break
@@ -127,11 +129,12 @@ def curve_term(spot: Spot, curve: CurveTerm, over: Unit) -> Matched:
         )
     ]
     found = _matched(spot, curve.id, parse(f"law + {law}"), unknowns, {"x1": curve.driver})
+    ends = f"{first:.4g} to {last:.4g}"
     candidate = replace(
         found.candidate,
         sort="curve",
         name="curve",
-        title=f"Curve over {curve.driver} from {first:g} to {last:g} {over.text}, without physics",
+        title=f"Curve over {curve.driver} from {ends} {over.text}, without physics",
         equation=f"{spot.place} = law + curve({curve.driver})",
         source="no physics",
     )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-MOST_CURVE_POINTS = 10
-"""Points of a curve that `rulec adopt` writes into an equation. Origin: numerical; more points
-would make it longer than `MAX_EQUATION_LENGTH`."""
+CURVE_POINT = 60
+"""Characters of an equation for each point of a curve, beside the name of its driver. Origin:
+numerical; two numbers with eight digits and an exponent."""
 
-CURVE_DIGITS = 4
+CURVE_DIGITS = 6
 """Significant digits of such a point. Origin: numerical; far below the uncertainty of a curve."""
 
 CURVE_KEPT = 0.01
