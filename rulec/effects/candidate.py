@@ -141,17 +141,17 @@ class CurveTerm:
     """What is added to a law, over a reading or a state of its own module, without physics.
 
     `points` are values of the driver and of the term, SI; it is straight between them, and level
-    beyond the first and the last. `spot` is the id of the place.
+    beyond the first and the last. `place` is the id of its place.
     """
 
-    spot: str
+    place: str
     driver: str
     points: tuple[tuple[float, float], ...]
 
     @property
     def id(self) -> str:
         """Id of the candidate that builds it in."""
-        return f"{self.spot}[{self.driver}, curve]"
+        return f"{self.place}[{self.driver}, curve]"
 
 
 @dataclass(frozen=True)

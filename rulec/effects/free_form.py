@@ -91,7 +91,7 @@ def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Ma
     return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": driver})
 
 
-def curve_through(spot: str, driver: str, at: Array, value: Array) -> CurveTerm:
+def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm:
     """A curve through values, shape (n,), SI, with as few points as keep to it, and no more than an
     equation may have."""
     kept = [0, len(at) - 1]
@@ -101,7 +101,7 @@ def curve_through(spot: str, driver: str, at: Array, value: Array) -> CurveTerm:
             break
         kept = sorted([*kept, int(np.argmax(off))])
     points = zip(at[kept].tolist(), value[kept].tolist(), strict=True)
-    return CurveTerm(spot, driver, tuple(points))
+    return CurveTerm(place, driver, tuple(points))
 
 
 def curve_term(spot: Spot, curve: CurveTerm, over: Unit) -> Matched:

@@ -236,7 +236,7 @@ class ModelBuilder:
         over = (kind.states.get(name) or kind.signals[name]).unit
         # The zero of a unit with an offset is not the zero of SI.
         over = plant.knowledge.units.plain(over.dimension) if over.offset else over
-        self._free[curve.id] = curve_term(self.places[curve.spot], curve, over)
+        self._free[curve.id] = curve_term(self.places[curve.place], curve, over)
         return self._free[curve.id].candidate
 
     def _shifts(self, spots: Iterable[str]) -> dict[tuple[str, str, str], str]:

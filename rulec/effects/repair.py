@@ -225,7 +225,7 @@ def _joined(entry: Mapping[str, Any]) -> Joined:
 
 def _curve(entry: Mapping[str, Any]) -> CurveTerm:
     points = tuple((_number(x), _number(y)) for x, y in entry["points"])
-    return CurveTerm(str(entry["spot"]), str(entry["driver"]), points)
+    return CurveTerm(str(entry["place"]), str(entry["driver"]), points)
 
 
 def _number(value: Any) -> float:

@@ -242,11 +242,8 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
 
 def _of_curves(builder: ModelBuilder, repair: Repair) -> list[str]:
     """A remark on what the repaired plant holds without physics."""
-    places = [
-        f"{builder.places[curve.spot].module}.{builder.places[curve.spot].place} over "
-        f"{curve.driver}"
-        for curve in repair.curves
-    ]
+    spots = [(builder.places[curve.place], curve.driver) for curve in repair.curves]
+    places = [f"{spot.module}.{spot.place} over {driver}" for spot, driver in spots]
     return [
         f"the repaired plant also holds what has no name, as a curve: {listed(places)}. Outside of "
         "this recording it may be wrong, and it may hide a fault"

@@ -14,27 +14,27 @@ class Rescaled:
     """Estimates of a builder times a number."""
 
     def __init__(self, builder: ModelBuilder, factor: float) -> None:
-        self._workshop, self._factor = builder, factor
+        self._builder, self._factor = builder, factor
 
     @property
     def parameters(self) -> BaseParameters:
-        return self._workshop.parameters
+        return self._builder.parameters
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        return self._workshop.candidates
+        return self._builder.candidates
 
     @property
     def missing(self) -> tuple[Missing, ...]:
-        return self._workshop.missing
+        return self._builder.missing
 
     @property
     def spots(self) -> tuple[Spot, ...]:
-        return self._workshop.spots
+        return self._builder.spots
 
     def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
         """The plan with one more operation behind each estimate."""
-        plan = self._workshop.plan(module, joined, spots)
+        plan = self._builder.plan(module, joined, spots)
         place = len(plan.inputs) + len(plan.constants)
         moved = {i: i if i < place else i + 1 for i in range(place + len(plan.operations))}
         operations = [(name, moved[a], moved.get(b, 0)) for name, a, b in plan.operations]
@@ -46,7 +46,7 @@ class Rescaled:
         return replace(plan, constants=constants, operations=tuple(operations), outputs=outputs)
 
     def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
-        return self._workshop.free_form(spot, features)
+        return self._builder.free_form(spot, features)
 
     def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
-        return self._workshop.equation(module, joined, place)
+        return self._builder.equation(module, joined, place)

@@ -55,7 +55,7 @@ def test_a_reading_that_no_entry_names_is_a_curve_for_a_plant_file() -> None:
     bump = 0.6 * np.exp(-(((level - middle) / 0.7) ** 2))
     place = bench(made(384, errors={"reading:lower.y": bump}))
     (curve,) = curves_of(searched(place, LOSS))
-    assert ("reading:lower.y", "lower.h") == (curve.spot, curve.driver)
+    assert ("reading:lower.y", "lower.h") == (curve.place, curve.driver)
     h, shown = np.array(curve.points).T
     assert h[np.argmax(shown)] == pytest.approx((middle - TRUE["lower.y0"]) / TRUE["lower.g"], 0.05)
     assert max(shown) - 0.5 * (shown[0] + shown[-1]) == pytest.approx(0.6, abs=0.15)
