@@ -94,7 +94,7 @@ class Missing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spot:
+class DisturbanceLocation:
     """A disturbance location: a place that `unknown` shifts, in its own unit.
 
     `kind` is ``definition``, ``observer``, ``signal``, ``balance`` or ``reading``. `unit` is the

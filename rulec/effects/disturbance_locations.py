@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.effects.limits import COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
 from rulec.effects.places import Site, Survey
 from rulec.knowledge.module_type import OUTFLOW
@@ -23,13 +23,15 @@ _GIVEN = (NONE, TEMPERATURE, _RATE)
 """Dimensions of ratios, temperatures and speeds, which are given and which no relation explains."""
 
 
-def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+def spots_of(
+    around: Survey, module: Module, sites: Iterable[Site]
+) -> Iterator[DisturbanceLocation]:
     """Disturbance locations of a module; one for all places with the same effect."""
     for site in _distinct(around, module, _eligible(module, tuple(sites))):
         yield _spot(around, module, site)
 
 
-def _spot(around: Survey, module: Module, site: Site) -> Spot:
+def _spot(around: Survey, module: Module, site: Site) -> DisturbanceLocation:
     unit = unit_of(around.network.plant, module, site)
     return _at(module, site.key, site.title, unit.text, unit.factor, site.observers)
 
@@ -41,10 +43,10 @@ def _at(
     unit: str,
     factor: float,
     observers: tuple[str, ...],
-) -> Spot:
+) -> DisturbanceLocation:
     kind, name = place
     id_ = f"{kind}:{module.name}.{name}"
-    return Spot(
+    return DisturbanceLocation(
         id=id_,
         kind=kind,
         module=module.name,
@@ -57,7 +59,7 @@ def _at(
     )
 
 
-def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[DisturbanceLocation]:
     """Laws of a module, each with its accuracy; one may lie within a place of `spots_of`."""
     known = {(f"{site.kind}s", site.name): site for site in sites}
     for path, stated in module.type.laws().items():
@@ -65,7 +67,9 @@ def laws_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[S
         yield replace(_spot(around, module, known[path]), accuracy=share)
 
 
-def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+def stores_of(
+    around: Survey, module: Module, sites: Iterable[Site]
+) -> Iterator[DisturbanceLocation]:
     """Balances of a module that stores, the law of its outflow, and its sensors."""
     kind = module.type
     if kind.states:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, Spot, Unknown
+from rulec.effects.candidate import MEDIAN, Candidate, CurveTerm, DisturbanceLocation, Unknown
 from rulec.effects.limits import CURVE_DIGITS, CURVE_KEPT, CURVE_POINT, SPREAD
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
@@ -27,7 +27,7 @@ BENDS = 5
 """Bends of a curve in one equation."""
 
 
-def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+def free_form(spot: DisturbanceLocation, id_: str, features: tuple[str, ...]) -> Matched:
     """The candidate of an additive term, with coefficients in the unit of the place.
 
     A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
@@ -50,7 +50,7 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
     return _matched(spot, id_, law, unknowns, drivers)
 
 
-def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+def _curve(spot: DisturbanceLocation, id_: str, features: tuple[str, ...]) -> Matched:
     signal = features[0].partition(BAND)[0]
     ends = [feature.partition(BAND)[2].partition("/") for feature in features]
     parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
@@ -76,7 +76,9 @@ def _band(number: int, parts: int) -> str:
     return f"max(min({first}, {second}), 0)"
 
 
-def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Matched:
+def bent_line(
+    spot: DisturbanceLocation, id_: str, driver: str, bends: range, knots: int
+) -> Matched:
     """The candidate of some bends of a curve that is linear between knots, constant beyond them.
 
     ``c0`` is its value up to the first knot, with the bend there; ``c1`` and on are the changes of
@@ -104,7 +106,7 @@ def curve_through(place: str, driver: str, at: Array, value: Array) -> CurveTerm
     return CurveTerm(place, driver, tuple(points))
 
 
-def curve_term(spot: Spot, curve: CurveTerm, over: Unit) -> Matched:
+def curve_term(spot: DisturbanceLocation, curve: CurveTerm, over: Unit) -> Matched:
     """The candidate of a curve, in the unit of the place `over` that of its driver."""
     shown = [
         (rounded(x / over.factor, CURVE_DIGITS), rounded(y / spot.factor, CURVE_DIGITS))
@@ -142,7 +144,11 @@ def curve_term(spot: Spot, curve: CurveTerm, over: Unit) -> Matched:
 
 
 def _matched(
-    spot: Spot, id_: str, law: Expression, unknowns: list[Unknown], drivers: dict[str, str]
+    spot: DisturbanceLocation,
+    id_: str,
+    law: Expression,
+    unknowns: list[Unknown],
+    drivers: dict[str, str],
 ) -> Matched:
     candidate = Candidate(
         id=id_,
@@ -170,7 +176,7 @@ def _matched(
     return Matched(candidate, change)
 
 
-def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
+def _coefficient(id_: str, number: int, feature: str, spot: DisturbanceLocation) -> Unknown:
     return Unknown(
         id=f"{id_}.c{number}",
         name=f"c{number}",

@@ -16,7 +16,13 @@ from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.simulation.balances import Balances
 
-from rulec.effects.candidate import BaseParameters, Candidate, CurveTerm, Missing, Spot
+from rulec.effects.candidate import (
+    BaseParameters,
+    Candidate,
+    CurveTerm,
+    DisturbanceLocation,
+    Missing,
+)
 from rulec.effects.disturbance_locations import laws_of, spots_of, stores_of
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import FluidDriver, drivers_at
@@ -119,7 +125,7 @@ class ModelBuilder:
         return self.matches.missing
 
     @cached_property
-    def spots(self) -> tuple[Spot, ...]:
+    def spots(self) -> tuple[DisturbanceLocation, ...]:
         """Disturbance locations of the whole plant."""
         around = survey(self.network, self._readings)
         plant, sites = self.network.plant, self.matches.sites
@@ -129,7 +135,7 @@ class ModelBuilder:
         return tuple({s.id: s for s in (*settled, *stored)}.values())
 
     @cached_property
-    def laws(self) -> tuple[Spot, ...]:
+    def laws(self) -> tuple[DisturbanceLocation, ...]:
         """Laws of the whole plant, each as a place with its accuracy."""
         around, sites = survey(self.network, self._readings), self.matches.sites
         modules = self.network.plant.modules.values()
@@ -252,12 +258,12 @@ class ModelBuilder:
         return {m.candidate.id: m for m in self.matches.candidates}
 
     @cached_property
-    def places(self) -> dict[str, Spot]:
+    def places(self) -> dict[str, DisturbanceLocation]:
         """Places at which an error may be built in, by id."""
         return {s.id: s for s in (*self.laws, *self.spots)}
 
     @staticmethod
-    def _reaches(what: Candidate | Spot, module: str) -> bool:
+    def _reaches(what: Candidate | DisturbanceLocation, module: str) -> bool:
         return any(o.split(".")[0] == module for o in what.observers)
 
 

@@ -13,7 +13,7 @@ from rulec_runtime.diagnosis.steady.points import check_readings
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import counted, fixed, listed
 
-from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Explained, NotComparable, Plants, Reading, Refits
@@ -116,7 +116,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
     )
 
 
-def _place(model: SteadyModel, spot: Spot, share: float) -> Location:
+def _place(model: SteadyModel, spot: DisturbanceLocation, share: float) -> Location:
     """A place with an unrecorded driver, whose course shows the times."""
     term = model.term(next(c for c in model.joined if c.id == spot.id))
     found = {s.spot.id: s for s in suspects(model.fitted)}
@@ -345,7 +345,7 @@ def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> 
     )
 
 
-def _what(spot: Spot) -> str:
+def _what(spot: DisturbanceLocation) -> str:
     # The id of a parameter as a place is like `parameter:A.C2`.
     what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
     return f"{what} {spot.module}.{spot.place}"

@@ -11,7 +11,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import percent
 
-from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.answer.shapes import shape_of
 from rulec.mismatch.answer.wording import quantity
@@ -184,7 +184,11 @@ def _of_curve(
 
 
 def location_of_spot(
-    model: Model, spot: Spot, share: float, contribution: Array, also: Sequence[Spot]
+    model: Model,
+    spot: DisturbanceLocation,
+    share: float,
+    contribution: Array,
+    also: Sequence[DisturbanceLocation],
 ) -> Location:
     """A place without a named cause; `also` are others that cannot be distinguished from it.
 

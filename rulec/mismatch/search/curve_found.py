@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import Candidate, CurveTerm, Spot
+from rulec.effects.candidate import Candidate, CurveTerm, DisturbanceLocation
 from rulec.effects.free_form import curve_through
 
 
@@ -50,7 +50,7 @@ class CurveFound:
     that comes and goes, or empty.
     """
 
-    place: Spot
+    place: DisturbanceLocation
     driver: str
     at: Array
     value: Array

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Prior
 from rulec.mismatch.search import limits
@@ -56,7 +56,7 @@ class Term:
 
     name: str
     spot: str
-    changed: Spot
+    changed: DisturbanceLocation
     driver: str
     slopes: Array
     basis: Functions
@@ -172,7 +172,7 @@ class Evidence(ABC):
     def candidates(self) -> Sequence[Candidate]:
         """Effects that the model may lack."""
 
-    def of_reading(self, changed: Candidate | Spot) -> bool:
+    def of_reading(self, changed: Candidate | DisturbanceLocation) -> bool:
         """Is it the reading of a sensor, rather than a law or a parameter, that changes?"""
         return f"{changed.module}.{changed.place}" in self.readings
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
-from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.effects.candidate import Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
@@ -40,7 +40,9 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     )
 
 
-def switched_course(fitted: Fitted, spot: Spot, on: NDArray[np.bool_]) -> InitialCandidate:
+def switched_course(
+    fitted: Fitted, spot: DisturbanceLocation, on: NDArray[np.bool_]
+) -> InitialCandidate:
     """An error at a place that is present at some points, flags of shape (n,), only."""
     time = fitted.rows.system.data.time
     first = np.flatnonzero(on & ~np.append(False, on[:-1]))
@@ -84,7 +86,7 @@ def _clipped(values: Array) -> Array:
     return np.asarray(np.clip(values, middle - far, middle + far))
 
 
-def _candidate(spot: Spot) -> Candidate:
+def _candidate(spot: DisturbanceLocation) -> Candidate:
     unknown = Unknown(
         id=spot.unknown,
         name="e",
@@ -121,7 +123,7 @@ def _candidate(spot: Spot) -> Candidate:
 class Reconstruction:
     """A course at a place, SI, and its times, s; both of shape (points,)."""
 
-    spot: Spot
+    spot: DisturbanceLocation
     time: Array
     course: Array
 

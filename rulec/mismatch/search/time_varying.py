@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.mismatch.evidence.steady.configuration import CHANGE
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, suspect_at
 from rulec.mismatch.evidence.steady.system import System
 
 
-def varying_parameters(fitted: Fitted, spot: Spot) -> list[Suspect]:
+def varying_parameters(fitted: Fitted, spot: DisturbanceLocation) -> list[Suspect]:
     """Parameters of the law at a place, each with its own course.
 
     A driver seldom adds to a law: it changes a parameter, and shows where that parameter matters.
@@ -44,7 +44,7 @@ def varying_parameters(fitted: Fitted, spot: Spot) -> list[Suspect]:
     return found
 
 
-def spot_of(system: System, candidate: Candidate) -> Spot:
+def spot_of(system: System, candidate: Candidate) -> DisturbanceLocation:
     """The place of a candidate that represents an unrecorded driver."""
     spots = system.builder.spots
     known = next((s for s in spots if s.id == candidate.id), None)

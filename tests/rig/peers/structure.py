@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.effects.model_builder import open_builder
 from tests.rig.peers import limits
 from tests.rig.peers.case import Case
@@ -52,7 +52,7 @@ def located(case: Case) -> tuple[tuple[str, ...], int] | None:
     return (tuple(open_), len(set(places))) if asked else None
 
 
-def _structure(case: Case, spots: tuple[Spot, ...]) -> tuple[Any, dict[int, str]]:
+def _structure(case: Case, spots: tuple[DisturbanceLocation, ...]) -> tuple[Any, dict[int, str]]:
     """The model of the toolbox, and the observer of each equation that has one."""
     import faultdiagnosistoolbox as toolbox
 

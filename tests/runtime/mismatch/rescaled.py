@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from rulec_runtime.contract.plan import Plan
 
-from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
+from rulec.effects.candidate import BaseParameters, Candidate, DisturbanceLocation, Missing
 from rulec.effects.model_builder import ModelBuilder
 
 
@@ -29,7 +29,7 @@ class Rescaled:
         return self._builder.missing
 
     @property
-    def spots(self) -> tuple[Spot, ...]:
+    def spots(self) -> tuple[DisturbanceLocation, ...]:
         return self._builder.spots
 
     def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:

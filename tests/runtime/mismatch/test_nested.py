@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.evidence import Term
 from rulec.mismatch.search.refit import Model
@@ -22,7 +22,7 @@ SLOPES = 1.0 + 0.5 * np.sin(np.arange(200.0))
 
 def term(name: str = "Q_law~T", driver: Array = DRIVER, length: float = 0.4) -> Term:
     """A term over a driver, of which each row has a value."""
-    spot = Spot(
+    spot = DisturbanceLocation(
         id="Q_law",
         kind="definition",
         module="A",

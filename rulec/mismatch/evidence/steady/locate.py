@@ -15,7 +15,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
@@ -27,7 +27,7 @@ from rulec.mismatch.evidence.steady.system import System
 class Suspect:
     """A place with its error: `course`, shape (n,), SI of its unit, and `share` of the mismatch."""
 
-    spot: Spot
+    spot: DisturbanceLocation
     column: Array
     course: Array
     weight: Array
@@ -79,7 +79,7 @@ def suspects(fitted: Fitted) -> list[Suspect]:
     return sorted(shared, key=lambda s: (-round(s.share, 3), s.spot.id))
 
 
-def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
+def suspect_at(fitted: Fitted, spot: DisturbanceLocation, column: Array) -> Suspect:
     """A place with the error that explains each point best; `column`, shape (rows,), are the slopes
     of the residuals. Its share is left at 0."""
     rows = fitted.rows
@@ -101,7 +101,7 @@ def _explained(moment: Array, weight: Array, noise: float, values: int) -> float
     return float(np.sum(moments**2 / weights)) - noise * count
 
 
-def spot_column(fitted: Fitted, spot: Spot) -> Array | None:
+def spot_column(fitted: Fitted, spot: DisturbanceLocation) -> Array | None:
     """Slopes of the residuals by an error at a place, shape (rows,); None where all are 0."""
     system = fitted.rows.system
     if not any(o in system.number for o in spot.observers):

@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 
 from rulec.algebra.tangent import run_with_slopes
-from rulec.effects.candidate import TIME, Candidate, Spot
+from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.knowledge.belief import Belief, belief_in
 from rulec.mismatch.evidence.steady.configuration import (
@@ -200,7 +200,7 @@ class System:
         places = {s.id for s in self.builder.spots} if setting.spots else set()
         return tuple(s for s in setting.spots if s in places)
 
-    def value_of(self, spot: Spot) -> Array:
+    def value_of(self, spot: DisturbanceLocation) -> Array:
         """Value of the plain law at a place, shape (n,), in SI of the place."""
         kind = "d:" if spot.kind == "definition" else f"q:{spot.module}."
         plan = self.builder.plan(spot.module, (), definitions=True).select([kind + spot.place])

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.stores.drift import hats
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
@@ -38,7 +38,7 @@ def allowed(
 
 def errors_of_form(
     bench: SimulationProblem, ids: tuple[str, ...], values: Mapping[str, float]
-) -> Iterator[tuple[Spot, Array]]:
+) -> Iterator[tuple[DisturbanceLocation, Array]]:
     """Effects of errors of form of each law on readings, stacked, shape (signals * samples,
     errors), SI; each error covers a part of the range of the law.
 
@@ -72,7 +72,7 @@ def _with_error(
     bench: SimulationProblem,
     ids: tuple[str, ...],
     values: Mapping[str, float],
-    spot: Spot,
+    spot: DisturbanceLocation,
     error: Array,
 ) -> Simulated:
     inputs = {**bench.record.inputs, spot.unknown: error}

@@ -15,7 +15,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence import limits
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
@@ -31,7 +31,7 @@ class Suspect:
     `share` is the part of the squared errors that it explains.
     """
 
-    spot: Spot
+    spot: DisturbanceLocation
     course: Array
     gain: float
     share: float
@@ -58,7 +58,7 @@ def suspects(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> list[S
 
 
 def response(
-    bench: SimulationProblem, fitted: Fitted, spot: Spot, knots: int
+    bench: SimulationProblem, fitted: Fitted, spot: DisturbanceLocation, knots: int
 ) -> tuple[Array, list[Array], float] | None:
     """Effects of unit errors at a place on all readings, stacked, with the shapes of the errors and
     the unit, SI; None where there is no effect.
@@ -88,7 +88,9 @@ def response(
     return np.column_stack(columns), shapes, size
 
 
-def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left: Array) -> Suspect:
+def _suspect(
+    spot: DisturbanceLocation, columns: Array, shapes: list[Array], size: float, left: Array
+) -> Suspect:
     """The error of the likeliest size, and its course."""
     basis, lengths, turned = np.linalg.svd(columns, full_matrices=False)
     inside = basis.T @ left

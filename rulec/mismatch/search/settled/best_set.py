@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec.effects.candidate import TIME, Candidate, Spot
+from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation
 from rulec.language.expression import Rejected
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
@@ -143,7 +143,7 @@ def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     return None
 
 
-def _curve_at(fitted: Fitted, spot: Spot, name: str, most: int) -> Candidate | None:
+def _curve_at(fitted: Fitted, spot: DisturbanceLocation, name: str, most: int) -> Candidate | None:
     """A piecewise linear curve of at most `most` pieces over a reading; None where the readings are
     too close together.
 

@@ -12,7 +12,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.sparse import csr_array
 from scipy.special import gammaln
 
-from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
+from rulec.effects.candidate import TIME, Candidate, DisturbanceLocation, Unknown
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, evaluated, prior_of
@@ -56,7 +56,12 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
 
 
 def term_of(
-    geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str, basis: Functions
+    geometry: Geometry,
+    place: str,
+    changed: DisturbanceLocation,
+    slopes: Array,
+    driver: str,
+    basis: Functions,
 ) -> Term | None:
     """A term with functions of a driver; None where it does not show.
 
@@ -197,7 +202,9 @@ class Geometry(Evidence):
             self._sizes[unknown.id] = size_of(unknown, lambda: share_of(system, candidate, unknown))
         return self._sizes[unknown.id]
 
-    def _forms(self, plain: Fitted, laws: Sequence[Spot]) -> tuple[Array, tuple[str, ...]]:
+    def _forms(
+        self, plain: Fitted, laws: Sequence[DisturbanceLocation]
+    ) -> tuple[Array, tuple[str, ...]]:
         """Rows of errors of form, shape (rows, errors), and the law of each.
 
         Each law has its own errors, as large as its accuracy. Two meters in one line share no law:

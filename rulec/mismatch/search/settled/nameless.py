@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, Spot
+from rulec.effects.candidate import TIME, DisturbanceLocation
 from rulec.mismatch import limits as common
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
@@ -45,7 +45,7 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
 
 
 def _over(
-    geometry: Geometry, place: str, changed: Spot, slopes: Array, name: str
+    geometry: Geometry, place: str, changed: DisturbanceLocation, slopes: Array, name: str
 ) -> Iterator[Term]:
     """Terms over a driver: in a band of it a resonance, in a band of time an unrecorded driver."""
     own, values = slopes[geometry.seen], driver_of(geometry.rows.system, name)

@@ -15,7 +15,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
-from rulec.effects.candidate import TIME, Spot
+from rulec.effects.candidate import TIME, DisturbanceLocation
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -46,7 +46,7 @@ class Switching:
 
 
 def by_the_way(
-    geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str
+    geometry: Geometry, place: str, changed: DisturbanceLocation, slopes: Array, driver: str
 ) -> Iterator[Term]:
     """Terms that differ by whether an input rose or fell to its value, if it did both.
 

@@ -16,7 +16,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.effects.candidate import Spot
+from rulec.effects.candidate import DisturbanceLocation
 from rulec.mismatch.evidence.stores.final_fits import FinalFits, fixed_values
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
@@ -74,7 +74,9 @@ class System:
     own: Array
 
 
-def fitted_curve(ends: FinalFits, bare: Fitted, spot: Spot, driver: str) -> FittedCurve | None:
+def fitted_curve(
+    ends: FinalFits, bare: Fitted, spot: DisturbanceLocation, driver: str
+) -> FittedCurve | None:
     """A curve fitted beside all else in a model; None where that fails.
 
     A curve may change the range of a state, and is then fitted again over the new range.

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import TIME
 
-from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.candidate import Candidate, DisturbanceLocation
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search import limits
@@ -20,7 +20,7 @@ from rulec.mismatch.search.basis import Basis
 class Place:
     """The place of a curve, its driver, and the range of that, SI."""
 
-    spot: Spot
+    spot: DisturbanceLocation
     driver: str
     low: float
     high: float
@@ -52,7 +52,7 @@ class Place:
         return parts, dict(zip(fixed, self.knots.tolist(), strict=True))
 
 
-def place_over(spot: Spot, driver: str, course: Array) -> Place | None:
+def place_over(spot: DisturbanceLocation, driver: str, course: Array) -> Place | None:
     """A place with the range of a driver, by its course, shape (n,); None if that hardly moves.
 
     The whole range counts: samples beyond the knots would distort a curve that is constant there.
@@ -63,7 +63,7 @@ def place_over(spot: Spot, driver: str, course: Array) -> Place | None:
     return Place(spot, driver, low, high)
 
 
-def spots_of(bench: SimulationProblem) -> list[Spot]:
+def spots_of(bench: SimulationProblem) -> list[DisturbanceLocation]:
     """Places at which a law may have an error."""
     kinds = ("balance", "definition", "reading")
     return [spot for spot in bench.builder.spots if spot.kind in kinds]
