@@ -15,7 +15,7 @@ from rulec.prove.truth.settled.effects import EFFECTS, Placed
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.scene import Scene
 from rulec.prove.truth.settled.sized import made_of
-from rulec.prove.truth.settled.visible import VisibleOutputs, sight
+from rulec.prove.truth.settled.visible import VisibleOutputs, visible_outputs
 from rulec.prove.truth.smooth import Drift, form_error
 from rulec.prove.truth.spread import drift_directions, form_directions
 from rulec.prove.truth.streams import stream
@@ -88,7 +88,7 @@ def test_the_best_test_scatters_as_its_strength_says(draws: int) -> None:
     takes form errors as known and noise as white is far off.
     """
     scene = hard_scene("form", "coloured", "drift")
-    sharp = sight(scene)
+    sharp = visible_outputs(scene)
     soft = blurred(sharp)
     found = [_left_over(scene, number) for number in range(draws)]
     spreads = {}
@@ -131,7 +131,9 @@ def test_a_difficulty_hides_a_part_of_an_effect(difficulty: str) -> None:
     scene = hard_scene(difficulty)
     known = {law: replace(form, rms=1e-6 * form.rms) for law, form in scene.hard.form.items()}
     easy = replace(scene, hard=replace(scene.hard, form=known, colour={}, drift={}))
-    assert 0.0 < _gain(blurred(sight(scene))) < 0.95 * _gain(blurred(sight(easy)))
+    assert (
+        0.0 < _gain(blurred(visible_outputs(scene))) < 0.95 * _gain(blurred(visible_outputs(easy)))
+    )
 
 
 def _gain(seen: VisibleOutputs) -> float:

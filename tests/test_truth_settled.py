@@ -21,7 +21,7 @@ from rulec.prove.truth.settled.rigs import dosing_rig
 from rulec.prove.truth.settled.scene import scene
 from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.settled.suite import FULL, QUICK, planned
-from rulec.prove.truth.settled.visible import sight
+from rulec.prove.truth.settled.visible import visible_outputs
 from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT
@@ -139,7 +139,7 @@ def test_what_is_visible_grows_with_the_size(effect: str) -> None:
         assert 0.6 * aim < planted.gain < 1.7 * aim
         assert planted.margin <= planted.gain * (1 + 1e-9)
     case = small(effect)
-    assert sight(case.scene).gain(()) == pytest.approx(0.0, abs=1e-9)
+    assert visible_outputs(case.scene).gain(()) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("effect", ["slip-warm", "laminar", "dp-zero-warm", "copper"])
@@ -174,7 +174,7 @@ def test_so_does_that_of_a_metered_pump_and_of_a_valve(
     """What is told has the noise of the reading and of those beside it."""
     case = alone(family, effect)
     error = case.reference(Request(((0.0, 1e9),), {signal: relation})).errors[signal]
-    noise = float(sight(case.scene).noise[signal].mean()) / unit
+    noise = float(visible_outputs(case.scene).noise[signal].mean()) / unit
     assert low * noise < error < high * noise
 
 

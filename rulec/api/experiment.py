@@ -113,10 +113,10 @@ def experiment(
     >>> import rulec
     >>> rulec.experiment("day.json", hours=2.0).write_inputs("inputs.csv")  # doctest: +SKIP
     """
-    from rulec.mismatch.experiment.result import standing_of
+    from rulec.mismatch.experiment.result import possible_sets
 
     source = reread(mismatch, recalibrated=True)
-    explanations = standing_of(source.data, source.file)
+    explanations = possible_sets(source.data, source.file)
     source.check_basis(ExperimentRefused)
     if why := why_refused(source.proven.edits, ""):
         raise ExperimentRefused(f"nothing is written: {why}")

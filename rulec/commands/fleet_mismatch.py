@@ -19,7 +19,7 @@ from rulec_runtime.output.terminal import styled
 from rulec.api.plant_day import ask_day
 from rulec.engines.call import Call, Engine
 from rulec.engines.engine import run as run_on
-from rulec.fleet.answers import UNTOLD, Answer, Answers, differing, told
+from rulec.fleet.answers import UNTOLD, Answer, Answers, differing, summary
 from rulec.fleet.fleet_file import Fleet
 from rulec.fleet.places import tasks_of
 from rulec.limits import WORKER_DEATHS
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace, fleet: Fleet, engine: Engine) -> int:
         options,
         {
             "fleet": fleet.name,
-            "verdict": told(rows),
+            "verdict": summary(rows),
             "results": str(fleet.results),
             "plant_days": [
                 asdict(row) | {"answer": str(answers.file(task))}
@@ -97,7 +97,7 @@ def _check(file: Path, fleet: Fleet) -> None:
 
 
 def _show(out: Console, rows: Sequence[Answer], written: Path) -> None:
-    out.print(styled("\n[bold]{}[/]\n", told(rows)))
+    out.print(styled("\n[bold]{}[/]\n", summary(rows)))
     off = differing(rows)
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     for title in ("plant", "day", "verdict", "what", "probability"):

@@ -125,7 +125,7 @@ def differing(rows: Iterable[Answer]) -> list[Answer]:
     return [row for row in rows if row.verdict not in (SOUND, *UNTOLD)]
 
 
-def told(rows: Sequence[Answer]) -> str:
+def summary(rows: Sequence[Answer]) -> str:
     """All answers in a sentence: how many plants differ, and by what most often."""
     plants = {row.plant for row in rows}
     off = differing(rows)

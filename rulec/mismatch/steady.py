@@ -45,7 +45,7 @@ from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.as_written import as_written, clear_states
 from rulec.mismatch.search.settled.best_set import Search, search
 from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
-from rulec.mismatch.search.settled.candidate_sets import standing_of
+from rulec.mismatch.search.settled.candidate_sets import possible_sets
 from rulec.simulation.predict import predict
 
 SHOWN = 4
@@ -105,7 +105,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         else "files, each with a clock of its own,",
         fitted=fitted,
         latent=latent,
-        standing=standing_of(posterior),
+        standing=possible_sets(posterior),
         recordings=of_recordings(recording, fitted.rows, by) if by else (),
         changed=updates_of(recording.sources, by) if by else (),
         nothing=posterior.unseen,

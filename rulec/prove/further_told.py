@@ -101,7 +101,7 @@ def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Furth
         out.print(_scores(list(judged), further))
         for arm in sorted({arm for f in ran for arm in f.after}, key=list(ARMS).index):
             out.print(styled("[dim]{}: {}[/]", arm, ARMS[arm]))
-        out.print(styled("\n[bold]How sure of the true explanation: foretold and realised[/]"))
+        out.print(styled("\n[bold]How sure of the true explanation: predicted and realised[/]"))
         out.print(_gained(gained(further)))
         for line in _remarks(ran):
             out.print(styled("[dim]{}[/]", line))
@@ -161,7 +161,7 @@ def _scores(judged: Sequence[Judged], further: Sequence[Further]) -> Table:
 
 def _gained(bins: Sequence[Gained]) -> Table:
     shown = Table(box=None, pad_edge=False, collapse_padding=True)
-    for title in ("foretold", "recipes", "mean", "realised", "truth stood", "realised"):
+    for title in ("predicted", "recipes", "mean", "realised", "truth stood", "realised"):
         shown.add_column(title, justify="right", no_wrap=True)
     shown.add_column("0         to         1", no_wrap=True)
     for one in bins:
@@ -188,7 +188,7 @@ def _remarks(ran: Sequence[Further]) -> Iterator[str]:
     """How often recipes distinguish the truth from others, and the log Bayes factors."""
     ran = [f for f in ran if f.outcome == RUN]
     stood = [f for f in ran if f.stood]
-    yield "bars: realised where the truth stood; |: foretold"
+    yield "bars: realised where the truth stood; |: predicted"
     yield (
         f"truth stood: the true explanation was among those that the recipe tells apart, in "
         f"{len(stood)} of {len(ran)}"

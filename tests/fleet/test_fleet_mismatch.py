@@ -19,7 +19,7 @@ from rulec.api.plant_day import _recording, ask_day
 from rulec.cli import main
 from rulec.commands import fleet_mismatch
 from rulec.engines.call import Engine
-from rulec.fleet.answers import Answer, answer_of, told
+from rulec.fleet.answers import Answer, answer_of, summary
 from rulec.fleet.fleet_file import read_fleet
 from rulec.fleet.places import tasks_of
 from tests.conftest import ROOT
@@ -97,12 +97,12 @@ def test_the_sentence_counts_plants() -> None:
     row = Answer(plant="a", day="1", verdict="named", title="Slip")
     rows = [row, replace(row, day="2"), replace(row, plant="b"), replace(row, plant="c", title="X")]
     sound = replace(row, plant="d", verdict="none", title="")
-    assert told([*rows, sound]) == (
+    assert summary([*rows, sound]) == (
         "3 of 4 plants differ from their models; most often by: Slip (2 plants)"
     )
-    assert told([sound]) == "1 plant agrees with its model"
+    assert summary([sound]) == "1 plant agrees with its model"
     blind = replace(sound, verdict="cannot judge")
-    assert told([blind]) == "no recording says anything of a model"
+    assert summary([blind]) == "no recording says anything of a model"
 
 
 def test_it_goes_on_where_it_was_stopped(

@@ -41,7 +41,7 @@ from rulec.prove.real.form import (
 )
 from rulec.prove.real.hide import differences, hide
 from rulec.prove.real.make import made
-from rulec.prove.real.score import alarms, scored, told, totals, utility
+from rulec.prove.real.score import alarms, scored, scored_finding, totals, utility
 from rulec.prove.real.told import Result, form, page, tell
 from tests.conftest import ROOT, plain_yaml, recordings_folder
 from tests.runtime.mismatches import NAMED
@@ -334,8 +334,8 @@ def test_utility_by_hand() -> None:
     """f = 10; silence: 1 - 1*(10 + 1)/(10*2); one wrong name: 1 - 2/20 - 10/20."""
     truth = (Missing(("a",), ("P",)),)
     assert utility(truth, [], 10) == pytest.approx(0.45)
-    assert utility(truth, [told(finding("b", "P.x", 1.0))], 10) == pytest.approx(0.4)
-    assert utility(truth, [told(finding("a", "P.x", 1.0))], 10) == pytest.approx(1.0)
+    assert utility(truth, [scored_finding(finding("b", "P.x", 1.0))], 10) == pytest.approx(0.4)
+    assert utility(truth, [scored_finding(finding("a", "P.x", 1.0))], 10) == pytest.approx(1.0)
 
 
 def test_no_answer_counts_as_wrong(rig: Rig) -> None:

@@ -240,7 +240,7 @@ def test_gain_is_told_beside_what_was_expected() -> None:
     assert found.after["same"] == first
 
 
-def test_a_recipe_that_only_covers_foretells_nothing() -> None:
+def test_a_recipe_that_only_covers_predicts_nothing() -> None:
     recipe = {
         "steps": [{"until": 60.0, "covers": True}],
         "certainty": [0.95],

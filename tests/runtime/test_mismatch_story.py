@@ -11,7 +11,7 @@ import pytest
 from rulec_runtime.output.terminal import Terminal
 
 from rulec.knowledge.belief import Strain
-from rulec.mismatch.answer.findings import told_of as updated
+from rulec.mismatch.answer.findings import update_sentence as updated
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.shown import report, tell
 from rulec.mismatch.answer.story import explained_words

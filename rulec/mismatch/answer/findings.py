@@ -263,16 +263,16 @@ def of_recordings(recording: Recording, rows: Rows, found: ByRecording) -> tuple
 def updates_of(names: Sequence[str], found: ByRecording) -> tuple[Update, ...]:
     """The change by each further recording."""
     return tuple(
-        Update(names[number], told_of(names[number], moved), moved)
+        Update(names[number], update_sentence(names[number], moved), moved)
         for number, moved in found.moved.items()
     )
 
 
-def told_of(name: str, moved: Sequence[Moved]) -> str:
+def update_sentence(name: str, moved: Sequence[Moved]) -> str:
     """The change by a further recording, in one sentence.
 
-    >>> told_of("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "friction", 0.25, 0.02)])
-    'With b.csv: slip 50\xa0% -> 97\xa0%; friction 25\xa0% -> 2\xa0%'
+    >>> update_sentence("b.csv", [Moved("x", "slip", 0.5, 0.97), Moved("y", "play", 0.25, 0.02)])
+    'With b.csv: slip 50\xa0% -> 97\xa0%; play 25\xa0% -> 2\xa0%'
     """
     shown = [f"{m.title} {_share(m)}" for m in moved[:MOVED]]
     return f"With {name}: {'; '.join(shown)}"

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
-from rulec.mismatch.experiment.foretell import Foretold
+from rulec.mismatch.experiment.forecast import Forecast
 from rulec.mismatch.experiment.points import Feasible
 
 
@@ -47,7 +47,7 @@ class Choice:
 
 
 def chosen(
-    predicted: Sequence[Foretold],
+    predicted: Sequence[Forecast],
     odds: Array,
     most: int,
     *,
@@ -105,7 +105,7 @@ def certain(odds: Array, factors: Array) -> float:
     return float(SHARES @ sure @ odds / SHARES.sum())
 
 
-def gains(predicted: Foretold, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
+def gains(predicted: Forecast, true: int, known: Sequence[int], places: Sequence[int]) -> Array:
     """The rise of the expected log Bayes factors of the true explanation against each by each
     place, after readings at the known places; nats, shape (explanations, places)."""
     before, rows = _rows(predicted, known), _rows(predicted, places)
@@ -126,7 +126,7 @@ def gains(predicted: Foretold, true: int, known: Sequence[int], places: Sequence
     return np.array(found)
 
 
-def _rows(predicted: Foretold, places: Sequence[int]) -> NDArray[np.intp]:
+def _rows(predicted: Forecast, places: Sequence[int]) -> NDArray[np.intp]:
     """Numbers of the rows of each place, shape (places, r); negative ones are padding."""
     most = int(np.bincount(predicted.point).max())
     number = np.tile(-1 - np.arange(most), (len(places), 1))
@@ -137,7 +137,7 @@ def _rows(predicted: Foretold, places: Sequence[int]) -> NDArray[np.intp]:
 
 
 def _conditional(
-    predicted: Foretold, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
+    predicted: Forecast, explanation: int, read: NDArray[np.intp], rows: NDArray[np.intp]
 ) -> tuple[Array, Array, Array]:
     """Lower factor of the covariance of the rows that were read, shape (k, k); the covariance of
     rows with these in its units, shape (k, n, r); lower factors of the rest, shape (n, r, r)."""
@@ -155,14 +155,14 @@ class Best:
     holding; readings whose limits forbid better places, and whether time does."""
 
     choice: Choice
-    predicted: Sequence[Foretold]
+    predicted: Sequence[Forecast]
     limited: Feasible
     hindering: tuple[str, ...]
     time_is_short: bool
 
 
 def best_within(
-    predicted: Sequence[Foretold],
+    predicted: Sequence[Forecast],
     odds: Array,
     most: int,
     seconds: float,
@@ -205,8 +205,8 @@ def best_within(
 
 
 def _held(
-    predicted: Sequence[Foretold], limited: Feasible, held: int, settling: float
-) -> tuple[Sequence[Foretold], Feasible]:
+    predicted: Sequence[Forecast], limited: Feasible, held: int, settling: float
+) -> tuple[Sequence[Forecast], Feasible]:
     """The predictions if each place is held `held` times as long as necessary."""
     least = limited.shortest - settling
     times = (held * limited.shortest - settling) / least if least > 0.0 else float(held)

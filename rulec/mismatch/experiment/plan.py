@@ -21,8 +21,8 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.experiment.choose import Best, best_within, covering
-from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.points import Feasible, feasible, places_in, reach_of
+from rulec.mismatch.experiment.forecast import Forecast, forecast
+from rulec.mismatch.experiment.points import Feasible, feasible, input_ranges, places_in
 from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
 from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.refused import ExperimentRefused
@@ -58,11 +58,11 @@ def planned(
     system = again.geometry.rows.system
     sample = _sample(recording.time)
     allowed = None if given is None else allowed_of(ruleset, given)
-    reach = reach_of(system, recording, sample, allowed)
+    reach = input_ranges(system, recording, sample, allowed)
     if not reach.ranges:
         raise ExperimentRefused(NO_RANGES if given is None else NOTHING_LEFT)
     places = places_in(system, reach)
-    predicted = [foretold(again.geometry, again.models, i, places) for i in range(len(again.sets))]
+    predicted = [forecast(again.geometry, again.models, i, places) for i in range(len(again.sets))]
     limited = feasible(ruleset, places, reach, predicted)
     if not seconds >= limited.shortest:
         raise ExperimentRefused(
@@ -125,7 +125,7 @@ def _covering(
     best: Best,
     most: int,
     seconds: float,
-    predicted: Sequence[Foretold],
+    predicted: Sequence[Forecast],
     system: System,
 ) -> tuple[Step, ...]:
     """Steps that cover the range, after those that discriminate and without loss of product."""
@@ -140,7 +140,7 @@ def _covering(
 def _steps(
     limited: Feasible,
     chosen: Sequence[int],
-    predicted: Sequence[Foretold],
+    predicted: Sequence[Forecast],
     system: System,
     since: float = 0.0,
     *,

@@ -17,12 +17,12 @@ from scipy.stats import qmc
 from rulec.limits import SAME_FLOW
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.experiment.foretell import Foretold, Places
+from rulec.mismatch.experiment.forecast import Forecast, Places
 from rulec.separation.allowed import Allowed
 
 
 @dataclass(frozen=True)
-class Reach:
+class InputRanges:
     """The range of each input, SI.
 
     A step lasts at least `step`, s. `present` are the last values of inputs, SI; with `allowed`,
@@ -35,9 +35,9 @@ class Reach:
     allowed: Allowed = field(default_factory=lambda: Allowed({}))
 
 
-def reach_of(
+def input_ranges(
     system: System, recording: Recording, sample: float, allowed: Allowed | None = None
-) -> Reach:
+) -> InputRanges:
     """The allowed ranges, else the ranges of inputs that varied in the recording.
 
     Steps are as long as usual, and long enough for readings to settle, with samples of `sample`, s.
@@ -56,14 +56,14 @@ def reach_of(
         # If inputs change one after another, means are closer to each other than a step takes.
         step = max(step, (SETTLING + limits.HELD_SAMPLES) * sample)
     if allowed is None:
-        return Reach(dict(_recorded(system)), step, present)
+        return InputRanges(dict(_recorded(system)), step, present)
     ranges = {
         name: (min(ends), max(ends))
         for name, own in allowed.inputs.items()
         if name in present
         for ends in [(own.si(own.lowest), own.si(own.highest))]
     }
-    return Reach(ranges, step, present, allowed)
+    return InputRanges(ranges, step, present, allowed)
 
 
 def _recorded(system: System) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -80,7 +80,7 @@ def _recorded(system: System) -> Iterator[tuple[str, tuple[float, float]]]:
             yield signal.id, (float(ran.min()), float(ran.max()))
 
 
-def places_in(system: System, reach: Reach) -> Places:
+def places_in(system: System, reach: InputRanges) -> Places:
     """Points that fill the ranges evenly, including corners; the last one is the present point.
 
     For allowed ranges, values are easy to set, and other inputs stay as they are.
@@ -156,7 +156,7 @@ class Feasible:
     """
 
     places: Places
-    reach: Reach
+    reach: InputRanges
     possible: NDArray[np.bool_]
     forbidden: Mapping[str, NDArray[np.bool_]]
     costs: tuple[tuple[str, ...], ...]
@@ -211,7 +211,7 @@ class Feasible:
 
 
 def feasible(
-    ruleset: Ruleset, places: Places, reach: Reach, predicted: Sequence[Foretold]
+    ruleset: Ruleset, places: Places, reach: InputRanges, predicted: Sequence[Forecast]
 ) -> Feasible:
     """What limits say of places, by the predictions of each explanation."""
     possible = np.ones(len(places), dtype=bool)
@@ -238,7 +238,7 @@ def feasible(
     )
 
 
-def _leaves(predicted: Sequence[Foretold], name: str, low: float, high: float) -> NDArray[np.bool_]:
+def _leaves(predicted: Sequence[Forecast], name: str, low: float, high: float) -> NDArray[np.bool_]:
     """Where a reading may leave its limits by some explanation, or is not predicted."""
     values = np.array([one.readings[name] for one in predicted])
     far = limits.COVERED * np.array([one.spread[name] for one in predicted])
@@ -246,7 +246,7 @@ def _leaves(predicted: Sequence[Foretold], name: str, low: float, high: float) -
 
 
 def _costs(
-    places: Places, reach: Reach, predicted: Sequence[Foretold]
+    places: Places, reach: InputRanges, predicted: Sequence[Forecast]
 ) -> tuple[tuple[str, ...], ...]:
     """Inputs and modules per place whose change costs product; unknown flows count as changed."""
     costly: dict[str, NDArray[np.bool_]] = {}

@@ -139,7 +139,7 @@ def duration(seconds: float) -> str:
     return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
 
 
-def standing_of(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ...]:
+def possible_sets(data: Mapping[str, Any], file: Path) -> tuple[CandidateSet, ...]:
     """The explanations that a mismatch left possible; `file` is its name. Raises ExperimentRefused
     if the file does not say."""
     try:

@@ -30,7 +30,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Told:
+class ScoredFinding:
     """A finding: the causes it leaves open, its headline first, and its class's probability."""
 
     causes: tuple[Cause, ...]
@@ -38,7 +38,7 @@ class Told:
     form: Form
 
     @property
-    def headline(self) -> Told:
+    def headline(self) -> ScoredFinding:
         """The same finding with its first cause only."""
         return replace(self, causes=self.causes[:1])
 
@@ -69,13 +69,13 @@ class Scored:
 
     rig: Rig
     verdict: str
-    said: tuple[Told, ...]
+    said: tuple[ScoredFinding, ...]
     place: float | None
     headline: float | None
     named: float | None
     probability: float | None
     inside: tuple[int, int]
-    false: tuple[Told, ...]
+    false: tuple[ScoredFinding, ...]
     silent: bool | None
     utility: float | None
     predicted: Mapping[str, Form]
@@ -86,7 +86,7 @@ class Scored:
     cpu: float
 
     @property
-    def sure(self) -> tuple[Told, ...]:
+    def sure(self) -> tuple[ScoredFinding, ...]:
         """False findings that are reported as certain."""
         return tuple(f for f in self.false if f.probability >= CERTAIN)
 
@@ -122,7 +122,9 @@ def _ratio(pairs: Array, axis: int) -> Array:
 def scored(rig: Rig, asked: Form) -> Scored:
     """Score the result of `ask` on a rig."""
     form, truth = asked["form"] or {}, rig.truth
-    said = tuple(told(effect) for effect in form.get("effects", ()) if effect["sort"] != "free")
+    said = tuple(
+        scored_finding(effect) for effect in form.get("effects", ()) if effect["sort"] != "free"
+    )
     missing = truth.missing if truth else ()
     verdict = str(form.get("verdict", "no answer"))
     noise = {fit["signal"]: fit["heldout"]["noise"] for fit in form.get("fits") or ()}
@@ -148,7 +150,7 @@ def scored(rig: Rig, asked: Form) -> Scored:
     )
 
 
-def told(effect: Form) -> Told:
+def scored_finding(effect: Form) -> ScoredFinding:
     """Read a finding with the causes it leaves open: its class, and likely ones if it is unsure."""
     sure = float(effect.get("class_probability") or effect["probability"] or 0.0)
     others = (
@@ -161,7 +163,7 @@ def told(effect: Form) -> Told:
         places = tuple(effect["place"].split())
     more = dict.fromkeys(Cause(a["effect"], _places_of(a["id"], places)) for a in others)
     own = Cause(effect["effect"], places)
-    return Told((own, *(c for c in more if c != own)), sure, effect)
+    return ScoredFinding((own, *(c for c in more if c != own)), sure, effect)
 
 
 def _places_of(id_: str, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -181,16 +183,16 @@ def _at(missing: Missing, places: Sequence[str]) -> bool:
     return any(p == right or p.startswith(f"{right}.") for p in places for right in missing.places)
 
 
-def _is(missing: Missing, found: Told) -> bool:
+def _is(missing: Missing, found: ScoredFinding) -> bool:
     return any(c.name in missing.names and _at(missing, c.places) for c in found.causes)
 
 
-def _best(missing: Missing, said: Sequence[Told]) -> Told | None:
+def _best(missing: Missing, said: Sequence[ScoredFinding]) -> ScoredFinding | None:
     """The most probable finding that contains a right id."""
     return max((f for f in said if _is(missing, f)), key=lambda f: f.probability, default=None)
 
 
-def _name_right(missing: Missing, said: Sequence[Told], verdict: str) -> float:
+def _name_right(missing: Missing, said: Sequence[ScoredFinding], verdict: str) -> float:
     if not missing.names:
         return float(verdict == UNNAMED)
     return float(_best(missing, said) is not None)
@@ -198,14 +200,16 @@ def _name_right(missing: Missing, said: Sequence[Told], verdict: str) -> float:
 
 def _place_right(missing: Missing, form: Form) -> float:
     found = [f"{p['module']}.{p['place']}" for p in form.get("locations", ())]
-    found += [p for e in form.get("effects", ()) for c in told(e).causes for p in c.places]
+    found += [
+        p for e in form.get("effects", ()) for c in scored_finding(e).causes for p in c.places
+    ]
     hidden = form.get("hidden_driver")
     return float(
         _at(missing, [*found, f"{hidden['module']}.{hidden['place']}"] if hidden else found)
     )
 
 
-def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
+def _false(truth: Truth | None, said: Sequence[ScoredFinding]) -> tuple[ScoredFinding, ...]:
     """Findings that match nothing; empty if nothing is known of the rig."""
     if truth is None:
         return ()
@@ -217,7 +221,7 @@ def _false(truth: Truth | None, said: Sequence[Told]) -> tuple[Told, ...]:
     )
 
 
-def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int]:
+def _inside(truth: Truth | None, right: Sequence[ScoredFinding | None]) -> tuple[int, int]:
     """Number of intervals of sizes that meet the 95 % interval of the truth, and of all."""
     if truth is None:
         return 0, 0
@@ -226,7 +230,7 @@ def _inside(truth: Truth | None, right: Sequence[Told | None]) -> tuple[int, int
     return sum(hits), len(hits)
 
 
-def _hits(missing: Missing, found: Told, units: UnitTable) -> Iterator[bool]:
+def _hits(missing: Missing, found: ScoredFinding, units: UnitTable) -> Iterator[bool]:
     for size in missing.sizes:
         interval = _interval(found.form, size.parameter)
         if size.name in ("", found.form["effect"]) and interval:
@@ -258,7 +262,7 @@ def _interval(effect: Form, parameter: str) -> tuple[float, float, str] | None:
     return None
 
 
-def utility(missing: Sequence[Missing], said: Sequence[Told], candidates: int) -> float:
+def utility(missing: Sequence[Missing], said: Sequence[ScoredFinding], candidates: int) -> float:
     """Return the utility of the ambiguity set, 1 if it is the answer alone.
 
     It is the mean over all diagnoses that the findings leave open. One of N causes among f

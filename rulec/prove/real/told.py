@@ -22,7 +22,7 @@ from rulec.mismatch.answer.pictures import ReadingCourses, over_time
 from rulec.mismatch.result import Curves
 from rulec.prove.real.ask import MODELS
 from rulec.prove.real.form import FalseAlarm
-from rulec.prove.real.score import Alarm, Scored, Told, Total, alarms, totals
+from rulec.prove.real.score import Alarm, Scored, ScoredFinding, Total, alarms, totals
 
 TITLES = ("rig", "place", "name", "class", "p", "size", "false", "sure", "utility", "CPU s")
 ERRORS = ("rig", "reading", *MODELS, "ratio", "noise", "grey box")
@@ -191,7 +191,7 @@ def _rig_form(s: Scored, hidden: Mapping[str, Sequence[str]] | None) -> dict[str
     return found | ({"hidden": hidden[s.rig.name]} if hidden and s.rig.name in hidden else {})
 
 
-def _told_form(found: Told) -> dict[str, Any]:
+def _told_form(found: ScoredFinding) -> dict[str, Any]:
     causes = [{"name": cause.name, "places": cause.places} for cause in found.causes]
     return {"causes": causes, "probability": found.probability}
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rulec.prove.aligned import Array
 from rulec.prove.baselines import one_thread
-from rulec.prove.real.score import SILENT, Cause, Told, _at, _false, _mean, _name_right
+from rulec.prove.real.score import SILENT, Cause, ScoredFinding, _at, _false, _mean, _name_right
 from rulec.prove.sparse import _standardised
 from tests.rig.peers import learnt
 from tests.rig.peers.case import Case
@@ -121,7 +121,7 @@ def _named(case: Case, causes: Iterable[tuple[Cause, ...]]) -> Named:
     """Score classes of causes as ours are, each once."""
     truth = case.scored.rig.truth
     assert truth is not None
-    said = [Told(own, 1.0, {}) for own in {own[0]: own for own in causes}.values()]
+    said = [ScoredFinding(own, 1.0, {}) for own in {own[0]: own for own in causes}.values()]
     places = [p for t in said for c in t.causes for p in c.places]
     return Named(
         _mean(float(_at(m, places)) for m in truth.missing),

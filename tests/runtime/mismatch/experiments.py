@@ -11,7 +11,7 @@ from rulec.mismatch.experiment.result import Experiment, Reading, Step
 
 
 def made_by_hand() -> Experiment:
-    """Two explanations; a reading that is foretold in the first of two steps, one in both."""
+    """Two explanations; a reading that is predicted in the first of two steps, one in both."""
     one = CandidateSet(
         names=(),
         titles=("One",),

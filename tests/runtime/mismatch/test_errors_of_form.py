@@ -11,7 +11,7 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.search.refit import refitted
-from rulec.mismatch.search.settled.best_set import told_of
+from rulec.mismatch.search.settled.best_set import reported_names
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.sets import explain
@@ -75,5 +75,5 @@ def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, tol
     rows = rows_at(alone(), replace(recording, values={**recording.values, reading: values}))
     found = explain(rows, lambda said: None)
     assert {f"signal:{reading}~A.n"} == found.told
-    assert told == bool(told_of(found))
+    assert told == bool(reported_names(found))
     assert found.unseen < 0.1 if told else found.unseen > 0.9

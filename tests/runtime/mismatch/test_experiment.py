@@ -1,4 +1,4 @@
-"""Set points that tell explanations apart: what they are worth, and what is foretold of them."""
+"""Set points that tell explanations apart: what they are worth, and what is predicted of them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,14 @@ from scipy.stats import qmc
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.choose import certain, chosen, covering, gains
-from rulec.mismatch.experiment.foretell import Foretold, Places, foretold, known_with_onsets
-from rulec.mismatch.experiment.points import Feasible, Reach, places_in, reach_of, surroundings
+from rulec.mismatch.experiment.forecast import Forecast, Places, forecast, known_with_onsets
+from rulec.mismatch.experiment.points import (
+    Feasible,
+    InputRanges,
+    input_ranges,
+    places_in,
+    surroundings,
+)
 from rulec.mismatch.experiment.recipe import experiment_page
 from rulec.mismatch.search.settled.posterior_curve import solved
 from rulec.mismatch.search.settled.sets import Posterior, explain
@@ -33,20 +39,20 @@ from tests.runtime.mismatch.made import rows_at
 HALVES = np.array([0.5, 0.5])
 
 
-def told(off: float, spread: float) -> list[Foretold]:
-    """Two explanations, each foretelling one reading at each of two places: at the first alike, at
+def told(off: float, spread: float) -> list[Forecast]:
+    """Two explanations, each predicting one reading at each of two places: at the first alike, at
     the second so far apart, the second explanation with so large a spread."""
     place = np.array([0, 1])
     covariance = (np.eye(2), np.diag([1.0, spread]))
     shares = (0.5, 0.5)
-    first = Foretold({}, place, (np.zeros(2), np.array([0.0, off])), covariance, shares=shares)
-    second = Foretold({}, place, (np.array([0.0, -off]), np.zeros(2)), covariance, shares=shares)
+    first = Forecast({}, place, (np.zeros(2), np.array([0.0, off])), covariance, shares=shares)
+    second = Forecast({}, place, (np.array([0.0, -off]), np.zeros(2)), covariance, shares=shares)
     return [first, second]
 
 
-def factors_of(foretold: list[Foretold]) -> np.ndarray:
+def factors_of(forecasts: list[Forecast]) -> np.ndarray:
     """Expected log Bayes factors by the second place alone."""
-    return np.array([gains(own, true, [], [1])[:, 0] for true, own in enumerate(foretold)])
+    return np.array([gains(own, true, [], [1])[:, 0] for true, own in enumerate(forecasts)])
 
 
 def test_factors_grow_place_by_place_to_that_of_all() -> None:
@@ -59,8 +65,8 @@ def test_factors_grow_place_by_place_to_that_of_all() -> None:
         table = random.normal(size=(size, size))
         return np.asarray(table @ table.T + np.eye(size))
 
-    foretold = [
-        Foretold(
+    forecasts = [
+        Forecast(
             {},
             point,
             tuple(random.normal(size=(3, size))),
@@ -68,10 +74,10 @@ def test_factors_grow_place_by_place_to_that_of_all() -> None:
         )
         for _ in range(3)
     ]
-    choice = chosen(foretold, np.array([0.5, 0.3, 0.2]), 4)
+    choice = chosen(forecasts, np.array([0.5, 0.3, 0.2]), 4)
     assert len(choice.places) == 4
     at = np.flatnonzero(np.isin(point, choice.places))
-    for true, own in enumerate(foretold):
+    for true, own in enumerate(forecasts):
         for other in range(3):
             first, second = (own.covariance[i][np.ix_(at, at)] for i in (true, other))
             apart, inverse = (own.off[true] - own.off[other])[at], np.linalg.inv(second)
@@ -153,7 +159,7 @@ def planned(ambiguous: Path) -> Path:
 
 def test_a_recipe_can_be_run(ambiguous: Path, planned: Path) -> None:
     """Set points lie within what was recorded; `rulec simulate` takes the inputs; certainty grows
-    from step to step; and each explanation finds what it foretells itself."""
+    from step to step; and each explanation finds what it predicts itself."""
     inputs, form, page = ambiguous / "in.csv", planned, ambiguous / "e.html"
     found: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
     assert len(found["explanations"]) >= 2
@@ -263,7 +269,7 @@ def soon_and_late(worn: Worn) -> tuple[Places, Places]:
     """The same operating points next, and ten times as long as the recording later."""
     recording, found = worn
     system = found.geometry.rows.system
-    soon = places_in(system, reach_of(system, recording, 1.0))
+    soon = places_in(system, input_ranges(system, recording, 1.0))
     return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
 
 
@@ -274,7 +280,7 @@ def test_a_sensor_that_shows_nothing_hinders_no_plan(worn: Worn) -> None:
     data, gone = system.data, found.geometry.rows.cells[0].outputs[0]
     values = {**data.points.values, gone: np.full(len(data), np.nan)}
     without = replace(system, data=replace(data, points=replace(data.points, values=values)))
-    reach = reach_of(system, recording, 1.0)
+    reach = input_ranges(system, recording, 1.0)
     there, all_ = places_in(without, reach), places_in(system, reach)
     assert (there.near == all_.near).mean() > 0.9
 
@@ -286,7 +292,7 @@ def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
     models = [found.models[names], found.models[frozenset()]]
     apart = []
     for places in soon_and_late(worn):
-        there = foretold(found.geometry, models, 0, places)
+        there = forecast(found.geometry, models, 0, places)
         assert np.abs(there.off[0]).max() < 1e-6
         apart.append(float(np.abs(there.off[1]).max()))
     assert apart[1] > 2.0 * apart[0]
@@ -294,7 +300,7 @@ def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
 
 def test_when_a_fault_began_to_grow_is_doubted(worn: Worn) -> None:
     """One more number makes nothing surer, and it is known to less than the recording is long. What
-    grows has grown further in a later reading, and is foretold the less surely."""
+    grows has grown further in a later reading, and is predicted the less surely."""
     found = worn[1]
     geometry = found.geometry
     growing = {n: m for n, m in found.models.items() if any(c.grows for c in m.setting.courses)}
@@ -305,7 +311,7 @@ def test_when_a_fault_began_to_grow_is_doubted(worn: Worn) -> None:
     length = float(np.ptp(geometry.rows.system.data.time))
     assert ((u_onsets > 0.0) & (u_onsets <= length)).all()
     plain = found.models[frozenset()]
-    soon, late = (foretold(geometry, [model, plain], 0, places) for places in soon_and_late(worn))
+    soon, late = (forecast(geometry, [model, plain], 0, places) for places in soon_and_late(worn))
     assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
     assert max(late.covariance[0].diagonal()) > max(soon.covariance[0].diagonal())
 
@@ -357,7 +363,7 @@ def test_steps_that_cover_are_far_from_all_others() -> None:
     speeds = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 0.0])
     places = Places({"A.n": speeds}, np.zeros(6, dtype=np.intp), np.zeros(6))
     may = np.array([True] * 5 + [False])
-    limited = Feasible(places, Reach({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
+    limited = Feasible(places, InputRanges({"A.n": (0.0, 4.0)}, 60.0), may, {}, ((),) * 6, ())
     assert covering(limited, may, [0, 4], 9, 240.0) == (2, 1, 3)
     assert covering(limited, may, [0, 4], 9, 100.0) == (2,)
     assert covering(limited, may, [], 2, 240.0) == (2, 0)
@@ -371,7 +377,7 @@ def test_steps_that_cover_give_each_input_many_values() -> None:
     shares = np.concatenate([np.array(list(product((0.0, 1.0), repeat=4))), shares])
     names, count = ("A.n", "B.n", "C.n", "D.n"), len(shares)
     places = Places(dict(zip(names, shares.T, strict=True)), np.zeros(count, int), np.zeros(count))
-    reach = Reach(dict.fromkeys(names, (0.0, 1.0)), 60.0)
+    reach = InputRanges(dict.fromkeys(names, (0.0, 1.0)), 60.0)
     may = np.ones(count, dtype=bool)
     limited = Feasible(places, reach, may, {}, ((),) * count, ())
     steps = list(covering(limited, may, [], 18, 3600.0))

@@ -11,8 +11,14 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.choose import best_within
-from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.points import Feasible, Reach, feasible, places_in, reach_of
+from rulec.mismatch.experiment.forecast import Forecast, Places
+from rulec.mismatch.experiment.points import (
+    Feasible,
+    InputRanges,
+    feasible,
+    input_ranges,
+    places_in,
+)
 from rulec.separation.allowed import Allowed, Range, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
@@ -43,8 +49,8 @@ def _limits(random: np.random.Generator, system: System) -> Allowed:
     return Allowed(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
 
 
-def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Foretold]:
-    """Any readings at all by two explanations; of some places nothing is foretold."""
+def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Forecast]:
+    """Any readings at all by two explanations; of some places nothing is predicted."""
     n = len(places)
     point = np.flatnonzero(random.random(n) < 0.9)
     names = [s.id for s in ruleset.signals if not s.is_input]
@@ -58,13 +64,13 @@ def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places)
         }
         spread = {name: np.abs(values) * 0.02 for name, values in readings.items()}
         covariance = (np.eye(len(point)), np.eye(len(point)))
-        own = Foretold(readings, point, (off[0], off[1]), covariance, spread, spread, (0.0, 0.0))
+        own = Forecast(readings, point, (off[0], off[1]), covariance, spread, spread, (0.0, 0.0))
         told.append(own)
     return told
 
 
 def _breaches(
-    ruleset: Ruleset, given: Allowed, told: list[Foretold], found: Feasible, place: int
+    ruleset: Ruleset, given: Allowed, told: list[Forecast], found: Feasible, place: int
 ) -> list[str]:
     """What is wrong with a place that may be proposed, each limit looked up anew."""
     breaches = []
@@ -92,7 +98,7 @@ def _breaches(
 
 
 def test_thousands_of_places_keep_the_limits() -> None:
-    """All that may be proposed, of any readings at all that are foretold, in any order."""
+    """All that may be proposed, of any readings at all that are predicted, in any order."""
     random = np.random.default_rng(27)
     plant = opened("abc")
     ruleset = plant[0]
@@ -101,7 +107,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
     looked = steps = 0
     for number in range(LIMITS):
         given = _limits(random, system)
-        reach = reach_of(system, recording, 1.0, allowed_of(ruleset, given))
+        reach = input_ranges(system, recording, 1.0, allowed_of(ruleset, given))
         if not reach.ranges:
             continue
         places = places_in(system, reach)
@@ -134,15 +140,17 @@ def _two_places(lost: tuple[tuple[str, ...], ...], forbids: tuple[bool, ...]) ->
     """Two places that can be run, and the present one."""
     places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
     possible, forbidden = np.array([True, True, False]), {"A.dp": np.array([*forbids, False])}
-    return Feasible(places, Reach({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ())
+    return Feasible(
+        places, InputRanges({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ()
+    )
 
 
-def _apart_by(first: float, second: float) -> list[Foretold]:
-    """Two explanations that foretell one reading at each of two places, so far apart."""
+def _apart_by(first: float, second: float) -> list[Forecast]:
+    """Two explanations that predict one reading at each of two places, so far apart."""
     point, off, known = np.array([0, 1]), np.array([first, second]), (np.eye(2), np.eye(2))
     none = np.zeros(2)
     offs = ((none, off), (-off, none))
-    return [Foretold({}, point, own, known, shares=(0.0, 0.0)) for own in offs]
+    return [Forecast({}, point, own, known, shares=(0.0, 0.0)) for own in offs]
 
 
 def test_limits_that_forbid_a_better_step_are_told() -> None:
@@ -183,4 +191,4 @@ def test_set_points_lie_where_pumps_run() -> None:
     points = replace(data.points, values={**data.values, "A.n": stands})
     stood = replace(system, data=replace(data, points=points))
     assert least is not None
-    assert least <= reach_of(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()
+    assert least <= input_ranges(stood, recording, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()

@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
 from rulec.mismatch.evidence.steady.system import with_properties
-from rulec.mismatch.experiment.foretell import Places, data_at
+from rulec.mismatch.experiment.forecast import Places, data_at
 from rulec.mismatch.experiment.plan import planned
 from rulec.mismatch.experiment.result import inputs_csv
 from tests.conftest import ROOT

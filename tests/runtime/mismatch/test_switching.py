@@ -13,7 +13,7 @@ from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import HiddenDriver
-from rulec.mismatch.search.settled.candidate_sets import refitted_again, standing_of
+from rulec.mismatch.search.settled.candidate_sets import possible_sets, refitted_again
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain, join_terms
 from rulec.mismatch.search.settled.switching import Switching, price
@@ -49,7 +49,7 @@ def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
     found = with_terms(rows, "A.loss")
     (term,) = found.models[found.best].terms
     assert "a law with memory" in term.basis.says
-    standing = standing_of(found)
+    standing = possible_sets(found)
     assert term.basis.says in standing[0].titles[0]
     assert standing[0] not in refitted_again(rows, standing).sets
 

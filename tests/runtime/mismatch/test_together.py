@@ -10,7 +10,7 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer.findings import of_recordings, told_of, updates_of
+from rulec.mismatch.answer.findings import of_recordings, update_sentence, updates_of
 from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import (
     ERROR,
@@ -259,7 +259,7 @@ MOVED = (Moved("a", "slip", 0.52, 0.97), Moved("b", "friction", 0.45, 0.02))
     ],
 )
 def test_what_changed_is_one_sentence(moved: Sequence[Moved], text: str) -> None:
-    assert text == told_of("b.csv", moved).replace("\xa0", " ")
+    assert text == update_sentence("b.csv", moved).replace("\xa0", " ")
 
 
 def test_updates_are_told_by_name() -> None:

@@ -77,7 +77,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     return Search(fitted, accepted, posterior, tuple({**drawn, **curves}.values()))
 
 
-def told_of(posterior: Posterior) -> Names:
+def reported_names(posterior: Posterior) -> Names:
     """Members of the best set to report: those that are likelier present than not.
 
     Alternatives to a member count for it: each of several may be unlikely although one of them is
@@ -98,7 +98,7 @@ def told_of(posterior: Posterior) -> Names:
 
 def _on_all_points(rows: Rows, posterior: Posterior) -> tuple[Fitted, dict[str, Candidate]]:
     """The model with terms as courses and curves; candidates by their names in the set."""
-    model, reported = posterior.models[posterior.told], told_of(posterior)
+    model, reported = posterior.models[posterior.told], reported_names(posterior)
     setting = model.setting
     for candidate in setting.joined:
         if name_of(setting, candidate) not in reported:

@@ -21,7 +21,7 @@ from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Names, Posterior, begun
 
 
-def standing_of(posterior: Posterior) -> tuple[CandidateSet, ...]:
+def possible_sets(posterior: Posterior) -> tuple[CandidateSet, ...]:
     """The sets that are still possible, the likeliest first."""
     sets = sorted(posterior.sets.items(), key=lambda s: (-s[1], sorted(s[0])))
     likely = [(n, p) for n, p in sets[: limits.SETS_STANDING] if p >= common.REPORTED]

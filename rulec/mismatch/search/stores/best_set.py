@@ -9,7 +9,7 @@ from rulec.mismatch.evidence.stores.final_fits import FinalFits, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.settled.best_set import accepted_of, told_of
+from rulec.mismatch.search.settled.best_set import accepted_of, reported_names
 from rulec.mismatch.search.settled.sets import Posterior, Progress
 from rulec.mismatch.search.stores.sets import explain
 
@@ -35,7 +35,7 @@ class Found:
         """Is a term without a name among the reported explanations?"""
         posterior = self.posterior
         terms = {term.name for term in posterior.models[posterior.told].terms}
-        return bool(terms & told_of(posterior))
+        return bool(terms & reported_names(posterior))
 
     @property
     def alone(self) -> Mapping[str, float]:
@@ -50,7 +50,7 @@ def search(bench: SimulationProblem, progress: Progress) -> Found:
     posterior = explain(bench, progress)
     progress("fitting the most probable explanation to the end")
     ends, plain = plain_end(bench, posterior.models[frozenset()].setting.values)
-    names = told_of(posterior)
+    names = reported_names(posterior)
     setting = posterior.models[posterior.told].setting
     for candidate in setting.joined:
         setting = setting if candidate.id in names else setting.leaving(candidate.id)

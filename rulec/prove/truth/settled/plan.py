@@ -30,7 +30,7 @@ from .scene import Scene, may_be_set, scene
 from .sized import sized
 from .solve import Stalled
 from .term import Change
-from .visible import VisibleOutputs, sight
+from .visible import VisibleOutputs, visible_outputs
 
 FAMILIES = {
     "dosing": dosing_rig,
@@ -153,7 +153,7 @@ def _attempt(plan: Planned, seed: int) -> SettledCase:
     correlated = "correlated" in plan.conceal
     pace = _pace(plan, seed)
     drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties, pace)
-    seen = sight(drawn)
+    seen = visible_outputs(drawn)
     found = []
     for one in placed:
         made = sized(seen, one, plan.aim, seed)
@@ -179,7 +179,7 @@ def _misstated(plan: Planned, rig: Rig, seed: int, random: np.random.Generator) 
     true, stated, module = WAYS[name](rig, random)
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
     drawn = scene(true, seed, samples, plan.profile)
-    seen = sight(drawn)
+    seen = visible_outputs(drawn)
     believed = replace(drawn, rig=stated).truly()
     off = seen.over({n: drawn.plain[n] - believed[n] for n in true.outputs})
     gain = expected_gain(off, seen.sensitivities, np.zeros((len(off), 0)))

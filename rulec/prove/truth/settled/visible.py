@@ -72,7 +72,7 @@ class VisibleOutputs:
         return np.concatenate(parts)
 
 
-def sight(scene: Scene) -> VisibleOutputs:
+def visible_outputs(scene: Scene) -> VisibleOutputs:
     """Return the detectability in a scene; derivatives are finite differences."""
     rig = scene.rig
     variance: dict[str, Any] = {n: noise_of(scene, n) ** 2 for n in rig.outputs}

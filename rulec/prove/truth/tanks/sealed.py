@@ -9,10 +9,10 @@ from pathlib import Path
 from .. import sealed
 from ..recording import write_csv
 from .case import Case
+from .detection_limit import detection_limits
 from .folder import write_plant
 from .key import right
 from .refit import heldout_errors
-from .seen import seen
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class SealedCase:
 
     def _effects(self) -> tuple[sealed.Planted, ...]:
         found = []
-        for one, limit in zip(self.made.planted, seen(self.made), strict=True):
+        for one, limit in zip(self.made.planted, detection_limits(self.made), strict=True):
             effect, key = one.placed.effect, right(self.made.setup, one)
             found.append(
                 sealed.Planted(

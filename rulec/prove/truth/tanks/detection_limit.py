@@ -26,7 +26,7 @@ SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
 
 
 @dataclass(frozen=True)
-class Seen:
+class DetectionLimit:
     """See `sealed.Planted`."""
 
     gain: float
@@ -34,7 +34,7 @@ class Seen:
     rival: str
 
 
-def seen(case: Case) -> tuple[Seen, ...]:
+def detection_limits(case: Case) -> tuple[DetectionLimit, ...]:
     """Return the limit of each planted effect while the others may have any size.
 
     All is linear at the plant without effects: changes, derivatives and rivals must be taken at one
@@ -64,7 +64,7 @@ def seen(case: Case) -> tuple[Seen, ...]:
         flat = np.array(others).reshape(-1, start.size).T
         rivals = list(_rivals(case, one, change))
         gain = expected_gain(alone[i], slopes, flat)
-        found.append(Seen(gain, *margin(alone[i], slopes, flat, rivals)))
+        found.append(DetectionLimit(gain, *margin(alone[i], slopes, flat, rivals)))
     return tuple(found)
 
 

@@ -44,7 +44,7 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Foretold:
+class Forecast:
     """Readings if one explanation is true, and how far off every explanation would find them.
 
     `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,). For
@@ -74,14 +74,14 @@ class Foretold:
         found: Array = self.covariance[explanation][rows, others] - gone * same
         return np.where(known, found, same)
 
-    def held(self, times: float) -> Foretold:
+    def held(self, times: float) -> Forecast:
         """The same for means over `times` as many settled samples: only their noise averages."""
         less = 1.0 - 1.0 / times
         spread = {n: np.sqrt(v**2 - less * self.noise[n] ** 2) for n, v in self.spread.items()}
         return replace(self, less=less, spread=spread)
 
 
-def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
+def forecast(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Forecast:
     """What would be read if one of some models were true."""
     recorded = geometry.rows.system
     data = with_properties(recorded.builder, data_at(recorded.data, places))
@@ -96,7 +96,7 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
     off, covariance = zip(*(_residuals_by(geometry, there, m) for m in models), strict=True)
     shares = tuple(min(own.scale, 1.0) ** 2 for own in models)
-    return Foretold(
+    return Forecast(
         readings=readings,
         point=there.point,
         off=off,
