@@ -105,7 +105,7 @@ def test_a_pump_that_is_not_as_its_sheet_says_blames_no_meter(
     assert ("S", []) == (found["status"], found["findings"])
     (told,) = found["unknown"]
     assert told["from_sheet"]
-    assert told["text"].startswith("pump is not as its sheet says, from the first sample on")
+    assert told["text"].startswith("pump is not as its sheet says, from the first sample")
     (off,) = told["disagree"]
     assert "pump.head-flow" == off["residual"]
     assert off["threshold"] < off["share"] < 0.3
@@ -127,7 +127,7 @@ def test_a_sheet_that_promises_more_is_told_with_advice(tmp_path: Path) -> None:
     assert "pump.missing-head" == finding["fault"]
     assert finding["from_sheet"]
     assert finding["text"].endswith("less head than its sheet says")
-    assert finding["action"].startswith("calibrate, or ask `rulec mismatch`")
+    assert finding["action"].startswith("calibrate, or run `rulec mismatch`")
 
 
 def test_what_nothing_believable_explains_is_told_with_sizes(tmp_path: Path) -> None:
