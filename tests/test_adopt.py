@@ -289,6 +289,24 @@ def test_what_has_no_name_is_written_as_a_curve(tmp_path: Path) -> None:
     np.testing.assert_allclose(added, np.interp(there, n, power), rtol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("place", "points", "expected"),
+    [
+        ("definition:A.gone", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
+        ("definition:B.P_law", [[1.0, 0.0], [2.0, 1.0]], "does not fit abc"),
+        ("definition:A.P_law", [[2.0, 0.0], [1.0, 1.0]], "do not go up"),
+        ("definition:A.P_law", [], "do not go up"),
+    ],
+)
+def test_a_curve_that_does_not_fit_is_refused(
+    place: str, points: list[list[float]], expected: str, tmp_path: Path
+) -> None:
+    curve = {"place": place, "driver": "A.n", "points": points}
+    data, _ = mismatch(plant_path("abc"), [], curves=[curve])
+    with pytest.raises(AdoptRefused, match=expected):
+        adopted(tmp_path, data)
+
+
 def test_a_curve_has_as_many_points_as_an_equation_holds() -> None:
     """However long the name of its driver, and whatever its numbers."""
     builder = opened(plant_path("abc"))

@@ -71,6 +71,11 @@ class Adoption:
 def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
     """The new types of all modules; raises `AdoptRefused` if the plant has changed since."""
     network = builder.network
+    for curve in repair.curves:
+        spot = builder.places.get(curve.place)
+        if spot is None or not spot.may_follow(curve.driver):
+            message = f"a curve at '{curve.place}' does not fit {network.plant.name}"
+            raise AdoptRefused(f"{message}; run rulec mismatch again")
     curves = map(builder.curve_term, repair.curves)
     by_id = {c.id: c for c in (*builder.candidates, *curves)}
     free = {s.id for s in builder.spots}

@@ -113,6 +113,12 @@ class DisturbanceLocation:
     unknown: str
     accuracy: float = 0.0
 
+    def may_follow(self, driver: str) -> bool:
+        """Whether a module type may hold a curve over `driver` here: its own, in no parameter, and
+        in no sensor, which is to be mended."""
+        own = driver.startswith(f"{self.module}.")
+        return own and self.kind not in ("parameter", "signal")
+
 
 @dataclass(frozen=True, kw_only=True)
 class BaseParameters:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +226,8 @@ def _joined(entry: Mapping[str, Any]) -> Joined:
 
 def _curve(entry: Mapping[str, Any]) -> CurveTerm:
     points = tuple((_number(x), _number(y)) for x, y in entry["points"])
+    if len(points) < 2 or any(a >= b for (a, _), (b, _) in pairwise(points)):
+        raise ValueError("the points of a curve do not go up")
     return CurveTerm(str(entry["place"]), str(entry["driver"]), points)
 
 

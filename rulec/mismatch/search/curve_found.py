@@ -63,10 +63,8 @@ class CurveFound:
 
     @property
     def terms(self) -> tuple[CurveTerm, ...]:
-        """The term that a module type may hold; none over what is not its own, over time, in
-        place of a parameter or of a sensor to be mended."""
-        own = self.driver.startswith(f"{self.place.module}.") and not self.says
-        if not own or self.place.kind in ("parameter", "signal"):
+        """The term that a module type may hold; none if it comes and goes."""
+        if self.says or not self.place.may_follow(self.driver):
             return ()
         return (curve_through(self.place.id, self.driver, self.at, self.value),)
 

@@ -48,8 +48,9 @@ def curves_of(found: Found) -> tuple[CurveTerm, ...]:
     beside the names and the terms before it."""
     model, curves = found.best, list[CurveTerm]()
     for term in found.posterior.models[found.posterior.told].terms:
-        own = term.driver.startswith(f"{term.changed.module}.")
-        curve = fitted_curve(found.ends, model, term.changed, term.driver) if own else None
+        if not term.changed.may_follow(term.driver):
+            continue
+        curve = fitted_curve(found.ends, model, term.changed, term.driver)
         if curve is not None and curve.gain > 0.0:
             model, at = curve.fitted, curve.place.knots
             curves.append(curve_through(term.changed.id, term.driver, at, curve.value(at)))
