@@ -38,6 +38,7 @@ from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Rep
 from rulec.mismatch.search import limits as of_search
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.best_set import Found, search
+from rulec.mismatch.search.stores.geometry import StoresGeometry
 from rulec.mismatch.search.stores.unnamed import curves_of, likeliest_curve
 
 
@@ -149,6 +150,13 @@ class Explanation(Explained[Fitted]):
     def allowed(self, signal: str) -> float:
         """The error that sensors and laws explain, with everything else refitted."""
         return self._allowed.get(signal, np.inf)
+
+    def evidence_per_row(self) -> tuple[float, int]:
+        """Log evidence of the likeliest set per reading, nats, and the number of readings."""
+        posterior = self.posterior
+        geometry = posterior.geometry
+        assert isinstance(geometry, StoresGeometry)
+        return posterior.odds[posterior.best] / geometry.count - geometry.log_scale, geometry.count
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""

@@ -127,6 +127,11 @@ class Explained(ABC, Generic[F]):
         in 95 % of recordings, SI; infinite if unknown."""
         return float("inf")
 
+    def evidence_per_row(self) -> tuple[float, int]:
+        """Log evidence of the likeliest set per reading, with the readings in SI, nats, and their
+        number; (nan, 0) where other ways to read the recording cannot be compared."""
+        return float("nan"), 0
+
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """Open the held-out blocks, once; one proof per reading, the most significant first."""

@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.structure import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring
-from rulec.mismatch.structure.hypotheses import AcceptedHypothesis, Hypothesis, hypotheses
+from rulec.mismatch.structure.hypotheses import CLOCK, AcceptedHypothesis, Hypothesis, hypotheses
 
 
 class Evidence(Protocol):
@@ -54,11 +54,15 @@ class Evidence(Protocol):
 
 @dataclass(frozen=True)
 class Structure:
-    """The corrected recording, the plant as it is connected, and what was not as stated."""
+    """The corrected recording, the plant as it is connected, and what was not as stated.
+
+    `unshifted` is the same with all clocks as recorded, if one was corrected.
+    """
 
     recording: Recording
     evidence: Evidence
     taken: tuple[AcceptedHypothesis, ...]
+    unshifted: Structure | None = None
 
 
 def structure_of(
@@ -66,17 +70,20 @@ def structure_of(
 ) -> Structure:
     """Correct columns and connections one by one, as long as some are not as stated."""
     found: list[AcceptedHypothesis] = []
+    unshifted = None
     for _ in range(limits.MOST_MISREAD):
         one = _best(recording, evidence, progress) or evidence.clock(recording)
         if one is None:
             break
+        if one.hypothesis.kind == CLOCK and unshifted is None:
+            unshifted = Structure(recording, evidence, tuple(found))
         found.append(one)
         hypothesis = one.hypothesis
         if hypothesis.mending is not None:
             recording = hypothesis.mending.of(recording)
         elif hypothesis.rewiring is not None:
             evidence = evidence.rewired(hypothesis.rewiring) or evidence
-    return Structure(recording, evidence, tuple(found))
+    return Structure(recording, evidence, tuple(found), unshifted)
 
 
 def _best(

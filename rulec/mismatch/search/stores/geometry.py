@@ -137,6 +137,12 @@ class StoresGeometry(Evidence):
         """Number of rows."""
         return int(sum(known.sum() for known in self._known.values()))
 
+    @property
+    def log_scale(self) -> float:
+        """Mean logarithm of the unit of a row, SI."""
+        sizes = zip(self.white.values(), self._known.values(), strict=True)
+        return float(sum(known.sum() * np.log(white) for white, known in sizes)) / self.count
+
     @cached_property
     def noises(self) -> tuple[tuple[float, ...], ...]:
         """Size of the wandering error, in white noise, its correlation time in samples, and its

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -17,6 +17,7 @@ from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.search.settled import sets
 from rulec.mismatch.search.settled.sets import posterior
 from rulec.mismatch.stores import Explanation, explanation, prove
+from rulec.mismatch.structure.structure_search import Structure
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, as_found, bench, made
 
 
@@ -68,3 +69,20 @@ def test_no_tick_where_an_explanation_gains(
     now = posterior(was.geometry, {**was.models, other: shown}, odds)
     found = replace(plain.found, posterior=now)
     assert expected == verdict(explanation(plain.recording, plain.model, found))
+
+
+@pytest.mark.parametrize(("recorded", "kept"), [(-2.0, True), (-0.9, False)])
+def test_a_clock_is_corrected_only_if_the_explanation_is_likelier_with_it(
+    monkeypatch: pytest.MonkeyPatch, recorded: float, kept: bool
+) -> None:
+    """A clock is judged by the plain model: a delay of the plant may undo a wrong correction."""
+    plain = Structure(made(64), cast(Any, None), ())
+    corrected = replace(plain, unshifted=plain)
+    each = {id(corrected): -1.0, id(plain): recorded}
+
+    def explained(read: Structure, *_: object) -> Any:
+        return SimpleNamespace(accepted=("a delay",), evidence_per_row=lambda: (each[id(read)], 64))
+
+    monkeypatch.setattr(analyse, "_explained", explained)
+    found, _ = analyse._likelier_read(corrected, (), lambda text: None)
+    assert found is (corrected if kept else plain)
