@@ -61,7 +61,7 @@ $(VENV)/bench: $(VENV)/dev
 	$(call install,.[dev$(comma)bench])
 	@touch $@
 
-bench: $(VENV)/bench ## speed beside peers, as ratios, and how effort grows (three minutes)
+bench: $(VENV)/bench ## speed beside peers, as ratios (some minutes)
 	$(BIN)/python -m tests.bench
 
 goals: $(VENV)/dev ## speed against goals: compile, a million samples, start of the command

@@ -1,4 +1,4 @@
-"""Ours beside peers, and how effort grows: `python -m tests.bench`, `make bench`.
+"""Ours beside peers: `python -m tests.bench`, `make bench`.
 
 Every peer runs in a process of its own, after ours in the same process: ratios of medians of CPU
 time, warm, on one core. `--only` takes some of them; `--json FILE` writes all.
@@ -21,10 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench import peers
-from tests.bench.growth import curves
 
-GROWTH = "growth"
-PARTS = (*(m.name for m in pkgutil.iter_modules(peers.__path__)), GROWTH)
+PARTS = tuple(m.name for m in pkgutil.iter_modules(peers.__path__))
 
 
 def main() -> int:
@@ -47,9 +45,7 @@ def main() -> int:
         found += json.loads(done.stdout.splitlines()[-1])
     form = {one["key"]: one for one in found}
     shown = aside if options.json == "-" else Console()
-    for table in (beside(found), growing(found)):
-        if table.row_count:
-            shown.print(table)
+    shown.print(beside(found))
     shown.print("\nCPU time. What is the same in both, and what is not: docs/compare.md")
     if options.json == "-":
         print(json.dumps(form, indent=1))
@@ -59,40 +55,19 @@ def main() -> int:
 
 
 def part_of(name: str) -> Iterator[dict[str, Any]]:
-    """Rows of a peer, or curves."""
-    if name == GROWTH:
-        for curve in curves():
-            yield asdict(curve) | {"exponent": curve.exponent}
-        return
+    """Rows of a peer."""
     for row in importlib.import_module(f"{peers.__name__}.{name}").rows():
         yield asdict(row) | {"ratio": row.ratio}
 
 
 def beside(found: list[dict[str, Any]]) -> Table:
     """Ours beside peers. What is the same in both is told on the page."""
-    table = _table("what", "peer", "ours", "peer's", "ratio")
-    for one in (one for one in found if "ratio" in one):
+    table = Table(box=None, pad_edge=False, padding=(0, 1))
+    for place, title in enumerate(("what", "peer", "ours", "peer's", "ratio")):
+        table.add_column(title, justify="left" if place < 2 else "right", no_wrap=place >= 2)
+    for one in found:
         words = (seconds(one["ours"]), seconds(one["theirs"]), f"{one['ratio']:.3g}")
         table.add_row(one["what"], one["peer"], *words)
-    return table
-
-
-def growing(found: list[dict[str, Any]]) -> Table:
-    """How effort grows, from the smallest to the largest, and by which power."""
-    table = _table("what grows", "", "from", "to", "power")
-    for one in (one for one in found if "exponent" in one):
-        each = zip(one["counts"], one["seconds"], strict=True)
-        ends = [f"{seconds(s)} at {n:,}" for n, s in each]
-        table.add_row(one["what"], "", ends[0], ends[-1], f"{one['exponent']:.2f}")
-    return table
-
-
-def _table(*titles: str) -> Table:
-    """An empty table; columns behind the first two hold numbers."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    for place, title in enumerate(titles):
-        justify = "left" if place < 2 else "right"
-        table.add_column(title, justify=justify, no_wrap=place >= 2)  # type: ignore[arg-type]
     return table
 
 

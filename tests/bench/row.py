@@ -5,8 +5,8 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +17,6 @@ class Row:
     ----------
     key : name in the JSON form, without spaces.
     same, differs : what is equal in both, and what is not.
-    more : what else was found, by short names.
     """
 
     key: str
@@ -27,7 +26,6 @@ class Row:
     theirs: float
     same: str
     differs: str
-    more: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def ratio(self) -> float:

@@ -2,163 +2,120 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tests.conftest import ROOT, plain_yaml
+from tests.figures.share import Share
 
 FILE = ROOT / "docs" / "figures.yaml"
-KINDS = ("measured", "sealed", "quoted")
-"""Measured by a command; opened once and never again; taken from a publication."""
-COSTS = ("quick", "slow")
+MEASURED = "measured"
+KINDS = (MEASURED, "read by hand", "opened once", "quoted")
+Pairs = tuple[tuple[str, str], ...]
+HOLE = re.compile(r"\{([^{}]+)\}")
+ANYTHING = "..."
 
 
 @dataclass(frozen=True)
-class Quick:
-    """A smaller measurement of the same figure, for every test run."""
-
-    command: str
-    key: str
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A number that is printed somewhere.
+class Measurement:
+    """A run of a command, or a reading by hand, with all that pages print of it.
 
     Attributes
     ----------
-    value, low, high : float; the interval is what a new measurement may give
-    because : where the interval comes from
-    count, of : int or None; for shares
-    command, key : what measures it, and the place of the value in its JSON; no key: read by hand
-    depends : names of the sets of files that the value depends on
+    command : what measures it; of a quoted one, where it is published
+    date, commit, content : when it was measured, and the hash of the files in its rooms then
+    depends : names of rooms; none where no change makes it stale
     needs : a folder of the shared recordings, or empty
-    commit, date, content : state in which it was measured; content is a hash of what it depends on
+    values : a number or a share by its place in the JSON of the command, such as `a/b`
+    prints : pages and texts on them; `{a/b}` stands for a value, `{...}` for anything
     """
 
     id: str
     kind: str
-    value: float
-    low: float
-    high: float
-    because: str
-    unit: str
     command: str
-    key: str
+    date: str
+    commit: str
+    content: str
     depends: tuple[str, ...]
     needs: str
-    cost: str
-    commit: str
-    date: str
-    content: str
-    count: int | None
-    of: int | None
-    quick: Quick | None
-
-
-@dataclass(frozen=True)
-class Place:
-    """A line or a part of it; `{id}` stands for a figure, `{...}` for anything."""
-
-    file: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Account:
-    """Sentences that tell of one run, read from it by hand: they stand for its commit alone."""
-
-    id: str
-    command: str
-    commit: str
-    date: str
-    file: str
-    texts: tuple[str, ...]
+    values: Mapping[str, float | Share]
+    prints: Pairs
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """All figures, where they are printed, accounts, and the numbers that claim nothing."""
+    """Rooms as globs, measurements by id, and the numbers and pages that claim nothing."""
 
-    files: Mapping[str, tuple[str, ...]]
-    figures: Mapping[str, Figure]
-    places: tuple[Place, ...]
-    accounts: tuple[Account, ...]
-    no_claim: Mapping[str, tuple[str, ...]]
+    rooms: Mapping[str, tuple[str, ...]]
+    measurements: Mapping[str, Measurement]
+    no_claim: Pairs
     no_claim_pages: Mapping[str, str]
 
 
 def read_ledger(file: Path = FILE) -> Ledger:
     """Read and check; raises ValueError with all that is wrong."""
     form = plain_yaml(file)
-    figures = [_figure(entry) for entry in form["figures"]]
-    places = tuple(Place(page, text) for page, texts in form["places"].items() for text in texts)
+    entries = [_measurement(entry) for entry in form["measurements"]]
     ledger = Ledger(
-        {name: tuple(globs) for name, globs in form["files"].items()},
-        {f.id: f for f in figures},
-        places,
-        tuple(_account(entry) for entry in form["accounts"]),
-        {page: tuple(texts) for page, texts in form["no_claim"].items()},
+        {room: tuple(globs) for room, globs in form["rooms"].items()},
+        {m.id: m for m in entries},
+        _pairs(form["no_claim"]),
         form["no_claim_pages"],
     )
-    twice = [f.id for f in figures if sum(g.id == f.id for g in figures) > 1]
-    wrong = [f"'{name}' stands twice" for name in dict.fromkeys(twice)] + mistakes(ledger)
+    wrong = [f"'{n}' stands twice" for n, k in Counter(m.id for m in entries).items() if k > 1]
+    for measurement in entries:
+        wrong += [f"{measurement.id}: {told}" for told in _mistakes(measurement, ledger)]
     if wrong:
         raise ValueError(f"{file}: " + "; ".join(wrong))
     return ledger
 
 
-def mistakes(ledger: Ledger) -> list[str]:
+def value_of(hole: str) -> str:
+    """The value's place: `a/b` of `a/b#count` and of `a/b:.2f`."""
+    return re.split("[#:]", hole)[0]
+
+
+def holes(template: str) -> list[str]:
+    """The values of a template, as they are written in it, without what stands for anything."""
+    return [hole for hole in HOLE.findall(template) if hole != ANYTHING]
+
+
+def _mistakes(m: Measurement, ledger: Ledger) -> Iterator[str]:
     """What contradicts itself."""
-    wrong = []
-    for f in ledger.figures.values():
-        wrong += [f"{f.id}: kind '{f.kind}', not one of {KINDS}"] * (f.kind not in KINDS)
-        wrong += [f"{f.id}: cost '{f.cost}', not one of {COSTS}"] * (f.cost not in COSTS)
-        strangers = ", ".join(sorted(set(f.depends) - set(ledger.files)))
-        wrong += [f"{f.id}: no set of files '{strangers}'"] * bool(strangers)
-        if not f.low <= f.value <= f.high:
-            wrong.append(f"{f.id}: {f.value} lies outside of {f.low} to {f.high}")
-        if f.kind == "measured" and not (f.command and f.commit and f.date and f.depends):
-            wrong.append(f"{f.id}: measured, but without command, commit, date or depends")
-        if f.of is not None and f.count is not None and abs(f.count / f.of - f.value) > 1e-3:
-            wrong.append(f"{f.id}: {f.count} of {f.of} is not {f.value}")
-    return wrong
+    if m.kind not in KINDS:
+        yield f"kind '{m.kind}', not one of {KINDS}"
+    if m.kind != "quoted" and not (m.date and m.commit):
+        yield "without date or commit"
+    if strangers := sorted(set(m.depends) - set(ledger.rooms)):
+        yield f"no room {', '.join(strangers)}"
+    if bool(m.content) != bool(m.depends) or bool(m.values) != (m.kind == MEASURED):
+        yield "content belongs to depends, and values to what a command measures"
+    shown = {value_of(h) for _, text in m.prints for h in holes(text)}
+    if unlike := sorted(shown ^ set(m.values)):
+        yield f"printed without a value, or a value that no page prints: {', '.join(unlike)}"
 
 
-def _figure(entry: Mapping[str, Any]) -> Figure:
-    low, high = entry["interval"]
-    quick = entry.get("quick")
-    depends = entry.get("depends", [])
-    return Figure(
+def _measurement(entry: Mapping[str, Any]) -> Measurement:
+    return Measurement(
         id=entry["id"],
-        kind=entry.get("kind", "measured"),
-        value=float(entry["value"]),
-        low=float(low),
-        high=float(high),
-        because=entry["because"],
-        unit=entry["unit"],
-        command=entry.get("command", ""),
-        key=entry.get("key", ""),
-        depends=tuple(depends if isinstance(depends, list) else [depends]),
-        needs=entry.get("needs", ""),
-        cost=entry.get("cost", "slow"),
-        commit=str(entry.get("commit", "")),
+        kind=entry.get("kind", MEASURED),
+        command=entry["command"],
         date=str(entry.get("date", "")),
-        content=str(entry.get("content", "")),
-        count=entry.get("count"),
-        of=entry.get("of"),
-        quick=Quick(quick["command"], quick["key"]) if quick else None,
+        commit=entry.get("commit", ""),
+        content=entry.get("content", ""),
+        depends=tuple(entry.get("depends", ())),
+        needs=entry.get("needs", ""),
+        values={
+            place: Share(**value) if isinstance(value, Mapping) else float(value)
+            for place, value in entry.get("values", {}).items()
+        },
+        prints=_pairs(entry["prints"]),
     )
 
 
-def _account(entry: Mapping[str, Any]) -> Account:
-    return Account(
-        entry["id"],
-        entry["command"],
-        str(entry["commit"]),
-        str(entry["date"]),
-        entry["file"],
-        tuple(entry["texts"]),
-    )
+def _pairs(form: Mapping[str, list[str]]) -> Pairs:
+    return tuple((page, text) for page, texts in form.items() for text in texts)

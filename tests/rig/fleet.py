@@ -28,7 +28,7 @@ from rulec.engines.call import DASK, Engine
 from rulec.fleet.fleet_file import Fleet, read_fleet
 from rulec.fleet.judged import judged
 from rulec.fleet.places import tasks_of
-from rulec.fleet.store import DONE, Store, tables
+from rulec.fleet.store import Store, tables
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
@@ -38,10 +38,6 @@ from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT
 
 JOBS, HELD, EVERY, DEGREE = 2, 1800, 10, 0.2
-
-MANY, CORE_HOUR, STORED_MONTH, DAYS = 100_000, 0.05, 0.023, 30
-"""Plants of a capacity on paper; euros that an hour of a core and a month of a GB of object storage
-cost, assumed; days that recordings are kept."""
 
 
 def write_day(models: Compilation, folder: Path, number: int, seconds: int) -> str:
@@ -86,10 +82,6 @@ def cpu() -> float:
     """CPU seconds of this process and of its children that have ended."""
     used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(one.ru_utime + one.ru_stime for one in used)
-
-
-def size_of(folder: Path) -> int:
-    return sum(f.stat().st_size for f in folder.rglob("*") if f.is_file())
 
 
 def kept(fleet: Fleet, results: Iterator[tuple[Task, Row]]) -> dict[Task, Row]:
@@ -139,10 +131,6 @@ def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, 
     faulty = [(own, names) for own, names in zip(made, told, strict=True) if own]
     begun = time.perf_counter()
     elsewhere = on_a_cluster(fleet, tasks)
-    size, kept_size = (
-        size_of(folder / "recordings") / plants,
-        size_of(fleet.results / DONE) / plants,
-    )
     return {
         "plants": plants,
         "seconds": seconds,
@@ -150,26 +138,10 @@ def measured(folder: Path, plants: int, seconds: int, trace: bool) -> dict[str, 
         "per-minute": 60.0 * plants / used,
         "elapsed": lasted,
         "elapsed-dask": time.perf_counter() - begun,
-        "recordings": size,
-        "results": kept_size,
-        "capacity": capacity(used / plants, size, kept_size),
         "faulty": len(faulty),
         "found": sum(own in names for own, names in faulty),
         "alarms": sum(bool(names) for own, names in zip(made, told, strict=True) if not own),
         "same": elsewhere == found,
-    }
-
-
-def capacity(seconds: float, recording: float, results: float) -> dict[str, float]:
-    """What many plants take, from CPU time, s, and bytes of a plant-day."""
-    hours, stored = MANY * seconds / 3600, MANY * recording / 1e9
-    return {
-        "core-hours": hours,
-        "cores": hours / 24,
-        "recordings": stored / 1e3,
-        "results": MANY * results / 1e9,
-        "money-cores": DAYS * hours * CORE_HOUR,
-        "money-storage": DAYS * stored * STORED_MONTH,
     }
 
 

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.soak import clocks, crowd, disk, frozen, killed, mutated, network, odd, sources
+from tests.soak import disk, frozen, killed, mutated, network, sources
 from tests.soak.summary import summed
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
@@ -26,26 +26,13 @@ PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-lines": (killed.lines_killed, 50),
     "opcua": (partial(sources.killed, "opcua"), 50),
     "mqtt": (partial(sources.killed, "mqtt"), 50),
-    "opcua-shifted": (partial(sources.killed, "opcua", shifts=True), 10),
-    "opcua-odd": (odd.opcua, 9),
     "network-opcua": (partial(network.through, "opcua"), 10),
     "network-mqtt": (partial(network.through, "mqtt"), 10),
-    "clock-seconds": (clocks.seconds, 3),
-    "clock-dates": (clocks.dates, 3),
-    "clock-opcua": (partial(clocks.served, "opcua"), 3),
-    "clock-mqtt": (partial(clocks.served, "mqtt"), 3),
     "frozen-file": (frozen.file, 5),
     "frozen-opcua": (partial(frozen.served, "opcua"), 5),
     "frozen-mqtt": (partial(frozen.served, "mqtt"), 5),
-    "disk-journal": (partial(disk.full, options=disk.JOURNAL), 10),
-    "disk-lines": (partial(disk.full, options=disk.LINES), 10),
-    "disk-lines-killed": (partial(disk.full, options=(*disk.LINES, "--waiting", "."), kills=2), 10),
-    "disk-read-only": (disk.read_only, 10),
-    "database": (disk.database, 1),
-    "page-crowd": (crowd.page, 50),
-    "mutated-input": (mutated.standard_input, 10_000),
+    "disk-journal": (disk.full, 10),
     "mutated-file": (mutated.growing_file, 10_000),
-    "mutated-mqtt": (mutated.messages, 10_000),
 }
 """Each with what it does, and how often."""
 

@@ -6,7 +6,6 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Thread
 
@@ -70,28 +69,13 @@ def course(folder: Path, rows: int, on: int = ON, off: int = OFF) -> Course:
     )
 
 
-def ahead(jumps: Sequence[tuple[int, float]], row: int) -> float:
-    """What the clock of the source is wrong by at a row, s; it jumps from some rows on."""
-    return sum(by for first, by in jumps if first <= row)
-
-
 class Logger:
-    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then.
+    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then."""
 
-    `jumps` of its clock as (from which row on, by how many s); `since` where times are dates, s.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        course: Course,
-        pause: float,
-        jumps: Sequence[tuple[int, float]] = (),
-        since: float | None = None,
-    ) -> None:
-        self._course, self._pause, self._jumps, self._since = course, pause, jumps, since
+    def __init__(self, path: Path, course: Course, pause: float) -> None:
+        self._course, self._pause = course, pause
         self._out = path.open("w", encoding="utf-8", buffering=1)
-        self._out.write(",".join(["time" if since else "time [s]", *course.titles]) + "\n")
+        self._out.write(",".join(["time [s]", *course.titles]) + "\n")
         self.written, self.over = 0, Event()
         self._stop, self._enough = Event(), Event()
         self._thread = Thread(target=self._run, daemon=True)
@@ -115,7 +99,7 @@ class Logger:
         for k, row in enumerate(self._course.rows):
             if k in starts and self._enough.is_set():
                 break
-            line = ",".join([self._time(k), *row]) + "\n"
+            line = ",".join([str(k), *row]) + "\n"
             half = len(line) // 2 if k % 7 == 0 else 0
             self._out.write(line[:half])
             self._out.flush()
@@ -125,12 +109,6 @@ class Logger:
             self._out.flush()
             self.written = k + 1
         self.over.set()
-
-    def _time(self, row: int) -> str:
-        time = row + ahead(self._jumps, row)
-        if self._since is None:
-            return f"{time:g}"
-        return f"{datetime.fromtimestamp(self._since + time, UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def texts(titles: Sequence[str]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -114,17 +113,6 @@ def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict
 
 def _known(event: Event) -> Known:
     return event.episode.subject or event.episode.kind, event.episode.since
-
-
-def by_name(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, int]:
-    """Faults by their names alone, where the clock of the source is wrong."""
-    there = Counter(e.episode.subject or e.episode.kind for e in told(events))
-    wanted = Counter(f.fault for f in planted)
-    return {
-        "faults": len(planted),
-        "faults_lost": (wanted - there).total(),
-        "faults_twice": (there - wanted).total(),
-    }
 
 
 def bad_output(text: str) -> dict[str, int]:

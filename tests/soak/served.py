@@ -11,41 +11,28 @@ import json
 import logging
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tests.soak.plant import Course, ahead, texts
+from tests.soak.plant import Course, texts
 
 
-def write_play(
-    path: Path,
-    course: Course,
-    start: float,
-    step: float,
-    jumps: Sequence[tuple[int, float]] = (),
-    odd: Sequence[tuple[int, int, str]] = (),
-    shifts: bool = False,
-) -> None:
-    """What is played from when on, and how the clock of the source jumps.
-
-    `odd`: from which row to which the first signal is odd, and how; `shifts` if the server has
-    further namespaces before the plant's from its second start on.
-    """
-    play = {**asdict(course), "start": start, "step": step, "jumps": jumps}
-    play |= {"odd": odd, "shifts": shifts}
+def write_play(path: Path, course: Course, start: float, step: float) -> None:
+    """What is played from when on."""
+    play = {**asdict(course), "start": start, "step": step}
     path.write_text(json.dumps(play), encoding="utf-8")
 
 
-async def due(play: dict[str, Any]) -> AsyncIterator[tuple[int, float, list[str]]]:
-    """Rows that are due from now on, with their numbers and times."""
+async def due(play: dict[str, Any]) -> AsyncIterator[tuple[float, list[str]]]:
+    """Rows that are due from now on, with their times."""
     k = max(int((time.time() - play["start"]) / play["step"]), 0)
     while k < len(play["rows"]):
         at = play["start"] + k * play["step"]
         await asyncio.sleep(max(at - time.time(), 0.0))
-        yield k, at + ahead(play["jumps"], k), play["rows"][k]
+        yield at, play["rows"][k]
         k += 1
 
 
@@ -58,10 +45,6 @@ async def opcua(port: int, path: Path, host: str) -> None:
     await server.init()
     server.set_endpoint(f"opc.tcp://{host}:{port}")
     server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-    started = path.with_suffix(".started")
-    for extra in range(started.exists() * play["shifts"] * 2):
-        await server.register_namespace(f"urn:other:{extra}")
-    started.touch()
     space = await server.register_namespace("urn:plant")
     nodes = []
     k = min(max(int((time.time() - play["start"]) / play["step"]), 0), len(play["rows"]) - 1)
@@ -74,24 +57,11 @@ async def opcua(port: int, path: Path, host: str) -> None:
         nodes.append(node)
     await server.start()
     print("up", flush=True)
-    gone = False
-    async for k, at, row in due(play):
-        stamp = datetime.fromtimestamp(at, UTC)
-        how = next((how for first, last, how in play["odd"] if first <= k < last), "")
-        if gone != (how == "gone"):
-            gone = not gone
-            if gone:
-                await server.delete_nodes(nodes[:1])
-            else:
-                nodes[0] = await server.nodes.objects.add_variable(
-                    nodes[0].nodeid, ua.QualifiedName("again", space), float(row[0])
-                )
-        for node, cell in list(zip(nodes, row, strict=True))[gone:]:
-            odd = how if node is nodes[0] else ""
-            held: Any = [float(cell), 1.0] if odd == "array" else float(cell)
-            code = ua.StatusCodes.Uncertain if odd == "uncertain" else ua.StatusCodes.Good
-            value = ua.Variant(held, ua.VariantType.Double)
-            await node.write_value(ua.DataValue(value, ua.StatusCode(code), stamp))
+    async for at, row in due(play):
+        stamp, good = datetime.fromtimestamp(at, UTC), ua.StatusCode(ua.StatusCodes.Good)
+        for node, cell in zip(nodes, row, strict=True):
+            value = ua.Variant(float(cell), ua.VariantType.Double)
+            await node.write_value(ua.DataValue(value, good, stamp))
     await asyncio.Event().wait()
 
 
@@ -110,13 +80,13 @@ async def mqtt(port: int, path: Path, host: str) -> None:
     client.loop_start()
     names = texts(play["titles"])
     print("up", flush=True)
-    async for _, at, row in due(play):
+    async for at, row in due(play):
         values = dict(zip(names, map(float, row), strict=True))
         client.publish("plant", json.dumps({"time": at, **values}))
     await asyncio.Event().wait()
 
 
-def maps(kind: str, course: Course, host: str, port: int, step: float, **more: float) -> str:
+def maps(kind: str, course: Course, host: str, port: int, step: float) -> str:
     """The map of either source; JSON is YAML."""
     units = {t.partition(" ")[0]: t.removesuffix("]").split(" [")[1] for t in course.titles}
     if kind == "opcua":
@@ -126,7 +96,6 @@ def maps(kind: str, course: Course, host: str, port: int, step: float, **more: f
         signals = {n: {"topic": "plant", "name": n, "unit": u} for n, u in units.items()}
         scheme = "mqtt"
     data = {"endpoint": f"{scheme}://{host}:{port}", "interval": step, "signals": signals}
-    data |= more
     return json.dumps(data, indent=1)
 
 

@@ -19,8 +19,8 @@ from tests.soak.plant import Course, course
 from tests.soak.served import maps, write_play
 from tests.soak.watching import Watch
 
-STEP = 0.2
-"""Seconds from row to row."""
+LEAD, STEP = 5.0, 0.2
+"""Seconds before the first row, and from row to row."""
 PATIENCE = 90.0
 """Seconds that the watch has to be connected again."""
 
@@ -33,7 +33,6 @@ class Served:
         self.port = port or free_port()
         self.before: tuple[str, ...] = ()
         self.watched_from: tuple[str, ...] = ()
-        self.keys: dict[str, float] = {}  # further ones of its map
 
     def start(self) -> None:
         words = (self.kind, str(self.port), str(self.folder / "play.json"), self.host)
@@ -50,17 +49,12 @@ class Served:
         self._process.communicate()
 
 
-def watched(
-    folder: Path, what: Course, served: Served, lead: float = 5.0, **play: Any
-) -> tuple[Watch, float]:
-    """A watch of a served plant, with a journal, and when its first row is due, s since 1970.
-
-    `play` is handed on to `write_play`.
-    """
-    text = maps(served.kind, what, served.host, served.port, STEP, **served.keys)
+def watched(folder: Path, what: Course, served: Served) -> tuple[Watch, float]:
+    """A watch of a served plant, with a journal, and when its first row is due, s since 1970."""
+    text = maps(served.kind, what, served.host, served.port, STEP)
     (folder / "map.yaml").write_text(text)
-    start = time.time() + lead
-    write_play(folder / "play.json", what, start, STEP, **play)
+    start = time.time() + LEAD
+    write_play(folder / "play.json", what, start, STEP)
     served.start()
     options = ("--source", served.kind, "--map", "map.yaml", "--journal", "journal.db")
     watch = Watch(folder, *options, before=served.watched_from)
@@ -68,12 +62,11 @@ def watched(
     return watch, start
 
 
-def killed(kind: str, folder: Path, times: int, shifts: bool = False) -> dict[str, Any]:
-    """An OPC UA server, or an MQTT broker with the client that publishes; `shifts` if namespaces of
-    the server have other numbers when it is started again."""
+def killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    """An OPC UA server, or an MQTT broker with the client that publishes."""
     draw, what = random.Random(3), course(folder, 300 + 200 * times, 200, 100)
     served = Served(kind, folder)
-    watch, start = watched(folder, what, served, shifts=shifts)
+    watch, start = watched(folder, what, served)
     until = time.monotonic() + PATIENCE
     while not score.rows_of(folder / "journal.db")[0] and time.monotonic() < until:
         time.sleep(0.2)

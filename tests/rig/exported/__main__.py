@@ -101,7 +101,7 @@ def evaluated(block: Block, routine: Routine, values: dict[str, Value]) -> dict[
 
 def findings(work: Path) -> dict[str, Any]:
     """Recordings judged by way of their modules: how many give the same findings as the whole."""
-    given, asked, first = [], [], []
+    given, first = [], []
     largest, count = 0.0, 0
     for i, (plant, recording) in enumerate([*shipped(), *real(work)]):
         folder = work / f"split{i}"
@@ -112,15 +112,12 @@ def findings(work: Path) -> dict[str, Any]:
             continue  # it never settles, so there is nothing to tell
         count += len(found.whole.findings)
         given.append(same_story(found.whole, found.given))
-        asked.append(same_story(found.whole, found.asked))
         first.append(same_story(found.whole, found.first_order))
-        both = (found.given, found.asked)
-        largest = max([largest, *(g for part in both for g in gaps(found.whole, part))])
+        largest = max([largest, *gaps(found.whole, found.given)])
     return {
         "recordings": len(given),
         "findings": count,
         "same_with_readings": Share(sum(given), len(given)).form(),
-        "same_when_asked": Share(sum(asked), len(asked)).form(),
         "same_to_first_order": Share(sum(first), len(first)).form(),
         "largest_difference": largest / SAME,
     }

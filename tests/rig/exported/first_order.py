@@ -17,7 +17,7 @@ from rulec.cli import main
 from tests.conftest import ROOT
 from tests.rig.exported.split import split
 
-DEGREES = (0.1, 0.3, 0.6)
+DEGREES = (0.1, 0.6)
 PLANT = ROOT / "plants" / "abc"
 INPUTS = PLANT / "examples" / "healthy.csv"
 SINCE = 30.0
