@@ -25,46 +25,33 @@ from rulec.commands.matrix import json_form
 from rulec.simulation.signature import signature_of
 from tests.runtime.tanks import made, plant
 
-PLANTS = ("cascaded-tanks", "wastewater-lab")
-
 HALF_WINDOW = 256.0
 """Time between windows, s: half of 128 samples of 4 s."""
 
 SHORT = 600
 """Samples that are enough where nothing is dated."""
 
-BEFORE_UPPER = {"pump.leakage", "pump.u.high", "upper.lost-inflow"}
-INTO_FIRST = {"supply.Q.high", "tank1.lost-inflow"}
-OUT_OF_SECOND = {"pump2.Q.low", "tank2.unseen-outflow"}
-
 FEW = ("upper.blockage", "lower.y.low", "supply.Q.high")
 """Asked about in every run, one of each kind."""
 
-FAULTS = {
+ALIKE = {
     # What the upper tank gets too little of looks the same wherever it is lost.
-    "pump.leakage": ("cascaded-tanks", BEFORE_UPPER),
-    "pump.u.high": ("cascaded-tanks", BEFORE_UPPER),
-    "upper.lost-inflow": ("cascaded-tanks", BEFORE_UPPER),
-    "pump.u.low": ("cascaded-tanks", set()),
-    "upper.blockage": ("cascaded-tanks", set()),
-    "lower.lost-inflow": ("cascaded-tanks", set()),
-    "lower.blockage": ("cascaded-tanks", set()),
-    "lower.y.high": ("cascaded-tanks", set()),
-    "lower.y.low": ("cascaded-tanks", set()),
+    "cascaded-tanks": [{"pump.leakage", "pump.u.high", "upper.lost-inflow"}],
     # A meter that shows too much, and a line that loses what it has shown, are one to the tank.
-    "supply.Q.high": ("wastewater-lab", INTO_FIRST),
-    "tank1.lost-inflow": ("wastewater-lab", INTO_FIRST),
-    "supply.Q.low": ("wastewater-lab", set()),
-    "tank1.unseen-outflow": ("wastewater-lab", set()),
-    "tank1.l.high": ("wastewater-lab", set()),
-    "pump1.Q.low": ("wastewater-lab", set()),
-    "lateral.Q.high": ("wastewater-lab", set()),
-    "tank2.lost-inflow": ("wastewater-lab", set()),
-    "tank2.unseen-outflow": ("wastewater-lab", OUT_OF_SECOND),
-    "pump2.Q.low": ("wastewater-lab", OUT_OF_SECOND),
-    "tank2.l.low": ("wastewater-lab", set()),
+    "wastewater-lab": [
+        {"supply.Q.high", "tank1.lost-inflow"},
+        {"pump2.Q.low", "tank2.unseen-outflow"},
+    ],
 }
-"""Fault to plant, and what cannot be told from it there."""
+"""What cannot be told from each other."""
+
+FAULTS = {
+    "cascaded-tanks": "pump.leakage pump.u.high pump.u.low upper.lost-inflow upper.blockage "
+    "lower.lost-inflow lower.blockage lower.y.high lower.y.low",
+    "wastewater-lab": "supply.Q.high supply.Q.low tank1.lost-inflow tank1.unseen-outflow "
+    "tank1.l.high pump1.Q.low lateral.Q.high tank2.lost-inflow tank2.unseen-outflow pump2.Q.low "
+    "tank2.l.low",
+}
 
 
 def judged(name: str, recording: Recording) -> Diagnosis:
@@ -72,11 +59,11 @@ def judged(name: str, recording: Recording) -> Diagnosis:
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(3), pytest.param(range(3, 10), marks=pytest.mark.prove)], ids=["few", "more"]
+    "seeds", [range(2), pytest.param(range(2, 10), marks=pytest.mark.prove)], ids=["few", "more"]
 )
-@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize("name", FAULTS)
 def test_healthy_recordings_have_no_finding(name: str, seeds: range) -> None:
-    """No false alarm in ten recordings, three of them in every run."""
+    """No false alarm in ten recordings, two of them in every run."""
     for seed in seeds:
         said = judged(name, made(name, seed))
         assert [] == [f.fault.id for f in said.findings], seed
@@ -84,17 +71,21 @@ def test_healthy_recordings_have_no_finding(name: str, seeds: range) -> None:
 
 
 @pytest.mark.parametrize(
-    "fault", [f if f in FEW else pytest.param(f, marks=pytest.mark.prove) for f in FAULTS]
+    ("name", "fault"),
+    [
+        pytest.param(name, fault, marks=() if fault in FEW else pytest.mark.prove)
+        for name, faults in FAULTS.items()
+        for fault in faults.split()
+    ],
 )
-def test_a_fault_that_begins_in_the_middle_is_found(fault: str) -> None:
+def test_a_fault_that_begins_in_the_middle_is_found(name: str, fault: str) -> None:
     """As itself, or beside what cannot be told from it; with its degree, and from its beginning."""
-    name, alike = FAULTS[fault]
     recording = made(name, 1, (fault, 0.2, 0.5))
     said = judged(name, recording)
     (finding,) = said.findings
     among = {finding.fault.id, *(other for other, _ in finding.alternatives)}
     assert fault in among
-    assert among <= {fault} | alike
+    assert among == {fault} or any(among <= alike for alike in ALIKE[name])
     begin = 0.5 * recording.time[-1]
     assert abs(finding.since - begin) < HALF_WINDOW
     # A tank that runs full or empty shows no more.
@@ -133,55 +124,45 @@ def test_what_is_missing_is_not_judged() -> None:
     """Gaps of given readings, of measured ones, and columns that are not there."""
     recording = made("cascaded-tanks", 0, count=SHORT)
     gone = (recording.time > 900.0) & (recording.time < 1500.0)
-    blank = np.where(gone, np.nan, recording.values["pump.u"])
-    said = judged("cascaded-tanks", _with(recording, {"pump.u": blank}))
-    assert () == said.findings
-    assert any("pump.u has no reading" in p.text for p in said.not_judged)
-    assert 0 < said.judged < said.samples
-    blank = np.where(gone, np.nan, recording.values["lower.y"])
-    said = judged("cascaded-tanks", _with(recording, {"lower.y": blank}))
-    assert () == said.findings
-    assert any(p.text.startswith("lower.y: no reading") for p in said.not_judged)
+    for name, why in (("pump.u", "pump.u has no reading"), ("lower.y", "lower.y: no reading")):
+        said = judged("cascaded-tanks", _with(recording, name, np.where(gone, np.nan, 0.0)))
+        assert () == said.findings
+        assert any(why in p.text for p in said.not_judged)
+        assert 0 < said.judged < said.samples
     alone = {n: v for n, v in recording.values.items() if n != "pump.u"}
     said = judged("cascaded-tanks", replace(recording, values=alone, missing=("pump.u",)))
     assert ("C", 0) == (said.status, said.judged)
     nothing = {n: np.full(len(recording), np.nan) for n in recording.values}
-    assert 0 == judged("cascaded-tanks", _with(recording, nothing)).judged
+    assert 0 == judged("cascaded-tanks", replace(recording, values=nothing)).judged
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 10, 24, 60])
+@pytest.mark.parametrize("count", [1, 2, 3, 24])
 def test_short_recordings_do_not_fail(count: int) -> None:
     """A few samples give no finding, and no exception."""
-    said = judged("wastewater-lab", made("wastewater-lab", 0, count=count))
-    assert () == said.findings
-    assert len(trace(made("wastewater-lab", 0, count=count), plant("wastewater-lab")).verdict) == (
-        count
-    )
+    recording = made("wastewater-lab", 0, count=count)
+    assert () == judged("wastewater-lab", recording).findings
+    assert len(trace(recording, plant("wastewater-lab")).verdict) == count
 
 
 def test_a_bad_model_is_measured_by_itself_and_does_not_alarm() -> None:
     """Errors that come and go, as of any real plant, raise the usual misfit; a remark says so."""
     recording = made("cascaded-tanks", 5)
     wave = 0.3 * np.sin(recording.time / 90.0) * np.sin(recording.time / 37.0)
-    said = judged(
-        "cascaded-tanks", _with(recording, {"lower.y": recording.values["lower.y"] + wave})
-    )
+    said = judged("cascaded-tanks", _with(recording, "lower.y", wave))
     assert () == said.findings
     assert any("usually miss" in note for note in said.notes)
 
 
 def test_every_form_tells_the_finding(tmp_path: Path) -> None:
-    """Trace, JSON, terminal and report of a ruleset that went through a file."""
+    """Trace, JSON and report of a ruleset that went through a file."""
     file = tmp_path / "ruleset.json"
     file.write_text(plant("cascaded-tanks").to_json(), encoding="utf-8")
-    ruleset = read_ruleset(file)
-    recording = made("cascaded-tanks", 0, ("lower.blockage", 0.2, 0.5), SHORT)
-    said = diagnose(recording, ruleset)
-    form = diagnosis_form(said)
-    assert ["lower.blockage"] == [f["fault"] for f in form["findings"]]
-    result = trace(recording, ruleset)
-    row = [f.id for f in ruleset.faults].index("lower.blockage")
-    assert {"ok", "lower.blockage"} == set(result.verdict)
+    ruleset, fault = read_ruleset(file), "lower.blockage"
+    recording = made("cascaded-tanks", 0, (fault, 0.2, 0.5), SHORT)
+    said, result = diagnose(recording, ruleset), trace(recording, ruleset)
+    assert [fault] == [f["fault"] for f in diagnosis_form(said)["findings"]]
+    assert {"ok", fault} == set(result.verdict)
+    row = [f.id for f in ruleset.faults].index(fault)
     assert result.degree[row, -1] == pytest.approx(0.2, abs=0.02)
     assert len(trace_csv(result).splitlines()) == len(recording) + 1
     assert "lower: at this level 20" in report(recording, said, result, "made", None)
@@ -198,5 +179,6 @@ def test_matrix_says_what_acts_alike() -> None:
     assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]
 
 
-def _with(recording: Recording, changed: dict[str, np.ndarray]) -> Recording:
-    return replace(recording, values={**recording.values, **changed})
+def _with(recording: Recording, name: str, more: np.ndarray) -> Recording:
+    """With something added to a reading."""
+    return replace(recording, values={**recording.values, name: recording.values[name] + more})

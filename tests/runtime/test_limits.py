@@ -48,9 +48,10 @@ LAYOUT = {
 FILES = [p for top in ("rulec", "runtime") for p in sorted((ROOT / top).rglob("limits.py"))]
 
 
-def constants(tree: ast.Module) -> Iterator[tuple[str, str]]:
+def constants(file: Path) -> Iterator[tuple[str, str]]:
     """Upper-case names that a module defines, each with the docstring below it."""
-    for node, below in zip(tree.body, [*tree.body[1:], None], strict=True):
+    body = ast.parse(file.read_text(encoding="utf-8")).body
+    for node, below in zip(body, [*body[1:], None], strict=True):
         match node:
             case ast.Assign(targets=[target]) | ast.AnnAssign(target=target):
                 names = target.elts if isinstance(target, ast.Tuple) else [target]
@@ -64,14 +65,9 @@ def constants(tree: ast.Module) -> Iterator[tuple[str, str]]:
                 yield name.id, text
 
 
-def test_there_are_limits() -> None:
-    assert ROOT / "runtime" / "rulec_runtime" / "limits.py" in FILES
-
-
 @pytest.mark.parametrize("file", FILES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_every_number_has_a_meaning_and_an_origin(file: Path) -> None:
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    without = [name for name, text in constants(tree) if not ORIGIN.search(" ".join(text.split()))]
+    without = [n for n, text in constants(file) if not ORIGIN.search(" ".join(text.split()))]
     assert without == []
 
 
@@ -86,13 +82,9 @@ def test_every_number_is_used() -> None:
         for name in [node.id if isinstance(node, ast.Name) else node.attr]
         if name.isupper()
     )
-    unused = [
-        f"{file.relative_to(ROOT)}: {name}"
-        for file in FILES
-        for name, _ in constants(ast.parse(file.read_text(encoding="utf-8")))
-        if not used[name]
-    ]
-    assert unused == []
+    found = [(file, name) for file in FILES for name, _ in constants(file)]
+    assert len(found) > 100
+    assert [] == [(file, name) for file, name in found if not used[name]]
 
 
 def test_numbers_stand_in_limits_alone() -> None:
@@ -105,7 +97,7 @@ def test_numbers_stand_in_limits_alone() -> None:
         if any(name == part or name.startswith(f"{part}.") for part in LAYOUT):
             continue
         module = importlib.import_module(name)
-        for constant, _ in constants(ast.parse(file.read_text(encoding="utf-8"))):
+        for constant, _ in constants(file):
             value = getattr(module, constant)
             first = value[0] if isinstance(value, tuple) else value
             if isinstance(first, Real) and not isinstance(first, bool):
