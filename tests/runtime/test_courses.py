@@ -40,8 +40,6 @@ def test_the_degree_is_that_of_the_end(fault: str, degree: np.ndarray) -> None:
     (finding,) = said(fault, degree, 8401).findings
     assert (fault, True) == (finding.fault.id, finding.active)
     growth, size = finding.growth, float(degree[-1])
-    assert growth is not None
-    assert growth.rate is not None
     assert growth.grows
     assert growth.lower <= size <= growth.upper
     assert growth.upper - growth.lower < 0.25 * size
@@ -53,9 +51,7 @@ def test_where_it_is_going_in_words_as_json_and_as_a_picture() -> None:
     same numbers everywhere; a rate by the hour."""
     diagnosis = said("A.leakage", 0.4 * SHARE, 8401)
     (finding,) = diagnosis.findings
-    assert finding.growth is not None
     reaches = finding.growth.reaches
-    assert reaches is not None
     end = 5.0 * (len(SHARE) - 1)
     assert 0.5 == reaches.degree
     assert reaches.earliest <= 1.25 * end <= reaches.latest
@@ -95,8 +91,6 @@ def test_steps_stay_findings_of_their_own() -> None:
     findings = said("A.leakage", 0.1 * np.floor(4.99 * SHARE), 8403).findings
     assert [0.1, 0.2, 0.3, 0.4] == [round(f.degree, 1) for f in findings]
     last = findings[-1].growth
-    assert last is not None
-    assert last.rate is not None
     assert not last.grows
     assert last.rate[1] <= 0.4 / (5.0 * len(SHARE)) <= last.rate[2]
     assert [None] * 3 == [f.growth for f in findings[:-1]]
@@ -106,7 +100,5 @@ def test_a_fault_that_stays_does_not_grow() -> None:
     """Constant from the middle on: the rate may be none."""
     (finding,) = said("A.leakage", np.where(SHARE > 0.5, 0.3, 0.0), 8404).findings
     growth = finding.growth
-    assert growth is not None
-    assert growth.rate is not None
     assert growth.rate[1] <= 0.0 <= growth.rate[2]
     assert ("", None) == (grown(finding), growth.reaches)

@@ -18,7 +18,6 @@ from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.diagnosis.steady.rivals import Other, rivals_of
 from rulec_runtime.diagnosis.stores import judge
 from rulec_runtime.diagnosis.stores.joined_windows import _cause
 from rulec_runtime.diagnosis.trace import trace
@@ -169,16 +168,6 @@ def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
         assert (one.fault.id, one.degree, one.lower) == (other.fault.id, other.degree, other.lower)
 
 
-def test_rivals_stay_rivals_however_rare() -> None:
-    """What the readings do not tell from a cause, and what is about as probable."""
-    named = Other("a", 0.90, 0.40)
-    others = [Other("b", 0.009, 0.40), Other("c", 0.05, 0.01), Other("d", 0.001, 0.01)]
-    others.append(Other("e", 0.35, 0.03))
-    rivals, remote = rivals_of(named, others)
-    assert [name for name, _ in rivals] == ["e", "b"]
-    assert [name for name, _ in remote] == ["c"]
-
-
 def test_a_plant_that_stores_weighs_them_too(abc: Ruleset) -> None:
     """Two faults leave the same of a window; with 2.0 less than ten times as likely, and with 8.0
     more."""
@@ -196,29 +185,9 @@ def test_a_plant_that_stores_weighs_them_too(abc: Ruleset) -> None:
         assert (first, tests[first].degree) == (cause.fault, cause.degree)
 
 
-def test_the_words_reach_the_ruleset_and_old_ones_go_without(kb: Path) -> None:
-    """A word that is none is refused; the schemas know the same words."""
-    assert "frequency" not in listed(compiled(RIG)).to_json()
-    rules = with_frequencies(kb, {LEAK: "rare"})
-    data = json.loads(rules.to_json())
-    assert [(LEAK, "rare")] == [
-        (f["id"], f["frequency"]) for f in data["faults"] if "frequency" in f
-    ]
-    assert rules == parse_ruleset(data)
-    next(f for f in data["faults"] if f["id"] == LEAK)["frequency"] = "often"
-    with pytest.raises(RulesetRefused, match="no frequency 'often'"):
-        parse_ruleset(data)
-    fault, module = (
-        json.loads((ROOT / "kb/schema" / f"{kind}.schema.json").read_text("utf-8"))["properties"]
-        for kind in ("fault", "module")
-    )
-    for part in (fault, module["faults"]["items"]["properties"]):
-        assert part["frequency"]["enum"] == list(limits.FREQUENCY_ODDS)
-
-
-def test_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
+def test_words_reach_the_ruleset_and_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
     """What the file of a fault says, of one direction or of all, holds where the module type says
-    nothing."""
+    nothing. A word that is none is refused; the schemas know the same words."""
     file = kb / "kb" / "faults" / "slope.yaml"
     text = file.read_text(encoding="utf-8")
     high = "excess of the reading over the true value}"
@@ -230,6 +199,18 @@ def test_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
     assert ("rare", "rare", "common", "usual", "usual") == tuple(words[n] for n in named)
     assert "a survey" in rules.fault_by_id["main.dp.low"].frequency_origin
     assert "a bench" in rules.fault_by_id["main.dp.high"].frequency_origin
+    data = json.loads(rules.to_json())
+    assert rules == parse_ruleset(data)
+    assert "frequency" not in listed(compiled(RIG)).to_json()
+    data["faults"][0]["frequency"] = "often"
+    with pytest.raises(RulesetRefused, match="no frequency 'often'"):
+        parse_ruleset(data)
+    fault, module = (
+        json.loads((ROOT / "kb/schema" / f"{kind}.schema.json").read_text("utf-8"))["properties"]
+        for kind in ("fault", "module")
+    )
+    for part in (fault, module["faults"]["items"]["properties"]):
+        assert part["frequency"]["enum"] == list(limits.FREQUENCY_ODDS)
 
 
 def test_beside_the_plant_the_more_usual_is_named_first_too(

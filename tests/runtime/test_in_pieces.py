@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,7 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady import limits as of_steady
 from rulec_runtime.recordings import limits as of_recordings
 from rulec_runtime.recordings import text_parts, text_table
-from rulec_runtime.recordings.piecewise import (
-    differences,
-    filled_blocks,
-    median_of,
-    parts_of,
-    runs_of_same,
-    runs_where,
-)
+from rulec_runtime.recordings.piecewise import median_of
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.scratch import array, arrays, let_go
 from rulec_runtime.report.json_form import diagnosis_form
@@ -33,17 +25,16 @@ from rulec_runtime.report.json_form import diagnosis_form
 from tests.conftest import ROOT, compiled
 from tests.runtime.sheets import write
 
-NAN = np.nan
 CLOSE = 1e-9
 """Products of matrices with other numbers of columns may differ in their last digits."""
 
 
 @pytest.fixture
-def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Makes pieces as small as this, and puts all arrays into files."""
+def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Makes pieces small, and puts all arrays into files."""
 
-    def set_to(block: int) -> None:
-        for name, value in (("IN_MEMORY", 0), ("BLOCK", block), ("SORTED_AT_ONCE", 5)):
+    def set_to() -> None:
+        for name, value in (("IN_MEMORY", 0), ("BLOCK", 11), ("SORTED_AT_ONCE", 5)):
             monkeypatch.setattr(of_recordings, name, value)
         for name in ("POINTS_AT_ONCE", "RUNS_AT_ONCE"):
             monkeypatch.setattr(of_steady, name, 2)
@@ -53,16 +44,13 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return set_to
 
 
-PLANTS = ROOT / "plants"
-
-
 def odd(recording: Recording) -> Recording:
     """With gaps, a pause, a reading that sticks and one that dies."""
     n = len(recording)
     values = {name: column.copy() for name, column in recording.values.items()}
     first, second, *_ = (v for v in values.values() if np.isfinite(v).all())
-    first[n // 5 : n // 5 + 2] = NAN
-    first[n // 2 : n // 2 + 9] = NAN
+    first[n // 5 : n // 5 + 2] = np.nan
+    first[n // 2 : n // 2 + 9] = np.nan
     second[-n // 3 :] = second[-n // 3]
     time = recording.time + np.where(np.arange(n) > n // 4, 500.0, 0.0)
     return replace(recording, values=values, time=time)
@@ -82,25 +70,24 @@ def again(recording: Recording) -> Recording:
 @pytest.mark.parametrize(
     ("plant", "name", "changed"),
     [
-        ("abc", "leakage_A.csv", odd),
         ("abc", "leakage_A.csv", again),
         ("abc", "leakage_A.parquet", as_it_is),
         ("abc", "swapped.csv", as_it_is),
         ("abc", "step_B.csv", odd),
-        ("mixing-rig", "clogging_D.csv", again),
+        ("mixing-rig", "clogging_D.csv", odd),
     ],
 )
 def test_same_findings(
     plant: str,
     name: str,
     changed: Callable[[Recording], Recording],
-    tiny: Callable[[int], None],
+    tiny: Callable[[], None],
 ) -> None:
     """Readers, sensor health, settled stretches, baselines and findings, of more episodes of a
     fault than are held at a time."""
-    rules, file = compiled(plant), PLANTS / plant / "examples" / name
+    rules, file = compiled(plant), ROOT / "plants" / plant / "examples" / name
     whole = diagnosis_form(diagnose(changed(read_recording(file, rules)), rules))
-    tiny(23)
+    tiny()
     pieces = diagnosis_form(diagnose(changed(read_recording(file, rules)), rules))
     assert_alike(whole, pieces)
 
@@ -139,12 +126,12 @@ CELLS = {
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[int], None]) -> None:
+def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[], None]) -> None:
     """Times of all kinds, and rows that are left out or put in order."""
     rules = compiled("abc")
     file = write(tmp_path, gzip.compress(CELLS[name].encode()), "made.csv.gz")
     whole = read_recording(file, rules)
-    tiny(11)
+    tiny()
     pieces = read_recording(file, rules)
     np.testing.assert_array_equal(whole.time, pieces.time)
     np.testing.assert_array_equal(whole.values["A.dp"], pieces.values["A.dp"])
@@ -164,37 +151,10 @@ def test_median_of_many(numbers: list[float], part: int) -> None:
         return (values[k : k + part] for k in range(0, len(values), part))
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(of_recordings, "SORTED_AT_ONCE", 3)
-        patched.setattr(of_recordings, "SAMPLED", 3)
-        patched.setattr(of_recordings, "MEDIAN_WITHIN", 1.0)
+        for name, value in (("SORTED_AT_ONCE", 3), ("SAMPLED", 3), ("MEDIAN_WITHIN", 1.0)):
+            patched.setattr(of_recordings, name, value)
         found = median_of(parts)
-    expected = float(np.median(values)) if numbers else NAN
-    np.testing.assert_equal(found, expected)
-
-
-@given(st.lists(st.sampled_from([NAN, 1.0, 2.0]), min_size=1, max_size=40), st.integers(1, 9))
-def test_runs_across_blocks(numbers: list[float], block: int) -> None:
-    values = np.array(numbers)
-    same = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), len(values)]
-    ones = values == 1.0
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(of_recordings, "BLOCK", block)
-        long, shorter = runs_of_same(values, 3)
-        flagged = runs_where(len(values), lambda a, b: ones[a:b], 1)
-        steps = [*differences(parts_of(values), 1)]
-        filled = {k: f[k - s] for a, b, s, f in filled_blocks(values, 2) for k in range(a, b)}
-    lengths = np.diff(same)
-    assert long == [(a, b) for a, b in pairwise(same) if b - a >= 3]
-    assert shorter == max([1, *lengths[lengths < 3].tolist()])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ones, [False]]).astype(int)))
-    assert flagged == list(map(tuple, edges.reshape(-1, 2).tolist()))
-    np.testing.assert_array_equal(
-        np.concatenate([np.zeros(0), *steps]), np.diff(values[np.isfinite(values)])
-    )
-    last = NAN
-    for k, value in enumerate(numbers):
-        last = last if np.isnan(value) else value
-        assert filled[k] == last or (np.isnan(filled[k]) and np.isnan(last))
+    np.testing.assert_equal(found, float(np.median(values)) if numbers else np.nan)
 
 
 def test_arrays_in_files(monkeypatch: pytest.MonkeyPatch) -> None:

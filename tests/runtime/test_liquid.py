@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 import yaml
-from rulec_runtime.contract.ruleset_file import parse_ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
@@ -112,26 +109,6 @@ def test_a_trace_names_the_liquid() -> None:
     """Sample by sample; faults of modules have the columns."""
     words = trace(recorded("abc", 1, *COLD), calibrated(ruleset("abc"))).verdict
     assert ("ok", "liquid.viscosity.high") == (words[HOLD // 2], words[-2])
-
-
-def test_the_ruleset_reads_back_and_plants_of_one_module_know_no_liquid() -> None:
-    """There it is what faults of that module are."""
-    abc = ruleset("abc")
-    assert abc.liquid == parse_ruleset(json.loads(abc.to_json())).liquid
-    assert ["liquid.viscosity.high", "liquid.viscosity.low"] == [c.fault.id for c in abc.liquid]
-    assert () == ruleset("zema-hydraulic").liquid
-
-
-def test_without_a_change_estimates_are_as_without_the_liquid() -> None:
-    """At degree 0 the plan with the liquid undone is the plan."""
-    rules = ruleset("mixing-rig")
-    names = [n for n in rules.undo.outputs if n.startswith("ql:")]
-    inputs = {n: 0.0 for n in rules.undo.inputs if n.startswith("x:")}
-    readings = {s.id: s.reference for s in rules.signals if s.id in rules.undo.inputs}
-    found = rules.undo.run({**inputs, **readings})
-    assert len(names) == 15
-    for name in names:
-        assert np.ravel(found[name]) == pytest.approx(np.ravel(found[name.replace("ql:", "q:")]))
 
 
 def test_its_laws_are_those_of_the_effects() -> None:

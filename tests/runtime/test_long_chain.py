@@ -30,7 +30,7 @@ from tests.conftest import ROOT
 from tests.rig.follower.plants import Planted, recorded
 
 SHORT, LONG = 40, 80
-FAULT, DEGREE, ROWS = "D3_2.leakage", 0.3, 900
+LEAK, DEGREE, ROWS = "D3_1.leakage", 0.3, 900
 
 
 @cache
@@ -42,10 +42,10 @@ def rules_of(modules: int) -> Ruleset:
         return compile_plant(Path(folder))
 
 
-def leaking(rules: Ruleset, fault: str, first: int, last: int, seed: int = 5) -> Recording:
+def leaking(rules: Ruleset, fault: str, first: int, last: int) -> Recording:
     """A recording in which there is a fault for some of the time."""
     planted = [Planted(fault, DEGREE, first, last)]
-    return recorded(rules, ROWS, planted, 1.0, np.random.default_rng(seed))
+    return recorded(rules, ROWS, planted, 1.0, np.random.default_rng(5))
 
 
 def found(rules: Ruleset, recording: Recording, fault: str) -> Finding:
@@ -58,16 +58,26 @@ def found(rules: Ruleset, recording: Recording, fault: str) -> Finding:
 
 
 def test_fault_of_a_long_chain_is_found_in_time() -> None:
-    """As in a short chain; twice as many modules take no more than three times as long."""
-    took = {}
-    for modules, many in ((SHORT, False), (LONG, True)):
+    """As in a short chain; twice as many modules take no more than three times as long.
+
+    A mixer of a long chain shows a hundredth of its sensor's range, and the leak before it takes a
+    little of that: it has to be small, and is not dead. Without that reading equal pumps would not
+    be told apart."""
+    took, first = {}, 2 * ROWS // 3
+    for modules in (SHORT, LONG):
         rules = rules_of(modules)
-        recording = leaking(rules, FAULT, ROWS // 3, ROWS // 2, 1)
-        assert has_many(rules) == many
+        recording = leaking(rules, LEAK, first, ROWS)
+        assert has_many(rules) == (modules == LONG)
         begin = time.process_time()
-        assert found(rules, recording, FAULT).probability > 0.9
+        assert found(rules, recording, LEAK).probability > 0.9
         took[modules] = time.process_time() - begin
     assert took[LONG] < 3.0 * took[SHORT]
+    dead = recording.values["M3.dp"].copy()
+    dead[first:] *= 0.01
+    recording = replace(recording, values={**recording.values, "M3.dp": dead})
+    ((one, rows),) = dead_of(recording, rules)
+    assert (one.signal, rows.stop) == ("M3.dp", ROWS)
+    assert rows.start == pytest.approx(first, abs=5.0)
 
 
 @pytest.mark.parametrize(
@@ -82,20 +92,6 @@ def test_fault_where_many_flows_meet_is_there_when_it_shows(fault: str) -> None:
     assert finding.until == pytest.approx(last, abs=5.0)
 
 
-def test_small_reading_that_has_to_be_small_is_not_dead() -> None:
-    """A mixer of a long chain shows a hundredth of its sensor's range; a leak before it takes a
-    little of that. Without that reading equal pumps would not be told apart."""
-    rules, first = rules_of(LONG), 2 * ROWS // 3
-    recording = leaking(rules, "D3_1.leakage", first, ROWS)
-    found(rules, recording, "D3_1.leakage")
-    dead = recording.values["M3.dp"].copy()
-    dead[first:] *= 0.01
-    recording = replace(recording, values={**recording.values, "M3.dp": dead})
-    ((one, rows),) = dead_of(recording, rules)
-    assert (one.signal, rows.stop) == ("M3.dp", ROWS)
-    assert rows.start == pytest.approx(first, abs=5.0)
-
-
 @pytest.mark.prove
 def test_columns_of_a_long_chain_are_read_otherwise_where_that_may_help(
     monkeypatch: pytest.MonkeyPatch,
@@ -103,7 +99,7 @@ def test_columns_of_a_long_chain_are_read_otherwise_where_that_may_help(
     """What a fault explains, and what no other reading makes agree, is worked out in full for next
     to none of the hundreds of columns."""
     rules = rules_of(SHORT)
-    recording = leaking(rules, "D3_1.leakage", ROWS // 3, ROWS)
+    recording = leaking(rules, LEAK, ROWS // 3, ROWS)
     asked: list[str] = []
     told = headers._may_agree
 
@@ -120,7 +116,7 @@ def test_columns_of_a_long_chain_are_read_otherwise_where_that_may_help(
 def test_directions_keep_the_variance_of_errors() -> None:
     """Directions and what is left of errors have together the covariance that all errors have."""
     rules = rules_of(LONG)
-    recording = leaking(rules, FAULT, ROWS // 3, ROWS // 2, 1)
+    recording = leaking(rules, LEAK, ROWS // 3, ROWS)
     stretches, noise = judgeable(recording, rules, "default")
     points = points_of_stretches(recording, rules, stretches, noise).at(slice(0, 2))
     every = estimate(rules, points)
