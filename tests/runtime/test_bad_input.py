@@ -48,36 +48,23 @@ def strict(text: str) -> Any:
 
 
 def check_form(data: dict[str, Any], ruleset: Ruleset) -> None:
-    """The form that design.md fixes."""
+    """The form that design.md fixes, but for faults of the plant that are found."""
     wanted = "plant ruleset samples judged status findings unknown not_judged blind"
     assert set(wanted.split()) <= set(data)
     assert data["status"] in ("F", "C", "S", "M", "ok")
     assert 0 <= data["judged"] <= data["samples"]
-    faults = {f.id for f in ruleset.faults}
     for finding in data["findings"]:
         assert 0.0 <= finding["duration"] == finding["until"] - finding["since"]
         if finding["kind"] == "sensor":
             assert finding["fault"].rpartition(".")[0] in {"time", *ruleset.signal_by_id}
             assert {"F", "C"} >= {finding["status"]}
             assert (1.0, 1.0, []) == tuple(finding[k] for k in ("degree", "lower", "evidence"))
-            continue
-        assert finding["fault"] in faults
-        assert finding["module"] == finding["fault"].split(".")[0]
-        assert finding["lower"] <= finding["degree"] <= finding["upper"]
-        assert 0.0 <= finding["probability"] <= 1.0
-        assert {a["fault"] for a in finding["alternatives"]} <= faults - {finding["fault"]}
-        assert finding["text"]
-        for row in finding["evidence"]:
-            assert {"residual", "value", "u", "threshold", "verdict", "expected"} <= set(row)
-            assert row["residual"] in {r.id for r in ruleset.residuals}
-            assert row["verdict"] in ("+", "-", "0", "invalid")
-            assert row["expected"] in ("+", "-", "0")
     because = {"since", "until", "because"}
     assert all({"since", "until", "text"} == set(period) for period in data["unknown"])
     assert all(because == set(period) and period["because"] for period in data["not_judged"])
     for period in data["blind"]:
         assert because | {"faults", "readings"} == set(period)
-        assert set(period["faults"]) <= faults
+        assert set(period["faults"]) <= {f.id for f in ruleset.faults}
         assert {r.rpartition(".")[0] for r in period["readings"]} <= set(ruleset.modules)
         assert data["status"] in ("F", "C")
 
@@ -211,17 +198,6 @@ def test_recording_of_another_plant_with_the_same_names(tmp_path: Path, ruleset_
     assert any("is this a recording of another plant?" in n for n in data["notes"])
 
 
-def test_folder_of_recordings(tmp_path: Path, ruleset_file: Path) -> None:
-    """Three files one behind the other; a finding knows when it began in that order."""
-    folder = tmp_path / "recordings"
-    folder.mkdir()
-    for name, text in (("1", SHEET.text()), ("2", LEAKING), ("3", SHEET.text())):
-        write(folder, text, f"{name}.csv")
-    _, _, data = diagnose(ruleset_file, folder)
-    assert (200, {"A.leakage"}) == (data["samples"], {f["fault"] for f in data["findings"]})
-    assert all(60 <= f["since"] < f["until"] < 140 for f in data["findings"])
-
-
 @pytest.mark.parametrize("mode", ["default", "paper"])
 def test_a_leakage_in_json_and_trace(
     mode: str, tmp_path: Path, ruleset_file: Path, abc: Ruleset
@@ -231,14 +207,26 @@ def test_a_leakage_in_json_and_trace(
     target, recording = tmp_path / "trace.csv", write(tmp_path, LEAKING)
     _, _, data = diagnose(ruleset_file, recording, "--mode", mode, "--trace", str(target))
     check_form(data, abc)
-    assert "A.leakage" in {f["fault"] for f in data["findings"]}
-    assert all(f["evidence"] for f in data["findings"])
+    faults = {f.id for f in abc.faults}
+    assert "A.leakage" in {f["fault"] for f in data["findings"]} <= faults
+    for finding in data["findings"]:
+        assert finding["module"] == finding["fault"].split(".")[0]
+        assert finding["lower"] <= finding["degree"] <= finding["upper"]
+        assert 0.0 <= finding["probability"] <= 1.0
+        assert {a["fault"] for a in finding["alternatives"]} <= faults - {finding["fault"]}
+        assert finding["text"]
+        assert finding["evidence"]
+        for row in finding["evidence"]:
+            assert {"residual", "value", "u", "threshold", "verdict", "expected"} <= set(row)
+            assert row["residual"] in {r.id for r in abc.residuals}
+            assert row["verdict"] in ("+", "-", "0", "invalid")
+            assert row["expected"] in ("+", "-", "0")
     with target.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     of_faults = [c for f in abc.faults for c in (f.id, f"{f.id} lower", f"{f.id} upper")]
     assert ["time [s]", "verdict", *of_faults] == header
     assert [float(row[0]) for row in rows] == [float(k) for k in range(80)]
-    verdicts = {f.id for f in abc.faults} | {"ok", "unknown", "outside", "moving", "cannot judge"}
+    verdicts = {"ok", "unknown", "outside", "moving", "cannot judge"} | faults
     assert {row[1] for row in rows} <= verdicts
     assert "A.leakage" in {row[1] for row in rows[30:40]}
     numbers = np.array([row[2:] for row in rows], dtype=float)
@@ -247,39 +235,30 @@ def test_a_leakage_in_json_and_trace(
     assert (numbers[:, ::3] <= numbers[:, 2::3]).all()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        ("nothing.json x.csv", 1, "nothing.json"),
-        ("{rules} nothing.csv", 1, "there is no such file"),
-        ("{rules} {rules}", 1, "no time column"),
-        ("{rules} /dev/null", 1, "rulec: /dev/null"),
-        ("{rules} {folder}/empty.csv", 1, "the file is empty"),
-        ("{rules} {folder}/other.csv", 1, "no column belongs to this plant"),
-        ("{folder}/healthy.csv {folder}/healthy.csv", 1, "healthy.csv"),
-        ("{rules} {folder}/healthy.csv --json /nowhere/out.json", 2, "--json /nowhere"),
-        ("{rules} {folder}/healthy.csv --trace /nowhere/out.csv", 2, "--trace /nowhere"),
-        ("{rules}", 2, "usage"),
-        ("{rules} x.csv --mode guess", 2, "usage"),
-    ],
-)
 def test_wrong_calls_give_a_message(
-    arguments: str,
-    code: int,
-    message: str,
-    tmp_path: Path,
-    ruleset_file: Path,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, ruleset_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Exit code and message, no exception; argparse leaves by itself for wrong usage."""
     texts = {"healthy": SHEET.text(), "empty": "", "other": "time [s],PS1 [bar]\n0,160\n"}
-    for name, text in texts.items():
-        write(tmp_path, text, f"{name}.csv")
-    try:
-        found = main(["diagnose", *arguments.format(rules=ruleset_file, folder=tmp_path).split()])
-    except SystemExit as leaving:
-        found = leaving.code
-    assert (code, True) == (found, message in capsys.readouterr().err)
+    healthy, empty, other = (write(tmp_path, t, f"{name}.csv") for name, t in texts.items())
+    for arguments, code, message in (
+        ("nothing.json x.csv", 1, "nothing.json"),
+        (f"{ruleset_file} nothing.csv", 1, "there is no such file"),
+        (f"{ruleset_file} {ruleset_file}", 1, "no time column"),
+        (f"{ruleset_file} /dev/null", 1, "rulec: /dev/null"),
+        (f"{ruleset_file} {empty}", 1, "the file is empty"),
+        (f"{ruleset_file} {other}", 1, "no column belongs to this plant"),
+        (f"{healthy} {healthy}", 1, "healthy.csv"),
+        (f"{ruleset_file} {healthy} --json /nowhere/out.json", 2, "--json /nowhere"),
+        (f"{ruleset_file} {healthy} --trace /nowhere/out.csv", 2, "--trace /nowhere"),
+        (f"{ruleset_file}", 2, "usage"),
+        (f"{ruleset_file} x.csv --mode guess", 2, "usage"),
+    ):
+        try:
+            found = main(["diagnose", *arguments.split()])
+        except SystemExit as leaving:
+            found = leaving.code
+        assert (code, True) == (found, message in capsys.readouterr().err), arguments
 
 
 def test_json_alone_on_standard_output(

@@ -37,11 +37,12 @@ from rulec.simulation.simulate import simulate_with
 from tests.conftest import ROOT, compiled
 from tests.export.plants import codes
 
+RECORD = "{fault: slope(Q), frequency: rare, source: a record}"
+SURVEY = "frequency: common\nfrequency_source: a survey\n"
 RIG = "zema-hydraulic"
 LEAK, LOW = "main.leakage", "main.Q.low"
 """No reading of the plant tells them apart."""
 
-ENTRIES = {LEAK: "leakage(pump)", LOW: "slope(Q)"}
 SAMPLES = 240
 
 
@@ -54,25 +55,6 @@ def said_of(ruleset: Ruleset, words: Mapping[str, str]) -> Ruleset:
     """The plant told how often faults come, without compiling."""
     faults = (replace(f, frequency=words.get(f.id, f.frequency)) for f in ruleset.faults)
     return replace(ruleset, faults=tuple(faults))
-
-
-@pytest.fixture
-def kb(tmp_path: Path) -> Path:
-    """A folder with a copy of the knowledge base, and of the plant."""
-    shutil.copytree(ROOT / "kb", tmp_path / "kb", ignore=shutil.ignore_patterns("effects"))
-    shutil.copytree(ROOT / "plants" / RIG, tmp_path / "plants" / RIG)
-    return tmp_path
-
-
-def with_frequencies(home: Path, words: Mapping[str, str]) -> Ruleset:
-    """The plant, compiled where its module type says how often faults come."""
-    text = (ROOT / "kb" / "modules" / "pump-set-warm.yaml").read_text(encoding="utf-8")
-    for fault, word in words.items():
-        entry = f'{{fault: {ENTRIES[fault]}, frequency: {word}, source: "own record of failures"}}'
-        assert ENTRIES[fault] in text
-        text = text.replace(ENTRIES[fault], entry)
-    (home / "kb" / "modules" / "pump-set-warm.yaml").write_text(text, encoding="utf-8")
-    return listed(compile_plant(home / "plants" / RIG))
 
 
 TIME = np.arange(float(SAMPLES))
@@ -98,24 +80,20 @@ def only(recording: Recording, ruleset: Ruleset) -> Finding:
     return finding
 
 
-def test_the_more_usual_of_two_that_fit_is_named_first(kb: Path, leaking: Recording) -> None:
+def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> None:
     """Frequencies swapped: the headline swaps; what each fault measures stays as it was."""
     plain = listed(compiled(RIG))
-    before = only(leaking, plain)
+    before, measured = only(leaking, plain), trace(leaking, plain)
     assert before.probability == pytest.approx(0.5)
-    measured = trace(leaking, plain)
     for named, other in ((LEAK, LOW), (LOW, LEAK)):
-        rules = with_frequencies(kb, {named: "common", other: "rare"})
-        finding = only(leaking, rules)
-        assert named == finding.fault.id
-        assert [other] == [name for name, _ in finding.alternatives]
+        rules = said_of(plain, {named: "common", other: "rare"})
+        finding, again = only(leaking, rules), trace(leaking, rules)
+        assert (named, [other]) == (finding.fault.id, [name for name, _ in finding.alternatives])
         assert finding.probability == pytest.approx(100 / 101)
         assert (finding.since, finding.until) == (before.since, before.until)
-        again = trace(leaking, rules)
         assert np.array_equal(measured.degree, again.degree)
         assert np.array_equal(measured.upper, again.upper)
         assert {named} == set(again.verdict) - {"ok", "moving", "unknown"}
-        assert "own record of failures" in finding.fault.frequency_origin
         if named == LEAK:
             bounds = [(f.degree, f.lower, f.upper) for f in (before, finding)]
             assert bounds[0] == bounds[1]
@@ -185,20 +163,31 @@ def test_a_plant_that_stores_weighs_them_too(abc: Ruleset) -> None:
         assert (first, tests[first].degree) == (cause.fault, cause.degree)
 
 
-def test_words_reach_the_ruleset_and_a_module_type_knows_better_than_the_fault(kb: Path) -> None:
+def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) -> None:
     """What the file of a fault says, of one direction or of all, holds where the module type says
     nothing. A word that is none is refused; the schemas know the same words."""
-    file = kb / "kb" / "faults" / "slope.yaml"
-    text = file.read_text(encoding="utf-8")
+    shutil.copytree(ROOT / "kb", tmp_path / "kb", ignore=shutil.ignore_patterns("effects"))
+    plant = shutil.copytree(ROOT / "plants" / RIG, tmp_path / "plants" / RIG)
     high = "excess of the reading over the true value}"
-    text = text.replace(high, f"{high}, frequency: usual, frequency_source: a bench")
-    file.write_text(f"{text}frequency: common\nfrequency_source: a survey\n", encoding="utf-8")
-    rules = with_frequencies(kb, {LOW: "rare"})
+    for name, old, new, more in (
+        ("faults/slope", high, f"{high}, frequency: usual, frequency_source: a bench", SURVEY),
+        (
+            "modules/pump-set-warm",
+            "slope(Q)",
+            RECORD,
+            "",
+        ),
+    ):
+        file = tmp_path / "kb" / f"{name}.yaml"
+        text = file.read_text(encoding="utf-8")
+        assert old in text
+        file.write_text(text.replace(old, new) + more, encoding="utf-8")
+    rules = listed(compile_plant(plant))
     words = {f.id: f.frequency for f in rules.faults}
     named = (LOW, LOW.replace(".low", ".high"), "main.dp.low", "main.dp.high", LEAK)
     assert ("rare", "rare", "common", "usual", "usual") == tuple(words[n] for n in named)
-    assert "a survey" in rules.fault_by_id["main.dp.low"].frequency_origin
-    assert "a bench" in rules.fault_by_id["main.dp.high"].frequency_origin
+    for one, origin in ((LOW, "a record"), (named[2], "a survey"), (named[3], "a bench")):
+        assert origin in rules.fault_by_id[one].frequency_origin
     data = json.loads(rules.to_json())
     assert rules == parse_ruleset(data)
     assert "frequency" not in listed(compiled(RIG)).to_json()

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import gzip
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady import limits as of_steady
 from rulec_runtime.recordings import limits as of_recordings
 from rulec_runtime.recordings import text_parts, text_table
-from rulec_runtime.recordings.piecewise import median_of
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.recordings.scratch import array, arrays, let_go
+from rulec_runtime.recordings.scratch import array
 from rulec_runtime.report.json_form import diagnosis_form
 
 from tests.conftest import ROOT, compiled
@@ -139,38 +135,11 @@ def test_same_recording(name: str, tmp_path: Path, tiny: Callable[[], None]) -> 
     assert (whole.calendar, whole.left_out) == (pieces.calendar, pieces.left_out)
 
 
-@given(
-    st.lists(st.sampled_from([-2.5, -1.0, 0.0, 1e-300, 1.0, 1.0, 3.0, 1e9]), max_size=60),
-    st.integers(1, 9),
-)
-def test_median_of_many(numbers: list[float], part: int) -> None:
-    """As by sorting, whatever is equal and wherever parts end, also where a sample misses it."""
-    values = np.array(numbers)
-
-    def parts() -> Iterator[Array]:
-        return (values[k : k + part] for k in range(0, len(values), part))
-
-    with pytest.MonkeyPatch.context() as patched:
-        for name, value in (("SORTED_AT_ONCE", 3), ("SAMPLED", 3), ("MEDIAN_WITHIN", 1.0)):
-            patched.setattr(of_recordings, name, value)
-        found = median_of(parts)
-    np.testing.assert_equal(found, float(np.median(values)) if numbers else np.nan)
-
-
-def test_arrays_in_files(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are as good as others, and keep their numbers when memory is given back; a full disk is
-    told."""
-    monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
-    one, flags = arrays([((3, 5), float), ((7,), bool)])
-    one[1, 2], flags[6] = 2.5, True
-    let_go(one[1], flags)
-    assert (2.5, 2.5) == (one[1, 2], one.sum())
-    assert flags.tolist() == [False] * 6 + [True]
-    assert 0 == len(array(0))
-
+def test_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
+    monkeypatch.setattr(of_recordings, "IN_MEMORY", 0)
     monkeypatch.setattr("os.posix_fallocate", full, raising=False)
     with pytest.raises(Exception, match="TMPDIR"):
         array(10)

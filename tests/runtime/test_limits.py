@@ -7,6 +7,7 @@ import importlib
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from numbers import Real
 from pathlib import Path
 
@@ -35,9 +36,14 @@ LAYOUT = {
 FILES = [p for top in ("rulec", "runtime") for p in sorted((ROOT / top).rglob("limits.py"))]
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def constants(file: Path) -> Iterator[tuple[str, str]]:
     """Upper-case names that a module defines, each with the docstring below it."""
-    body = ast.parse(file.read_text(encoding="utf-8")).body
+    body = parsed(file).body
     for node, below in zip(body, [*body[1:], None], strict=True):
         match node:
             case ast.Assign(targets=[target]) | ast.AnnAssign(target=target):
@@ -64,7 +70,7 @@ def test_every_number_is_used() -> None:
     used = Counter(
         name
         for file in code
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(file))
         if isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Load)
         for name in [node.id if isinstance(node, ast.Name) else node.attr]
         if name.isupper()
