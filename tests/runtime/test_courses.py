@@ -137,7 +137,6 @@ def test_a_leakage_that_comes_and_goes(points: int, hold: int, fewest: int) -> N
     (finding,) = found.findings
     assert finding.fault.id == "A.leakage"
     assert finding.degree == pytest.approx(DEGREE, abs=0.02)
-    assert finding.events is not None
     assert fewest <= finding.events.count <= points * hold // PERIOD
     assert finding.events.duration == pytest.approx(ON, abs=0.3)
     assert finding.text.endswith(f"; comes and goes: {finding.events.count} times, about 2 s each")

@@ -7,8 +7,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,8 +16,6 @@ from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.from_modules import diagnose_results
 from rulec_runtime.diagnosis.steady.findings import Finding
-from rulec_runtime.diagnosis.stores import judge
-from rulec_runtime.diagnosis.stores.joined_windows import _cause
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.rows import Rows
@@ -94,9 +90,8 @@ def test_the_more_usual_of_two_that_fit_is_named_first(leaking: Recording) -> No
         assert np.array_equal(measured.degree, again.degree)
         assert np.array_equal(measured.upper, again.upper)
         assert {named} == set(again.verdict) - {"ok", "moving", "unknown"}
-        if named == LEAK:
-            bounds = [(f.degree, f.lower, f.upper) for f in (before, finding)]
-            assert bounds[0] == bounds[1]
+        bounds = [(f.degree, f.lower, f.upper) for f in (before, finding)]
+        assert named == LOW or bounds[0] == bounds[1]
 
 
 def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
@@ -118,9 +113,7 @@ def test_it_is_said_why_and_what_to_check_for_each(leaking: Recording) -> None:
     assert form["why_first"] == [why]
     assert form["action"] == actions(rules, finding)
     assert [leak.action] == [one["action"] for one in form["alternatives"]]
-    page = story(diagnosis)
-    assert why in page
-    assert leak.action in page
+    assert all(words in story(diagnosis) for words in (why, leak.action))
 
 
 @pytest.mark.parametrize(("true", "course"), [(LEAK, "ramp"), (LOW, "step")])
@@ -144,23 +137,6 @@ def test_what_readings_tell_apart_stays(abc: Ruleset) -> None:
     assert plain.findings
     for one, other in zip(plain.findings, weighed.findings, strict=True):
         assert (one.fault.id, one.degree, one.lower) == (other.fault.id, other.degree, other.lower)
-
-
-def test_a_plant_that_stores_weighs_them_too(abc: Ruleset) -> None:
-    """Two faults leave the same of a window; with 2.0 less than ten times as likely, and with 8.0
-    more."""
-    faults = [abc.fault_by_id["A.leakage"], abc.fault_by_id["A.dp.low"]]
-    common = [faults[0], replace(faults[1], frequency="common")]
-    nothing, plain = cast(Any, None), cast(Any, SimpleNamespace(chi=99.0))
-    for left, first in ((10.0, "A.dp.low"), (12.0, "A.dp.low"), (18.0, "A.leakage")):
-        tests = {
-            "A.leakage": judge.Tested(0.1, 0.01, 10.0, True),
-            "A.dp.low": judge.Tested(0.2, 0.01, left, True),
-        }
-        one = judge.Judged(nothing, nothing, plain, 9, True, {}, tests)
-        assert "A.leakage" == _cause([one], [0], faults).fault
-        cause = _cause([one], [0], common)
-        assert (first, tests[first].degree) == (cause.fault, cause.degree)
 
 
 def test_words_reach_the_ruleset_and_a_module_type_knows_better(tmp_path: Path) -> None:
@@ -209,7 +185,6 @@ def test_beside_the_plant_the_more_usual_is_named_first_too(
     rules = said_of(listed(compiled(RIG)), {LOW: "common", LEAK: "rare"})
     whole = only(leaking, rules)
     seen = list(follow(rules, nothing_yet(False), Rows(leaking.time, leaking.values)))
-    assert seen[-1].diagnosis is not None
     assert seen[-1].diagnosis.findings == (whole,)
     events = [e.episode for told in seen for e in told.events if e.episode.kind == "fault"]
     (episode,) = {e.id: e for e in events}.values()

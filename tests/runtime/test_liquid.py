@@ -55,13 +55,6 @@ def test_a_cold_liquid_is_no_clogging_and_a_warm_one_is_thinner(rig: str) -> Non
         assert {"liquid.viscosity.low"} == named(said(rig, seed, 0.87, 1.25))
 
 
-def test_what_the_weather_makes_is_a_remark() -> None:
-    """A liquid thicker by a fifth, as 7 K make it: told, and no finding."""
-    found = said("abc", 0, 1.2**0.125**2, 1.2**-0.7)
-    assert ("ok", ()) == (found.status, found.findings)
-    assert any("the liquid is thicker" in note and "weather" in note for note in found.notes)
-
-
 @RIGS
 def test_what_modules_have_is_not_the_liquid(rig: str) -> None:
     """Named, and the liquid no alternative to it. A change of all lines with a tolerance comes near
@@ -88,8 +81,12 @@ def test_a_leakage_is_seen_beside_a_cold_liquid(rig: str) -> None:
         assert leak.lower - 0.01 < 0.2 < leak.upper + 0.01
 
 
-def test_temperatures_that_moved_are_told_and_count() -> None:
-    """One that fell as the change needs speaks for it, one that stayed speaks against."""
+def test_remarks() -> None:
+    """A liquid thicker by a fifth, as 7 K make it: told, and no finding. A temperature that fell as
+    the change needs speaks for it, one that stayed speaks against."""
+    found = said("abc", 0, 1.2**0.125**2, 1.2**-0.7)
+    assert ("ok", ()) == (found.status, found.findings)
+    assert any("the liquid is thicker" in note and "weather" in note for note in found.notes)
     fell, stayed = (said("abc", 1, *COLD, cooled).findings[0] for cooled in (15.0, 0.0))
     assert "2 temperatures fell by 15 K, which speaks for it" in fell.text
     assert "2 temperatures stayed within 0.5 K, which speaks against it" in stayed.text
