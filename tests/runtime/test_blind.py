@@ -16,7 +16,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.blind import blind_of, coverage_of
-from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.visible import visible_of
 from rulec_runtime.live.follower import follow, nothing_yet
 from rulec_runtime.live.rows import Rows
@@ -39,11 +39,10 @@ GONE_WITH_DP = {
 
 
 @cache
-def run_of(leakage: float = 0.0, hold: int = 25) -> Recording:
-    """Several operating points, perhaps with a leakage in A behind sound samples."""
+def run_of(hold: int = 25) -> Recording:
+    """Several operating points."""
     rig = RIGS["abc"]()
-    faults, lead_in = ({"A.leakage": leakage}, 25) if leakage else ({}, 0)
-    run = visiting_run(rig, operating_points(rig, 4), faults, lead_in=lead_in, hold=hold)
+    run = visiting_run(rig, operating_points(rig, 4), {}, lead_in=0, hold=hold)
     return of_columns(compiled("abc"), record(run, TABLE_1, 5).readings)
 
 
@@ -57,21 +56,6 @@ def gone(recording: Recording, name: str, rows: slice | Array) -> Recording:
     values = recording.values[name].copy()
     values[rows] = np.nan
     return put(recording, name, values)
-
-
-def said(recording: Recording) -> Diagnosis:
-    return diagnose(recording, compiled("abc"))
-
-
-def test_a_pressure_that_is_gone() -> None:
-    """Absent, or there and empty: the same faults, and the same reading that brings them back."""
-    whole = run_of(leakage=0.6)
-    for recording in (without(whole, "A.dp"), gone(whole, "A.dp", slice(None))):
-        found = said(recording)
-        (blind,) = found.blind
-        assert ("C", False, True) == (found.status, found.is_whole, blind.active)
-        assert set(blind.faults) == GONE_WITH_DP
-        assert (0.0, recording.time[-1], ("A.dp",)) == (blind.since, blind.until, blind.readings)
 
 
 def test_exit_code_json_and_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,11 +78,13 @@ def test_readings_that_bring_faults_back() -> None:
     """Of a module without any reading each fault with the fewest that do. Of a plant without any
     every fault, each once; what is named does bring it back, and no part of it would."""
     whole, rules, names = run_of(), compiled("abc"), ("A.n", "A.dp", "A.P_el")
-    back = {f: set(b.readings) for b in said(without(whole, *names)).blind for f in b.faults}
+    blind = diagnose(without(whole, *names), rules).blind
+    back = {fault: set(b.readings) for b in blind for fault in b.faults}
     assert set(back) == GONE_WITH_DP
     told = [back[f] for f in ("A.leakage", "A.clogging", "A.P_el.high")]
     assert [{"A.n", "A.dp"}, {"A.dp"}, set(names)] == told
-    found = said(replace(whole, values={n: np.full(len(whole), np.nan) for n in whole.values}))
+    nothing = {n: np.full(len(whole), np.nan) for n in whole.values}
+    found = diagnose(replace(whole, values=nothing), rules)
     assert ("C", 0) == (found.status, found.judged)
     assert sorted(f.id for f in rules.faults) == sorted(f for b in found.blind for f in b.faults)
     for fault, readings in ((f, b.readings) for b in found.blind for f in b.faults):
@@ -109,6 +95,7 @@ def test_readings_that_bring_faults_back() -> None:
 @pytest.mark.parametrize(
     ("rows", "told"),
     [
+        (slice(None), [(0.0, 99.0, True)]),
         (slice(0, 20), [(0.0, 19.0, False)]),
         (slice(60, None), [(60.0, 99.0, True)]),
         (slice(40, 39 + limits.PERSISTENCE), []),
@@ -122,8 +109,9 @@ def test_since_and_until_when(rows: slice | Array, told: list[tuple[float, float
     """Gone at the start only: it is over; gone from a row on: it is not. A gap shorter than a
     finding is none, and readings that come with every second row are enough; with every fourth they
     are not. Coverage is the share of the time of all faults."""
-    found = said(gone(run_of(), "A.dp", rows))
+    found = diagnose(gone(run_of(), "A.dp", rows), compiled("abc"))
     assert told == [(b.since, b.until, b.active) for b in found.blind]
+    assert all((GONE_WITH_DP, ("A.dp",)) == (set(b.faults), b.readings) for b in found.blind)
     lost = 9 / 18 * sum(until - since for since, until, _ in told) / 99.0
     assert coverage_of(found.ruleset, found.blind, 0.0, 99.0) == pytest.approx(1.0 - lost)
     assert found.status == ("C" if told else "ok")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,10 +53,6 @@ def odd(recording: Recording) -> Recording:
     return replace(recording, values=values, time=time)
 
 
-def as_it_is(recording: Recording) -> Recording:
-    return recording
-
-
 def again(recording: Recording) -> Recording:
     """The same three times, one behind the other."""
     time = np.arange(3.0 * len(recording))
@@ -67,8 +64,8 @@ def again(recording: Recording) -> Recording:
     ("plant", "name", "changed"),
     [
         ("abc", "leakage_A.csv", again),
-        ("abc", "leakage_A.parquet", as_it_is),
-        ("abc", "swapped.csv", as_it_is),
+        ("abc", "leakage_A.parquet", copy),
+        ("abc", "swapped.csv", copy),
         ("abc", "step_B.csv", odd),
         ("mixing-rig", "clogging_D.csv", odd),
     ],
