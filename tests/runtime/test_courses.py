@@ -1,28 +1,33 @@
-"""Faults that grow: how large now, how fast, and when how large; nothing where nothing grows."""
+"""Faults that grow: how large now, how fast, and when how large; nothing where nothing grows.
+
+What comes and goes within a few samples is counted and pooled; transients and glitches are none.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.growth import draw_growth, grown, sparkline
 from rulec_runtime.report.json_form import diagnosis_form
 
-from rulec.prove.truth import healthy_run, record
+from rulec.prove.truth import (
+    INSIDE,
+    Run,
+    healthy_run,
+    operating_points,
+    record,
+    settling,
+    visiting_run,
+)
 from tests.method.readings import built, calibrated, recording, ruleset
 
-SAMPLES = 720
-Way = Callable[[np.ndarray], np.ndarray]
-
-WAYS: dict[str, Way] = {
-    "linear": lambda share: share,
-    "accelerating": lambda share: share**2,
-    "late": lambda share: np.maximum(share - 0.5, 0.0) / 0.5,
-}
+SHARE = np.linspace(0.0, 1.0, 720)
+PERIOD, ON, DEGREE = 10, 2, 0.4
+"""Of a fault that comes and goes: seconds, and its degree."""
 
 
 def said(fault: str, degree: np.ndarray, seed: int, interval: float = 5.0) -> Diagnosis:
@@ -35,86 +40,36 @@ def said(fault: str, degree: np.ndarray, seed: int, interval: float = 5.0) -> Di
     return diagnose(recording(rules, made.readings), rules)
 
 
-def growing(fault: str, way: str, size: float, seed: int = 8401) -> Finding:
-    """The only finding, of this fault."""
-    degree = size * WAYS[way](np.linspace(0.0, 1.0, SAMPLES))
-    (finding,) = said(fault, degree, seed).findings
-    assert (fault, True) == (finding.fault.id, finding.active)
-    return finding
-
-
-@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
-    ("fault", "size"), [("A.leakage", 0.4), ("B.clogging", 1.5), ("A.dp.high", 0.15)]
+    ("fault", "degree"),
+    [
+        ("A.leakage", 0.4 * SHARE**2),
+        ("B.clogging", 1.5 * SHARE),
+        ("A.dp.high", 0.15 * np.maximum(SHARE - 0.5, 0.0) / 0.5),
+    ],
+    ids=["accelerating", "linear", "late"],
 )
-def test_the_degree_is_that_of_the_end(fault: str, size: float, way: str) -> None:
+def test_the_degree_is_that_of_the_end(fault: str, degree: np.ndarray) -> None:
     """Its bounds hold the truth, and the truth's growth lies within those of the rate."""
-    growth = growing(fault, way, size).growth
-    assert growth is not None
-    assert growth.rate is not None
+    (finding,) = said(fault, degree, 8401).findings
+    assert (fault, True) == (finding.fault.id, finding.active)
+    growth, size = finding.growth, float(degree[-1])
     assert growth.grows
     assert growth.lower <= size <= growth.upper
     assert growth.upper - growth.lower < 0.25 * size
-    share = np.linspace(0.0, 1.0, SAMPLES)
-    true = size * float(np.diff(WAYS[way](share))[-1]) / 5.0
-    assert growth.rate[1] <= true <= growth.rate[2]
+    assert growth.rate[1] <= float(np.diff(degree)[-1]) / 5.0 <= growth.rate[2]
 
 
-def test_where_it_is_going() -> None:
-    """A leakage that grew to 0.4 in an hour reaches 0.5, the next round one, a quarter later."""
-    growth = growing("A.leakage", "linear", 0.4).growth
-    assert growth is not None
-    assert growth.reaches is not None
-    end = 5.0 * (SAMPLES - 1)
-    assert 0.5 == growth.reaches.degree
-    assert growth.reaches.earliest <= 1.25 * end <= growth.reaches.latest
-    assert growth.reaches.latest - growth.reaches.earliest < 0.2 * end
-
-
-def test_a_meter_that_drifts_teaches_no_baseline() -> None:
-    """A power meter with a bound of 10 W that goes off by 15 W within two hours."""
-    degree = 0.15 * np.linspace(0.0, 1.0, SAMPLES)
-    (finding,) = said("A.P_el.high", degree, 8402, interval=10.0).findings
-    assert "A.P_el.high" == finding.fault.id
-    assert finding.lower <= 0.15 <= finding.upper
-
-
-@pytest.mark.parametrize("interval", [1.0, 10.0, 3600.0])
-def test_nothing_grows_in_a_sound_plant(interval: float) -> None:
-    """For minutes, hours, or a month."""
-    for seed in range(5):
-        assert "ok" == said("", np.zeros(SAMPLES), 8410 + seed, interval).status
-
-
-def test_steps_stay_findings_of_their_own() -> None:
-    """Each step has its degree; the last one says how it goes up."""
-    degree = 0.1 * np.floor(4.99 * np.linspace(0.0, 1.0, SAMPLES))
-    findings = said("A.leakage", degree, 8403).findings
-    assert [0.1, 0.2, 0.3, 0.4] == [round(f.degree, 1) for f in findings]
-    last = findings[-1].growth
-    assert last is not None
-    assert last.rate is not None
-    assert not last.grows
-    assert last.rate[1] <= 0.4 / (5.0 * SAMPLES) <= last.rate[2]
-    assert [None] * 3 == [f.growth for f in findings[:-1]]
-
-
-def test_a_fault_that_stays_does_not_grow() -> None:
-    """Constant from the middle on: the rate may be none."""
-    degree = np.where(np.arange(SAMPLES) > SAMPLES // 2, 0.3, 0.0)
-    (finding,) = said("A.leakage", degree, 8404).findings
-    growth = finding.growth
-    assert growth is not None
-    assert growth.rate is not None
-    assert growth.rate[1] <= 0.0 <= growth.rate[2]
-    assert ("", None) == (grown(finding), growth.reaches)
-
-
-def test_told_in_words_as_json_and_as_a_picture() -> None:
-    """The same numbers everywhere; a rate by the hour."""
-    degree = 0.4 * np.linspace(0.0, 1.0, SAMPLES)
-    diagnosis = said("A.leakage", degree, 8401)
+def test_where_it_is_going_in_words_as_json_and_as_a_picture() -> None:
+    """A leakage that grew to 0.4 in an hour reaches 0.5, the next round one, a quarter later. The
+    same numbers everywhere; a rate by the hour."""
+    diagnosis = said("A.leakage", 0.4 * SHARE, 8401)
     (finding,) = diagnosis.findings
+    reaches = finding.growth.reaches
+    end = 5.0 * (len(SHARE) - 1)
+    assert 0.5 == reaches.degree
+    assert reaches.earliest <= 1.25 * end <= reaches.latest
+    assert reaches.latest - reaches.earliest < 0.2 * end
     (form,) = diagnosis_form(diagnosis)["findings"]
     assert {"degree", "lower", "upper"} == form["now"].keys()
     assert form["degree"] == form["now"]["degree"]
@@ -124,9 +79,80 @@ def test_told_in_words_as_json_and_as_a_picture() -> None:
     words = grown(finding)
     assert "grows by" in words
     assert "reaches 50 % in" in words
-    assert finding.growth is not None
     line = sparkline(finding.growth)
     assert list(line) == sorted(line)
     picture = draw_growth(diagnosis, finding)
     assert words in picture.caption
     assert "<svg" in picture.body
+
+
+def test_a_meter_that_drifts_teaches_no_baseline() -> None:
+    """A power meter with a bound of 10 W that goes off by 15 W within two hours."""
+    (finding,) = said("A.P_el.high", 0.15 * SHARE, 8402, interval=10.0).findings
+    assert "A.P_el.high" == finding.fault.id
+    assert finding.lower <= 0.15 <= finding.upper
+
+
+@pytest.mark.parametrize("interval", [1.0, 10.0, 3600.0])
+def test_nothing_grows_in_a_sound_plant(interval: float) -> None:
+    """For minutes, hours, or a month."""
+    for seed in range(2):
+        assert "ok" == said("", 0.0 * SHARE, 8410 + seed, interval).status
+
+
+def test_steps_stay_findings_of_their_own() -> None:
+    """Each step has its degree; the last one says how it goes up."""
+    findings = said("A.leakage", 0.1 * np.floor(4.99 * SHARE), 8403).findings
+    assert [0.1, 0.2, 0.3, 0.4] == [round(f.degree, 1) for f in findings]
+    last = findings[-1].growth
+    assert not last.grows
+    assert last.rate[1] <= 0.4 / (5.0 * len(SHARE)) <= last.rate[2]
+    assert [None] * 3 == [f.growth for f in findings[:-1]]
+
+
+def test_a_fault_that_stays_does_not_grow() -> None:
+    """Constant from the middle on: the rate may be none."""
+    (finding,) = said("A.leakage", np.where(SHARE > 0.5, 0.3, 0.0), 8404).findings
+    growth = finding.growth
+    assert growth.rate[1] <= 0.0 <= growth.rate[2]
+    assert ("", None) == (grown(finding), growth.reaches)
+
+
+def coming(points: int, hold: int, size: float = 0.0) -> Run:
+    """A leakage is there for two seconds of every ten, at some operating points."""
+    plant = built("abc")
+    run = visiting_run(plant, operating_points(plant, points), {}, 0, hold)
+    second = np.arange(run.operation.time.size) % PERIOD
+    return replace(run, faults={"A.leakage": np.where((second >= 5) & (second < 5 + ON), size, 0)})
+
+
+def read(run: Run, seed: int) -> Recording:
+    return recording(ruleset("abc"), record(run, INSIDE, seed).readings)
+
+
+@pytest.mark.parametrize(("points", "hold", "fewest"), [(1, 200, 17), (6, 60, 27)])
+def test_a_leakage_that_comes_and_goes(points: int, hold: int, fewest: int) -> None:
+    """At one operating point, and while set points move from time to time."""
+    found = diagnose(read(coming(points, hold, DEGREE), 1), ruleset("abc"))
+    (finding,) = found.findings
+    assert finding.fault.id == "A.leakage"
+    assert finding.degree == pytest.approx(DEGREE, abs=0.02)
+    assert fewest <= finding.events.count <= points * hold // PERIOD
+    assert finding.events.duration == pytest.approx(ON, abs=0.3)
+    assert finding.text.endswith(f"; comes and goes: {finding.events.count} times, about 2 s each")
+    assert found.status == "M"
+    (form,) = diagnosis_form(found)["findings"]
+    assert form["events"]["count"] == finding.events.count
+    assert form["events"]["share"] == pytest.approx(ON / PERIOD, abs=0.07)
+    assert {"A.n", "B.n"} == set(form["events"]["set_point"])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_glitches_and_transients_are_no_events(seed: int) -> None:
+    """A pressure that is off for one sample, every twenty seconds; set points that move every
+    fifteen seconds, with the inertia of pumps and liquid."""
+    glitches = read(coming(1, 200), seed)
+    glitches.values["A.dp"][10::20] *= 1.3
+    for recorded in (glitches, read(settling(coming(12, 15)), seed)):
+        found = diagnose(recorded, ruleset("abc"))
+        assert ((), ()) == (found.findings, found.unknown)

@@ -25,58 +25,46 @@ from rulec.commands.matrix import json_form
 from rulec.simulation.signature import signature_of
 from tests.runtime.tanks import made, plant
 
-PLANTS = ("cascaded-tanks", "wastewater-lab")
-
 HALF_WINDOW = 256.0
 """Time between windows, s: half of 128 samples of 4 s."""
 
 SHORT = 600
 """Samples that are enough where nothing is dated."""
 
-BEFORE_UPPER = {"pump.leakage", "pump.u.high", "upper.lost-inflow"}
-INTO_FIRST = {"supply.Q.high", "tank1.lost-inflow"}
-OUT_OF_SECOND = {"pump2.Q.low", "tank2.unseen-outflow"}
-
-FEW = ("upper.blockage", "lower.y.low", "supply.Q.high")
-"""Asked about in every run, one of each kind."""
+ALIKE = {
+    # What the upper tank gets too little of looks the same wherever it is lost.
+    "cascaded-tanks": [{"pump.leakage", "pump.u.high", "upper.lost-inflow"}],
+    # A meter that shows too much, and a line that loses what it has shown, are one to the tank.
+    "wastewater-lab": [
+        {"supply.Q.high", "tank1.lost-inflow"},
+        {"pump2.Q.low", "tank2.unseen-outflow"},
+    ],
+}
+"""What cannot be told from each other."""
 
 FAULTS = {
-    # What the upper tank gets too little of looks the same wherever it is lost.
-    "pump.leakage": ("cascaded-tanks", BEFORE_UPPER),
-    "pump.u.high": ("cascaded-tanks", BEFORE_UPPER),
-    "upper.lost-inflow": ("cascaded-tanks", BEFORE_UPPER),
-    "pump.u.low": ("cascaded-tanks", set()),
-    "upper.blockage": ("cascaded-tanks", set()),
-    "lower.lost-inflow": ("cascaded-tanks", set()),
-    "lower.blockage": ("cascaded-tanks", set()),
-    "lower.y.high": ("cascaded-tanks", set()),
-    "lower.y.low": ("cascaded-tanks", set()),
-    # A meter that shows too much, and a line that loses what it has shown, are one to the tank.
-    "supply.Q.high": ("wastewater-lab", INTO_FIRST),
-    "tank1.lost-inflow": ("wastewater-lab", INTO_FIRST),
-    "supply.Q.low": ("wastewater-lab", set()),
-    "tank1.unseen-outflow": ("wastewater-lab", set()),
-    "tank1.l.high": ("wastewater-lab", set()),
-    "pump1.Q.low": ("wastewater-lab", set()),
-    "lateral.Q.high": ("wastewater-lab", set()),
-    "tank2.lost-inflow": ("wastewater-lab", set()),
-    "tank2.unseen-outflow": ("wastewater-lab", OUT_OF_SECOND),
-    "pump2.Q.low": ("wastewater-lab", OUT_OF_SECOND),
-    "tank2.l.low": ("wastewater-lab", set()),
+    "cascaded-tanks": "pump.leakage pump.u.high pump.u.low upper.lost-inflow upper.blockage "
+    "lower.lost-inflow lower.blockage lower.y.high lower.y.low",
+    "wastewater-lab": "supply.Q.high supply.Q.low tank1.lost-inflow tank1.unseen-outflow "
+    "tank1.l.high pump1.Q.low lateral.Q.high tank2.lost-inflow tank2.unseen-outflow pump2.Q.low "
+    "tank2.l.low",
 }
-"""Fault to plant, and what cannot be told from it there."""
+EVERY_TIME = "upper.blockage"
+"""Asked about in every run."""
 
 
-def judged(name: str, recording: Recording) -> Diagnosis:
-    return diagnose(recording, plant(name))
+def judged(name: str, recording: Recording, **added: np.ndarray | float) -> Diagnosis:
+    """What is said where something is added to readings."""
+    values = {n: v + added.get(n.replace(".", "_"), 0.0) for n, v in recording.values.items()}
+    return diagnose(replace(recording, values=values), plant(name))
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(3), pytest.param(range(3, 10), marks=pytest.mark.prove)], ids=["few", "more"]
+    "seeds", [range(2), pytest.param(range(2, 10), marks=pytest.mark.prove)], ids=["few", "more"]
 )
-@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize("name", FAULTS)
 def test_healthy_recordings_have_no_finding(name: str, seeds: range) -> None:
-    """No false alarm in ten recordings, three of them in every run."""
+    """No false alarm in ten recordings, two of them in every run."""
     for seed in seeds:
         said = judged(name, made(name, seed))
         assert [] == [f.fault.id for f in said.findings], seed
@@ -84,19 +72,22 @@ def test_healthy_recordings_have_no_finding(name: str, seeds: range) -> None:
 
 
 @pytest.mark.parametrize(
-    "fault", [f if f in FEW else pytest.param(f, marks=pytest.mark.prove) for f in FAULTS]
+    ("name", "fault"),
+    [
+        pytest.param(name, fault, marks=() if fault == EVERY_TIME else pytest.mark.prove)
+        for name, faults in FAULTS.items()
+        for fault in faults.split()
+    ],
 )
-def test_a_fault_that_begins_in_the_middle_is_found(fault: str) -> None:
+def test_a_fault_that_begins_in_the_middle_is_found(name: str, fault: str) -> None:
     """As itself, or beside what cannot be told from it; with its degree, and from its beginning."""
-    name, alike = FAULTS[fault]
     recording = made(name, 1, (fault, 0.2, 0.5))
     said = judged(name, recording)
     (finding,) = said.findings
     among = {finding.fault.id, *(other for other, _ in finding.alternatives)}
     assert fault in among
-    assert among <= {fault} | alike
-    begin = 0.5 * recording.time[-1]
-    assert abs(finding.since - begin) < HALF_WINDOW
+    assert among == {fault} or any(among <= alike for alike in ALIKE[name])
+    assert abs(finding.since - 0.5 * recording.time[-1]) < HALF_WINDOW
     # A tank that runs full or empty shows no more.
     assert finding.until == recording.time[-1] or said.not_judged
     if finding.fault.id == fault:
@@ -113,14 +104,22 @@ def test_a_fault_that_goes_is_found_with_its_end() -> None:
     values = {n: np.where(back, healthy.values[n], v) for n, v in faulty.values.items()}
     (finding,) = judged("cascaded-tanks", replace(faulty, values=values)).findings
     assert finding.fault.id == "lower.y.high"
+    assert finding.lower <= 0.2 <= finding.upper
     assert abs(finding.since - 0.3 * faulty.time[-1]) < HALF_WINDOW
     assert abs(finding.until - 0.6 * faulty.time[-1]) < HALF_WINDOW
 
 
-def test_evidence_is_in_the_unit_of_the_reading() -> None:
-    """A tank that gets too little stands lower than predicted; the other is as it should be."""
-    said = judged("wastewater-lab", made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5)))
-    first, second = said.findings[0].evidence
+def test_evidence_and_frequencies() -> None:
+    """A tank that gets too little stands lower than predicted, told in the unit of its reading; the
+    other is as it should be. Of what fits alike the more usual is named first."""
+    rules, lost = plant("wastewater-lab"), {"tank1.lost-inflow", "supply.Q.high"}
+    recording = made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5))
+    for usual in lost:
+        faults = (replace(f, frequency="common") if f.id == usual else f for f in rules.faults)
+        said = diagnose(recording, replace(rules, faults=tuple(faults)))
+        (finding,) = said.findings
+        assert (usual, lost - {usual}) == (finding.fault.id, {n for n, _ in finding.alternatives})
+    first, second = finding.evidence
     assert ("tank1.l", "-", "-") == (first.residual, first.verdict, first.expected)
     assert ("tank2.l", "0", "0") == (second.residual, second.verdict, second.expected)
     assert first.value < -first.threshold < 0.0
@@ -133,55 +132,45 @@ def test_what_is_missing_is_not_judged() -> None:
     """Gaps of given readings, of measured ones, and columns that are not there."""
     recording = made("cascaded-tanks", 0, count=SHORT)
     gone = (recording.time > 900.0) & (recording.time < 1500.0)
-    blank = np.where(gone, np.nan, recording.values["pump.u"])
-    said = judged("cascaded-tanks", _with(recording, {"pump.u": blank}))
-    assert () == said.findings
-    assert any("pump.u has no reading" in p.text for p in said.not_judged)
-    assert 0 < said.judged < said.samples
-    blank = np.where(gone, np.nan, recording.values["lower.y"])
-    said = judged("cascaded-tanks", _with(recording, {"lower.y": blank}))
-    assert () == said.findings
-    assert any(p.text.startswith("lower.y: no reading") for p in said.not_judged)
+    blank = np.where(gone, np.nan, 0.0)
+    for name, why in (("pump_u", "pump.u has no reading"), ("lower_y", "lower.y: no reading")):
+        said = judged("cascaded-tanks", recording, **{name: blank})
+        assert () == said.findings
+        assert any(why in p.text for p in said.not_judged)
+        assert 0 < said.judged < said.samples
     alone = {n: v for n, v in recording.values.items() if n != "pump.u"}
     said = judged("cascaded-tanks", replace(recording, values=alone, missing=("pump.u",)))
     assert ("C", 0) == (said.status, said.judged)
-    nothing = {n: np.full(len(recording), np.nan) for n in recording.values}
-    assert 0 == judged("cascaded-tanks", _with(recording, nothing)).judged
+    assert 0 == judged("cascaded-tanks", recording, pump_u=np.nan, lower_y=np.nan).judged
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 10, 24, 60])
+@pytest.mark.parametrize("count", [1, 2, 3, 24])
 def test_short_recordings_do_not_fail(count: int) -> None:
     """A few samples give no finding, and no exception."""
-    said = judged("wastewater-lab", made("wastewater-lab", 0, count=count))
-    assert () == said.findings
-    assert len(trace(made("wastewater-lab", 0, count=count), plant("wastewater-lab")).verdict) == (
-        count
-    )
+    recording = made("wastewater-lab", 0, count=count)
+    assert () == judged("wastewater-lab", recording).findings
+    assert len(trace(recording, plant("wastewater-lab")).verdict) == count
 
 
 def test_a_bad_model_is_measured_by_itself_and_does_not_alarm() -> None:
     """Errors that come and go, as of any real plant, raise the usual misfit; a remark says so."""
     recording = made("cascaded-tanks", 5)
     wave = 0.3 * np.sin(recording.time / 90.0) * np.sin(recording.time / 37.0)
-    said = judged(
-        "cascaded-tanks", _with(recording, {"lower.y": recording.values["lower.y"] + wave})
-    )
+    said = judged("cascaded-tanks", recording, lower_y=wave)
     assert () == said.findings
     assert any("usually miss" in note for note in said.notes)
 
 
 def test_every_form_tells_the_finding(tmp_path: Path) -> None:
-    """Trace, JSON, terminal and report of a ruleset that went through a file."""
+    """Trace, JSON and report of a ruleset that went through a file."""
     file = tmp_path / "ruleset.json"
     file.write_text(plant("cascaded-tanks").to_json(), encoding="utf-8")
-    ruleset = read_ruleset(file)
-    recording = made("cascaded-tanks", 0, ("lower.blockage", 0.2, 0.5), SHORT)
-    said = diagnose(recording, ruleset)
-    form = diagnosis_form(said)
-    assert ["lower.blockage"] == [f["fault"] for f in form["findings"]]
-    result = trace(recording, ruleset)
-    row = [f.id for f in ruleset.faults].index("lower.blockage")
-    assert {"ok", "lower.blockage"} == set(result.verdict)
+    ruleset, fault = read_ruleset(file), "lower.blockage"
+    recording = made("cascaded-tanks", 0, (fault, 0.2, 0.5), SHORT)
+    said, result = diagnose(recording, ruleset), trace(recording, ruleset)
+    assert [fault] == [f["fault"] for f in diagnosis_form(said)["findings"]]
+    assert {"ok", fault} == set(result.verdict)
+    row = [f.id for f in ruleset.faults].index(fault)
     assert result.degree[row, -1] == pytest.approx(0.2, abs=0.02)
     assert len(trace_csv(result).splitlines()) == len(recording) + 1
     assert "lower: at this level 20" in report(recording, said, result, "made", None)
@@ -196,7 +185,3 @@ def test_matrix_says_what_acts_alike() -> None:
     signs = dict(zip(form["faults"], form["signs"], strict=True))
     assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])
     assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]
-
-
-def _with(recording: Recording, changed: dict[str, np.ndarray]) -> Recording:
-    return replace(recording, values={**recording.values, **changed})
