@@ -105,7 +105,7 @@ def test_what_was_planted_is_told_and_proved(name: str) -> None:
         assert (kept.explained if found.left_out else kept.repaired) < 1.5 * kept.noise
 
 
-@pytest.mark.parametrize("name", ["warm", "healthy"])
+@pytest.mark.parametrize("name", ["relief valve", "healthy"])
 def test_the_proof_follows_from_the_table(name: str) -> None:
     """Also where nothing was found: the repaired model is then the recalibrated one. Spans hold the
     held-out samples and no other; a fit names the residual that the search solved, and has errors

@@ -66,19 +66,6 @@ def test_columns_of_another_clock_are_found() -> None:
     assert right >= 6
 
 
-@pytest.mark.parametrize(
-    ("signal", "late"),
-    [
-        ("E.P_el", 6.0),
-        ("B.P_el", -2.0),
-    ],
-)
-def test_a_column_of_a_rig_is_found(signal: str, late: float) -> None:
-    recording = example("mixing-rig", "calibration")
-    (found,) = looked("mixing-rig", off(recording, (signal,), late))
-    assert Mending(signals=(signal,), late=late) == found.hypothesis.mending
-
-
 def test_no_other_time_is_told_where_states_are_shorter_than_the_shift() -> None:
     """Ten samples each: read three later, every state would be compared with the one before."""
     assert () == looked("abc", off(example("abc", "calibration"), ("A.P_el",), 13.0))

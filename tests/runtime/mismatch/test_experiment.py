@@ -7,14 +7,12 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rulec_runtime.recordings.recording import Recording, read_recording
-from scipy.stats import qmc
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
@@ -308,22 +306,6 @@ def test_steps_that_cover_are_far_from_all_others() -> None:
     assert covering(limited, may, [0, 4], 9, 100.0) == (2,)
     assert covering(limited, may, [], 2, 240.0) == (2, 0)
     assert covering(limited, may & (speeds != 2.0), [0, 4], 1, 240.0) == (1,)
-
-
-def test_steps_that_cover_give_each_input_many_values() -> None:
-    """Of four inputs too, where points farthest from each other are corners: no gap along any is
-    as large as one between values drawn at random can be expected to be."""
-    shares = qmc.Sobol(4, scramble=False).random_base2(7)
-    shares = np.concatenate([np.array(list(product((0.0, 1.0), repeat=4))), shares])
-    names, count = ("A.n", "B.n", "C.n", "D.n"), len(shares)
-    places = Places(dict(zip(names, shares.T, strict=True)), np.zeros(count, int), np.zeros(count))
-    reach = InputRanges(dict.fromkeys(names, (0.0, 1.0)), 60.0)
-    may = np.ones(count, dtype=bool)
-    limited = Feasible(places, reach, may, {}, ((),) * count, ())
-    steps = list(covering(limited, may, [], 18, 3600.0))
-    for values in np.sort(shares[steps].T):
-        assert values[0] < 0.1 < 0.9 < values[-1]
-        assert np.diff(values).max() < (1.0 / np.arange(1, 20)).sum() / 19
 
 
 def test_what_nobody_sets_stays_or_follows_the_load() -> None:

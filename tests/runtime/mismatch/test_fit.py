@@ -1,7 +1,9 @@
-"""Refits: true values come back, priors hold, and a few bad points do not bend a model."""
+"""Refits: true values come back, priors hold, and a few bad points do not bend a model; and the
+linear step before them."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +15,12 @@ from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.model import model_of
+from rulec.mismatch.evidence.steady.screen import (
+    columns_of,
+    score_tests_at,
+    screen,
+    with_open_references,
+)
 from rulec.mismatch.inference.interval import profile
 from tests.runtime.mismatch.made import (
     SLIP,
@@ -22,6 +30,7 @@ from tests.runtime.mismatch.made import (
     alone,
     changed,
     fitted,
+    joined,
     recorded,
     rows_at,
     tour,
@@ -63,12 +72,6 @@ def test_the_planted_value_is_found(seed: int) -> None:
     low, high = profile(model_of(found).line(B))
     assert low < value < high
     assert 3.92 * u == pytest.approx(high - low, rel=0.25)
-
-
-def test_without_noise_the_value_is_exact() -> None:
-    """Nothing pulls, so the true values are the best ones."""
-    found = fitted(alone(), warmed(TRUE, seed=None), WARM)
-    assert 0.03 == pytest.approx(found.setting.values[B], rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -159,3 +162,35 @@ def test_where_a_law_has_no_value_it_is_not_right() -> None:
     rows = rows_at(alone(), recorded(alone(), tour(alone()[0], SAMPLES), moved=False))
     nothing = setting("A.dp.low", {"x": 1.0})
     assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf
+
+
+def test_sets_of_terms_gain_what_each_gains_alone() -> None:
+    """All pairs at once are what they are one by one, within the ends of their ranges."""
+    own = fitted(alone(), warmed(TRUE))
+    look = score_tests_at(own)[0]
+    tried = list(screen(own, alone()[1].candidates))[:6]
+    columns = [columns_of(own, t.candidate, t.values, t.fixed) for t in tried]
+    table = np.concatenate([c for c in columns if c is not None], axis=1)
+    n = table.shape[1]
+    sets = np.array(list(itertools.combinations(range(n), 2)))
+    low, high = np.full(n, -np.inf), np.linspace(0.0, 1.0, n)
+    amplitudes, gains = look.best_of(table, sets, low, high)
+    for pair, amplitude, gain in zip(sets, amplitudes, gains, strict=True):
+        one, alone_ = look.best(table[:, pair], low[pair], high[pair])
+        np.testing.assert_allclose(amplitude, one, rtol=1e-7, atol=1e-300)
+        assert gain == pytest.approx(alone_, rel=1e-9)
+
+
+def test_a_calibration_at_another_temperature_bends_no_law() -> None:
+    """The plain law holds at 20 degC, and is known well; the recording is warmer by far."""
+    rules, builder = alone()
+    known = builder.parameters
+    sure = Sure(builder, replace(known, covariance=known.covariance * 1e-4))
+    begun = fitted((rules, sure), warmed(TRUE))  # type: ignore[arg-type]
+    (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
+    elsewhere = with_open_references(begun.rows.system, trial)
+    assert elsewhere is not None
+    found = joined(begun, elsewhere)
+    for name, true in (("b", 0.03), ("T0", USUAL)):
+        own = f"{SLIP}.{name}"
+        assert abs(found.setting.values[own] - true) < 3.0 * found.u(own)

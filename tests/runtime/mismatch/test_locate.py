@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 
 import numpy as np
@@ -12,48 +11,16 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.evidence.model import Variable
 from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
 from rulec.mismatch.evidence.steady.predict import predictors_for
-from rulec.mismatch.evidence.steady.screen import screen
 from tests.runtime.mismatch.made import (
-    SLIP,
-    USUAL,
     alone,
-    changed,
-    fitted,
-    joined,
     opened,
     recorded,
     rows_at,
     tour,
-    warmed,
 )
 
 N = 400
-
-
-@functools.cache
-def plain() -> Fitted:
-    """The plain model refitted to a pump whose slip follows its temperature."""
-    return fitted(alone(), warmed({SLIP: {"b": 0.03, "T0": USUAL}}))
-
-
-def test_the_suspected_place_is_the_wrong_one() -> None:
-    """An error of the slip explains nearly all that noise does not, and looks like itself alone;
-    with the effect, noise is left, whose scale is 1."""
-    found = {s.spot.id: s for s in suspects(plain())}
-    slip, power = (found[f"definition:A.{name}"] for name in ("Q_geo", "P_law"))
-    assert all(0.0 <= s.share <= 1.0 for s in found.values())
-    assert slip.share == pytest.approx(max(s.share for s in found.values()), abs=0.05)
-    assert slip.share > 0.8
-    assert power.share < 0.6
-    assert alike(slip, slip)
-    assert not alike(slip, power)
-    (trial,) = screen(plain(), [c for c in alone()[1].candidates if c.id == SLIP])
-    repaired = joined(plain(), trial)
-    assert noise_scale(plain().rows, repaired.residual) == pytest.approx(1.0, abs=0.1)
-    assert float(repaired.scale) < 1.1
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.6, None), (None, 0.3), (0.4, 0.7)])
@@ -121,16 +88,3 @@ def test_predictions_are_off_by_the_noise() -> None:
     (predictor, *_) = predictors_for(lost, ("A.pump",), frozenset())
     every = replace(predictor, points=np.ones(len(speed), dtype=bool))
     assert [True, False] == np.isnan(every.predicted(Configuration()))[:2].tolist()
-
-
-def test_a_place_of_flow_is_told_by_a_flow_meter_if_there_is_one() -> None:
-    """Else by another reading of the residuals that the place moves; no set value is predicted, and
-    nothing where pressures make no sense."""
-    system = plain().rows.system
-    found = predictors_for(system, ("A.pump", "A.power"), frozenset({"A.T"}), "l/h")[0]
-    assert {"A.pump", "A.power"} & {t.observer for t in found.residual.terms}
-    assert found.signal.id in ("A.dp", "A.P_el")
-    assert not found.of_flow
-    assert [] == predictors_for(system, (), frozenset())
-    broken = changed(recorded(alone(), tour(alone()[0], 60)), {"A.dp": np.full(60, 1.0)})
-    assert [] == predictors_for(rows_at(alone(), broken).system, ("A.plant",), frozenset())

@@ -9,13 +9,10 @@ import pytest
 
 from rulec.mismatch import stores
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.refit import climbed, refitted
-from rulec.mismatch.search.segments import Segments, apart
 from rulec.mismatch.search.settled.geometry import Geometry
 from tests.runtime.mismatch.dynamic.benches import made, tanks
-from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming
+from tests.runtime.mismatch.made import alone, fitted, warmed
 
 
 @pytest.mark.parametrize("fresh", [(), (0, 1)])
@@ -26,32 +23,13 @@ def test_a_climb_ends_where_there_are_no_numbers(fresh: tuple[int, ...]) -> None
     assert climbed(lambda place: beside[place], (0, 1), (2, 2), ()) == (1, 1)
 
 
-def test_levels_without_numbers_are_one_state() -> None:
-    segments = Segments(np.arange(3), np.array([1.0, np.nan, np.nan]), np.array([9, 9, 9]))
-    assert not apart(segments).all()
-
-
 def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those who try sets leave it out, and go on with the others."""
-    rules, _ = alone()
-    given = {**tour(rules, 120), "A.T": warming(120)}
-    rows = rows_at(alone(), recorded(alone(), given, {}))
-    start = fit(rows, Configuration(), rows.system.data.open)
+    start = fitted(alone(), warmed({}, 120))
     steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
     monkeypatch.setattr(Geometry, "evaluated", lambda *_: steep)
     with pytest.raises(np.linalg.LinAlgError, match="no finite slopes"):
         refitted(Geometry(start.rows), start.setting)
-
-
-def test_a_slope_without_a_number_counts_for_nothing() -> None:
-    """At a point where a law has no slope, a change of its values says nothing."""
-    rules, _ = alone()
-    rows = rows_at(alone(), recorded(alone(), tour(rules, 120), {}))
-    ones = np.ones(len(rows.system.data))
-    maps = rows.maps(rows.system.flows(Configuration(), ()))
-    steep = rows.column(maps, {0: np.where(np.arange(len(ones)) == 3, np.inf, ones)})
-    assert np.isfinite(steep).all()
-    assert np.abs(steep).max() <= np.abs(rows.column(maps, {0: ones})).max()
 
 
 def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:

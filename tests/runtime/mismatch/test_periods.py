@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
 from rulec.mismatch.search.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.periods import degree_course, in_periods
-from rulec.mismatch.search.segments import Segments, apart, cut, few_levels
+from rulec.mismatch.search.segments import Segments, apart, cut
 from tests.runtime.mismatch.made import fitted, joined, opened, recorded, tour
 
 N = 400
@@ -49,14 +49,6 @@ def test_levels_are_told_from_noise(seed: int) -> None:
     assert [(60, 100), (160, 200), (260, 310)] == states(values)
 
 
-@pytest.mark.parametrize("size", [6.0, 1000.0, -30.0])
-def test_a_period_is_found_at_its_ends(size: float) -> None:
-    """One period, of either sign, to a mean."""
-    ((first, last),) = states(course((150, 0.0), (60, size), (190, 0.0)))
-    assert abs(first - 150) <= 1
-    assert abs(last - 210) <= 1
-
-
 @pytest.mark.parametrize("odd", ODD)
 def test_drift_is_no_fault(odd: float) -> None:
     """What changes slowly has no states, however large it is."""
@@ -88,22 +80,6 @@ def test_the_cut_is_optimal(seed: int) -> None:
 
     best = min(cost(edges) for k in range(4) for edges in combinations(range(1, 20), k))
     assert cost(tuple(cut(values, 6.0).first[1:].tolist())) <= best + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("levels", "number"),
-    [
-        ([0.2], [0]),
-        ([0.2, 0.41, 0.19, 0.4], [0, 1, 0, 1]),
-        ([0.2, 0.21, 0.4, 0.41, 0.6, 0.59], [0, 0, 1, 1, 2, 2]),
-    ],
-)
-def test_degrees_are_few(levels: list[float], number: list[int]) -> None:
-    """Equal ones share a level, at most three are told apart; centres are weighted means."""
-    found, centres = few_levels(np.array(levels), np.full(len(levels), 5))
-    assert number == found.tolist()
-    for i, centre in enumerate(centres):
-        assert float(np.mean(np.array(levels)[found == i])) == pytest.approx(float(centre))
 
 
 @functools.cache

@@ -15,7 +15,6 @@ from tests.runtime.mismatch.made import (
     HOLD,
     alone,
     compared,
-    opened,
     prepared,
     recorded,
     sampled,
@@ -105,12 +104,3 @@ def test_nothing_settled_cannot_be_judged(run: Recording) -> None:
     assert "Cannot judge: 0 settled points; at least 12 are needed." == found.headline
     assert "Record settled operation" in found.next
     assert found.fit is None
-
-
-def test_noise_is_that_of_the_sensors() -> None:
-    """What was put on the readings is what is found, within a tenth."""
-    rules, _ = opened("abc")
-    data = prepared(rules, recorded(opened("abc"), tour(rules, 1200, hold=60)))
-    for name in ("A.dp", "A.P_el", "B.dp", "C.dp"):
-        true = 0.3 * np.median(data.points.systematic[name])
-        assert true == pytest.approx(float(np.median(data.noise[name])), rel=0.1), name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,10 +12,9 @@ from rulec.effects.adopted_plant import trial
 from rulec.mismatch.answer.written import row_errors, simulated, written
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.stores import explanation
-from tests.runtime.mismatch.dynamic.benches import as_found, bench, made, tanks
+from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
+from tests.runtime.mismatch.made import changed
 
 ZERO = 1.0
 """V by which the level reading is off: twenty times its class."""
@@ -26,12 +24,11 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     """Whoever simulates the plant meets the zero; the analysis may let it float."""
     clean = made(n=512, seed=4)
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
-    recording = replace(clean, values={**clean.values, "lower.y": off})
+    recording = changed(clean, {"lower.y": off})
     place, (rules, builder) = bench(recording), tanks()
     ends, plain = plain_end(place, {})
-    model = model_of(place, plain, ends.judged, {})
-    explained = explanation(recording, model, as_found(ends, plain, plain))
-    refits, shown = written(explained, explained.proofs(()))
+    said = explained(recording, place, ends, plain, plain)
+    refits, shown = written(said, said.proofs(()))
     assert shown.plants is not None
     held = shown.fits[0].heldout
     spans = heldout_spans(place.record.time, ~place.record.open)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +10,9 @@ import pytest
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written import written
 from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Series
-from rulec.mismatch.stores import explanation
-from tests.runtime.mismatch.dynamic.benches import as_found, bench, made
+from tests.runtime.mismatch.dynamic.benches import bench, explained, made
 from tests.runtime.mismatch.made import columns
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
@@ -24,15 +21,9 @@ THREE = np.array([0.0, 1.0, 2.0])
 
 
 def test_a_cell_without_value_is_empty() -> None:
-    """Columns in the agreed order, each with its unit."""
-    course = Course(
-        signal="A.Q",
-        unit="l/h",
-        measured=np.array([1.0, NAN, 3.0]),
-        shipped=THREE,
-        recalibrated=THREE,
-        repaired=np.array([NAN, 1, 2]),
-    )
+    """Columns in the agreed order, each with its unit. Without a split there is a head."""
+    own = {"measured": np.array([1.0, NAN, 3.0]), "repaired": np.array([NAN, 1, 2])}
+    course = Course(signal="A.Q", unit="l/h", shipped=THREE, recalibrated=THREE, **own)
     table = series_csv(Series(THREE, np.array([False, True, False]), (course,)))
     assert [
         "time [s],heldout [1],A.Q measured [l/h],A.Q shipped [l/h],A.Q recalibrated [l/h],"
@@ -41,6 +32,8 @@ def test_a_cell_without_value_is_empty() -> None:
         "1,1,,1,1,1",
         "2,0,3,2,2,2",
     ] == table.splitlines()
+    assert "time [s],heldout [1]\n" == series_csv(CANNOT_JUDGE.series)
+    assert [] == mismatch_form(CANNOT_JUDGE, "x")["split"]["heldout"]
 
 
 def test_plants_that_store_have_the_same_table() -> None:
@@ -48,41 +41,28 @@ def test_plants_that_store_have_the_same_table() -> None:
     recording = made(n=256)
     place = bench(recording)
     ends, plain = plain_end(place, {})
-    model = model_of(place, plain, ends.judged, {})
-    explained = explanation(recording, model, as_found(ends, plain, plain))
-    (reading,) = explained.readings(
-        None, written(explained, explained.proofs(()))[0], explained.proofs(())
-    )
+    said = explained(recording, place, ends, plain, plain)
+    proofs = said.proofs(())
+    (reading,) = said.readings(None, written(said, proofs)[0], proofs)
     signal = place.ruleset.signal_by_id[reading.fit.signal]
     course = course_of(signal, reading.measured, reading.predicted)
     series = Series(place.record.time, ~place.record.open, (course,))
     found = replace(NAMED, series=series, fits=(reading.fit,))
     table, [fit] = columns(found), found.fits
-    held = table["heldout [1]"] == 1
     error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]
-    expected = pytest.approx(fit.heldout.recalibrated, rel=1e-4)
-    assert expected == np.sqrt(np.nanmean(error[held] ** 2))
+    rms = np.sqrt(np.nanmean(error[table["heldout [1]"] == 1] ** 2))
+    assert pytest.approx(fit.heldout.recalibrated, rel=1e-4) == rms
     assert fit.relation is None
     assert 5 == len(mismatch_form(found, "x")["split"]["heldout"])
 
 
-def test_without_a_split_there_is_a_head_and_no_more() -> None:
-    """Nothing was predicted; the file is there all the same."""
-    assert "time [s],heldout [1]\n" == series_csv(CANNOT_JUDGE.series)
-    assert [] == mismatch_form(CANNOT_JUDGE, "x")["split"]["heldout"]
-
-
 def test_ends_belong_to_their_spans() -> None:
-    """A sample at either end, one sample alone, none, all."""
+    """A sample at either end, one sample alone, none, all; as in the machine form."""
     assert [(-0.5, 0.5), (1.5, 2.5)] == heldout_spans(THREE, [True, False, True])
     assert [(-0.5, 2.5)] == heldout_spans(THREE, [True] * 3)
     assert [] == heldout_spans(THREE, [False] * 3)
     assert [(4.0, 4.0)] == heldout_spans(np.array([4.0]), [True])
-
-
-def test_spans_are_in_the_machine_form() -> None:
-    """Beside text and hash."""
     found = replace(NAMED, series=Series(THREE, np.array([False, True, True])))
     split = mismatch_form(found, "x")["split"]
     assert {"text", "hash", "heldout"} == set(split)
-    assert "[[0.5, 2.5]]" == json.dumps(split["heldout"])
+    assert [[0.5, 2.5]] == split["heldout"]

@@ -11,7 +11,6 @@ import pytest
 from rulec.effects.candidate import CurveTerm, Missing
 from rulec.knowledge.belief import Strain
 from rulec.mismatch.answer.verdict import Doubt, headline_of, next_step, remainder_of, verdict_of
-from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.answer.written import refusal
 from rulec.mismatch.candidate_sets import CandidateSet
 from rulec.mismatch.result import Alternative, Check, Errors, Finding, Fit, Location
@@ -207,19 +206,3 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
     curve = CurveTerm("definition:A.x", "A.n", ((0.0, 0.0), (1.0, 1.0)))
     assert "" == refusal("ambiguous", better, [curve.id], "", curves=[curve])
     assert "it cannot be written: why" == refusal("named", [], effect, "why")
-
-
-def test_a_quantity_has_as_many_digits_as_it_deserves() -> None:
-    """Two digits of the uncertainty; none where there is no uncertainty."""
-    nan = float("nan")
-    for value, u, unit, expected in (
-        (0.029123, 0.0014, "1/K", "0.0291 ± 0.0014 1/K"),
-        (150.7, 12.0, "l/h/bar", "151 ± 12 l/h/bar"),
-        (0.2, 0.0, "1", "0.2"),
-        (1.5, nan, "bar", "1.5 bar"),
-        (nan, 1.0, "bar", "– bar"),
-        (1e-9, 2e-10, "m", "0.00000000100 ± 0.00000000020 m"),
-        (4.2e9, 3e8, "Pa", "4\u202f200\u202f000\u202f000 ± 300\u202f000\u202f000 Pa"),
-        (-3.26, 0.2, "bar", "−3.26 ± 0.20 bar"),
-    ):
-        assert expected == quantity(value, u, unit)
