@@ -45,8 +45,8 @@ B = f"{SLIP}.b"
 def setting(name: str, start: Mapping[str, float], **fixed: float) -> Configuration:
     """The plain model with a candidate in it."""
     candidate = next(c for c in alone()[1].candidates if c.id == name)
-    own = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
-    return Configuration().joining(candidate, *own)
+    values, held = ({f"{name}.{k}": v for k, v in part.items()} for part in (start, fixed))
+    return Configuration().joining(candidate, values, held)
 
 
 WARM = setting(SLIP, {"b": 0.01}, T0=USUAL)

@@ -24,7 +24,7 @@ from rulec.mismatch.experiment.forecast import Places, data_at
 from rulec.mismatch.experiment.plan import planned
 from rulec.mismatch.experiment.result import inputs_csv
 from tests.conftest import ROOT
-from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming, without
+from tests.runtime.mismatch.made import recorded, rows_at, tour, warming, without
 
 SLIP = "A.slip-viscosity@Q_geo(dp, viscosity(T))"
 VISCOSITY = "viscosity(A.T)"
@@ -133,18 +133,3 @@ def test_of_a_property_that_is_read_the_reading_counts(tmp_path: Path) -> None:
         every = [c for c in system.candidates if c.name == "head-viscosity"]
         every = [c for c in every if has_drivers(system, c)]
         assert [c.drivers["mu"] for c in every] == [driver]
-
-
-def test_without_a_fluid_a_viscosity_is_missed_and_with_one_a_temperature(tmp_path: Path) -> None:
-    """What to measure follows from what the plant says."""
-    missed = {m.quantity for m in alone()[1].missing if m.name == "slip-viscosity"}
-    assert missed == {"viscosity"}
-    text = "plant: bare\ntitle: Bare\nfluid: water\nmodules: {A: {type: bare}}\nconnections: []\n"
-    shutil.copytree(ROOT / "kb", tmp_path / "kb")
-    kind = (tmp_path / "kb" / "modules" / "dosing-pcp.yaml").read_text()
-    lines = [li for li in kind.splitlines() if not li.startswith("  T: ")]
-    bare = "\n".join(lines).replace("module: dosing-pcp", "module: bare")
-    (tmp_path / "kb" / "modules" / "bare.yaml").write_text(bare + "\n")
-    (tmp_path / "plant.yaml").write_text(text)
-    builder = open_builder(tmp_path)[1]
-    assert {m.quantity for m in builder.missing if m.name == "slip-viscosity"} == {"temperature"}

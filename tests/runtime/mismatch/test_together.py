@@ -179,7 +179,8 @@ def test_a_recording_alone_says_what_it_says_when_asked_alone() -> None:
     assert ("nothing", own.nothing) == (likely.id, likely.probability)
     assert all(moved.before is None for moved in found.moved[1])
     (moved,) = found.moved[2]
-    assert moved.after == together.nothing
+    before = explain(rows_at(plant, joined(short, first)), quiet)
+    assert (before.nothing, together.nothing) == (moved.before, moved.after)
     told_of = of_recordings(all_, rows, found)
     assert ["0.csv", "1.csv", "2.csv"] == [part.name for part in told_of]
     assert [3, LENGTH, LENGTH] == [part.rows for part in told_of]

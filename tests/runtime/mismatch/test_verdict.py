@@ -23,7 +23,7 @@ SENSOR = replace(SURE, sort="sensor", title="Reading shifted")
 AGEING = replace(SURE, sort="ageing", title="Wear")
 FREE = replace(SURE, sort="free")
 SOUND = Doubt(0.95, (), ())
-LACKING = {"name": "e", "title": "An effect", "module": "A", "place": "Q_gap"}
+LACKING: Any = {"name": "e", "title": "An effect", "module": "A", "place": "Q_gap"}
 NO_SENSOR = Missing(**LACKING, quantity="temperature", sensor="thermometer")
 STRAINED = Strain("V.Kv", 6.8, 33.0, 6.0, "m3/h/bar**0.5")
 
@@ -69,7 +69,7 @@ def test_verdict_and_headline(
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
     """Not where something beside it has one, were it larger."""
-    at = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
+    at: Any = {"module": UNSURE.module, "place": UNSURE.place, "title": ""}
     large = Location(**at, share=0.8, region=(), periods=())
     small = replace(large, module="B", place="Q_imp", share=0.2)
     for places, told in (((large, small), "B.Q_imp"), ((large,), f"A.{UNSURE.place}")):
