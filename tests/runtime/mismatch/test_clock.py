@@ -22,10 +22,10 @@ from tests.runtime.mismatch.made import (
 )
 
 
-def leaking(samples: int = 300) -> Recording:
+def leaking() -> Recording:
     """A pump that leaks in the second half."""
-    degree = np.where(np.arange(samples) < samples // 2, 0.0, 0.3)
-    return recorded(alone(), tour(alone()[0], samples), {"A.leakage": {"x": degree}})
+    degree = np.where(np.arange(300) < 150, 0.0, 0.3)
+    return recorded(alone(), tour(alone()[0], 300), {"A.leakage": {"x": degree}})
 
 
 def test_a_run_has_a_clock_and_a_table_has_none() -> None:
@@ -53,7 +53,7 @@ def test_files_of_their_own_have_none() -> None:
 
 def test_the_answer_says_so() -> None:
     """Nothing in an answer has a time then, and a note tells why."""
-    found = compared(alone(), replace(leaking(120), one_clock=False))
+    found = compared(alone(), replace(leaking(), one_clock=False))
     assert any("no common time" in note for note in found.notes)
     assert found.hidden is None
     assert not any(f.periods for f in found.findings)

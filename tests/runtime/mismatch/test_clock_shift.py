@@ -110,6 +110,7 @@ def test_what_a_delay_of_the_catalogue_explains_is_left_to_it(signal: str, late:
     assert () == looked(TANKS, off(made(TANKS, 3), (signal,), late))
 
 
+@pytest.mark.prove
 def test_the_answer_says_by_how_much_and_its_plant_can_be_adopted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
