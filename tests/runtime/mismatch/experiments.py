@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,16 +13,8 @@ from rulec.mismatch.experiment.result import Experiment, Reading, Step
 
 def made_by_hand() -> Experiment:
     """Two explanations; a reading that is predicted in the first of two steps, one in both."""
-    one = CandidateSet(
-        names=(),
-        titles=("One",),
-        probability=0.5,
-        joined=(),
-        values={},
-        fixed={},
-        periods=(),
-        terms=(),
-    )
+    rest: Any = {"joined": (), "values": {}, "fixed": {}, "periods": (), "terms": ()}
+    one = CandidateSet(names=(), titles=("One",), probability=0.5, **rest)
     seen = (
         Reading("A.dp", (1e5, 2e5), 9.0, (1e3, 1e3)),
         Reading("C.dp", (1e5, 1e5), 0.0, (1.0, 1.0)),

@@ -25,8 +25,10 @@ from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.inference.series import series_csv
 from rulec.mismatch.result import Mismatch
@@ -38,6 +40,8 @@ HOLD = 12
 
 WARMEST, USUAL = 30.0, 293.15
 """Kelvin above the usual temperature, and that."""
+
+SLIP = "A.slip-temperature@Q_geo"
 
 Built = Mapping[str, Mapping[str, Array | float]]
 """Per candidate its parameters (by local names, SI), each a number or an array, shape (n,)."""
@@ -158,24 +162,52 @@ def recorded(
     if seed is not None:
         errors = SensorErrors(bounded=True)
         values = sense(ruleset, values, errors, np.random.default_rng(seed))
+    return sampled(values)
+
+
+def sampled(values: Mapping[str, Array]) -> Recording:
+    """A recording with one sample per second."""
     n = len(next(iter(values.values())))
-    return Recording(
-        time=np.arange(n, dtype=float),
-        values=values,
-        segment=np.zeros(n, dtype=int),
-        missing=(),
-        notes=(),
-    )
+    time, none = np.arange(n, dtype=float), np.zeros(n, dtype=int)
+    return Recording(time=time, values=dict(values), segment=none, missing=(), notes=())
 
 
-def rows_at(
-    opened: tuple[Ruleset, ModelBuilder], recording: Recording, data: Data | None = None
-) -> Rows:
+def warmed(built: Built | None = None, samples: int = 240, seed: int | None = 1) -> Recording:
+    """A recording of the one dosing module, whose liquid warms up."""
+    given = {**tour(alone()[0], samples), "A.T": warming(samples)}
+    return recorded(alone(), given, built, seed=seed)
+
+
+def prepared(ruleset: Ruleset, recording: Recording, *heldout: tuple[float, float]) -> Data:
+    """Settled points of a recording."""
+    data = prepare(recording, ruleset, heldout)
+    assert data is not None
+    return data
+
+
+def rows_at(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Rows:
     """What the analysis looks at, before any fit."""
     ruleset, builder = opened
-    data = data or prepare(recording, ruleset)
-    assert data is not None
-    return rows_of(system_of(ruleset, builder, data), Configuration())
+    return rows_of(system_of(ruleset, builder, prepared(ruleset, recording)), Configuration())
+
+
+def fitted(
+    opened: tuple[Ruleset, ModelBuilder], recording: Recording, setting: Configuration | None = None
+) -> Fitted:
+    """A model, the plain one unless told, refitted to a recording."""
+    rows = rows_at(opened, recording)
+    return fit(rows, setting or Configuration(), rows.system.data.open)
+
+
+def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
+    """A model refitted with a candidate, as a screen found it."""
+    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
+    return fit(fitted.rows, setting, fitted.used)
+
+
+def changed(recording: Recording, values: Mapping[str, Array]) -> Recording:
+    """The same recording with other readings."""
+    return replace(recording, values={**recording.values, **values})
 
 
 def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:

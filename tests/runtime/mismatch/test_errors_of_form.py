@@ -1,48 +1,49 @@
-"""Errors of form: each law has its own size, and none explains the noise of a reading."""
+"""Errors of form: each law has its own size, and none explains the noise of a reading. Where a
+model has no number, it is left out, and nothing ends."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from rulec.mismatch import stores
+from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import screen
-from rulec.mismatch.search.refit import refitted
+from rulec.mismatch.search.refit import climbed, refitted
 from rulec.mismatch.search.settled.best_set import reported_names
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.sets import explain
-from tests.runtime.mismatch.made import alone, recorded, rows_at, tour, warming
+from tests.runtime.mismatch.dynamic.benches import made, tanks
+from tests.runtime.mismatch.made import alone, changed, fitted, joined, rows_at, warmed
 
-SAMPLES = 240
 
-
-def with_copper_loss() -> Fitted:
-    """A recording with an effect that follows two outputs, refitted with it."""
-    rules, _ = alone()
-    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
-    loss = {"A.copper-loss@P_law": {"k": 0.05, "dp0": 1.5e5, "P0": 150.0}}
-    rows = rows_at(alone(), recorded(alone(), given, loss))
-    clean = fit(rows, Configuration(), rows.system.data.open)
-    (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id in loss])
-    setting = clean.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return fit(rows, setting, rows.system.data.open)
+def rippled(reading: str, share: float, waves: float) -> Rows:
+    """A healthy recording with a ripple over the speed in one reading."""
+    recording = warmed()
+    speed = recording.values["A.n"]
+    turn = (speed - speed.min()) / np.ptp(speed)
+    ripple = 1.0 + share * np.sin(2.0 * np.pi * waves * turn)
+    return rows_at(alone(), changed(recording, {reading: recording.values[reading] * ripple}))
 
 
 def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() -> None:
-    """Over a reading that the model predicts, a bend would be a second guess of each error."""
-    there = with_copper_loss()
-    geometry = Geometry(there.rows)
+    """Over a reading that the model predicts, a bend would be a second guess of each error; copper
+    loss follows two of them."""
+    name = "A.copper-loss@P_law"
+    clean = fitted(alone(), warmed({name: {"k": 0.05, "dp0": 1.5e5, "P0": 150.0}}))
+    (trial,) = screen(clean, [c for c in alone()[1].candidates if c.id == name])
+    there = joined(clean, trial)
+    geometry, data = Geometry(there.rows), there.rows.system.data
     columns = forms_of_effects(there.rows, geometry.seen, there)
-    values = dict(there.rows.system.data.values)
     assert np.abs(columns).max() > 1.0
-    for name in ("A.dp", "A.P_el"):
-        noise = np.random.default_rng(1).standard_normal(len(values[name]))
-        values[name] = values[name] * (1.0 + 0.01 * noise)
-    data = there.rows.system.data
+    noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(len(data))
+    values = {**data.values, **{n: data.values[n] * noise for n in ("A.dp", "A.P_el")}}
     noisy = replace(data, points=replace(data.points, values=values))
     rows = replace(there.rows, system=replace(there.rows.system, data=noisy))
     again = forms_of_effects(rows, geometry.seen, there)
@@ -51,14 +52,8 @@ def test_an_effects_error_of_form_does_not_follow_the_noise_of_what_drives_it() 
 
 def test_one_law_may_be_off_by_more_than_the_others() -> None:
     """A bend in the power law is an error of that law, not of all."""
-    rules, _ = alone()
-    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
-    recording = recorded(alone(), given, {})
-    speed = recording.values["A.n"]
-    turn = (speed - speed.min()) / np.ptp(speed)
-    bent = recording.values["A.P_el"] * (1.0 + 0.06 * np.sin(2.0 * np.pi * turn))
-    rows = rows_at(alone(), replace(recording, values={**recording.values, "A.P_el": bent}))
-    laws = refitted(Geometry(rows), Configuration()).sizes.laws
+    geometry = Geometry(rippled("A.P_el", 0.06, 1.0))
+    laws = refitted(geometry, Configuration()).sizes.laws
     assert laws["definition:A.P_law"] > 1.5 * max(laws[n] for n in laws if "P_law" not in n)
 
 
@@ -66,14 +61,36 @@ def test_one_law_may_be_off_by_more_than_the_others() -> None:
 def test_a_law_off_by_no_more_than_its_accuracy_misses_nothing(reading: str, told: bool) -> None:
     """A ripple of 3 % is what the law of the power may be off by, and more than that of the line
     may: only there something without a name is told."""
-    rules, _ = alone()
-    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
-    recording = recorded(alone(), given, {})
-    speed = recording.values["A.n"]
-    turn = (speed - speed.min()) / np.ptp(speed)
-    values = recording.values[reading] * (1.0 + 0.03 * np.sin(6.0 * np.pi * turn))
-    rows = rows_at(alone(), replace(recording, values={**recording.values, reading: values}))
-    found = explain(rows, lambda said: None)
+    found = explain(rippled(reading, 0.03, 3.0), lambda said: None)
     assert {f"signal:{reading}~A.n"} == found.told
     assert told == bool(reported_names(found))
     assert found.unseen < 0.1 if told else found.unseen > 0.9
+
+
+@pytest.mark.parametrize("fresh", [(), (0, 1)])
+def test_a_climb_ends_where_there_are_no_numbers(fresh: tuple[int, ...]) -> None:
+    """Whatever is compared with what is no number, nothing is more than it."""
+    assert climbed(lambda place: np.nan, (1, 1), (3, 3), fresh) in {(1, 1), (0, 0)}
+    beside = {(0, 0): 0.0, (1, 0): np.nan, (0, 1): 1.0, (1, 1): 2.0}
+    assert climbed(lambda place: beside[place], (0, 1), (2, 2), ()) == (1, 1)
+
+
+def test_a_refit_without_finite_slopes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those who try sets leave it out, and go on with the others."""
+    start = fitted(alone(), warmed({}, 120))
+    steep = SimpleNamespace(residual=start.residual, jacobian=np.full_like(start.jacobian, np.inf))
+    monkeypatch.setattr(Geometry, "evaluated", lambda *_: steep)
+    with pytest.raises(np.linalg.LinAlgError, match="no finite slopes"):
+        refitted(Geometry(start.rows), start.setting)
+
+
+def test_a_plant_that_runs_away_cannot_be_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sentence with a remedy instead of a traceback."""
+
+    def runs_away(*args: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(stores, "search", runs_away)
+    found = analyse(made(128), *tanks())
+    assert "cannot judge" == found.verdict
+    assert "runs away" in found.headline

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.mismatch import limits
@@ -24,6 +25,8 @@ from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 LIMITS = 80
 """Sets of limits; of each, all places that may be proposed are looked at."""
+
+HALVES = np.array([0.5, 0.5])
 
 ROUNDING = 1e-9
 """Share of a value that is lost between units."""
@@ -69,32 +72,25 @@ def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places)
     return told
 
 
-def _breaches(
-    ruleset: Ruleset, given: Allowed, told: list[Forecast], found: Feasible, place: int
-) -> list[str]:
-    """What is wrong with a place that may be proposed, each limit looked up anew."""
-    breaches = []
+def _check(ruleset: Ruleset, given: Allowed, told: list[Forecast], found: Feasible) -> None:
+    """All places that may be proposed, each limit looked up anew."""
+    may = found.may_run
     for name, values in found.places.inputs.items():
-        signal, value = ruleset.signal_by_id[name], float(values[place])
-        shown, slack = signal.shown(value), ROUNDING * abs(signal.shown(value))
+        signal = ruleset.signal_by_id[name]
+        shown, slack = signal.shown(values), ROUNDING * np.abs(signal.shown(values))
         if name not in found.reach.ranges:
-            if value != found.reach.present[name]:
-                breaches.append(f"{name} is not to be moved")
+            assert (values[may] == found.reach.present[name]).all(), f"{name} is not to be moved"
             continue
-        own = given.inputs[name]
-        if not own.lowest - slack <= shown <= own.highest + slack:
-            breaches.append(f"{name} {shown}")
-        low, high = signal.ends
-        if not low - slack <= value <= high + slack:
-            breaches.append(f"{name} {shown} is beyond its sensor")
-        if own.costs and abs(value - values[-1]) > slack and name not in found.costs[place]:
-            breaches.append(f"{name} costs product, and nothing says so")
+        own, (low, high) = given.inputs[name], signal.ends
+        kept = (own.lowest - slack <= shown) & (shown <= own.highest + slack)
+        kept &= (low - slack <= values) & (values <= high + slack)
+        assert kept[may].all(), name
+        moved = np.flatnonzero(may & (np.abs(values - values[-1]) > slack))
+        assert not own.costs or all(name in found.costs[place] for place in moved), name
     for name, (low, high) in given.readings.items():
         for one in told:
-            value, far = one.readings[name][place], limits.COVERED * one.spread[name][place]
-            if not low <= value - far <= value + far <= high:
-                breaches.append(f"{name} may be {value}")
-    return breaches
+            value, far = one.readings[name], limits.COVERED * one.spread[name]
+            assert ((low <= value - far) & (value + far <= high))[may].all(), name
 
 
 def test_thousands_of_places_keep_the_limits() -> None:
@@ -115,7 +111,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
         found = feasible(ruleset, places, reach, told)
         may = np.flatnonzero(found.may_run)
         looked += len(may)
-        assert [b for place in may for b in _breaches(ruleset, given, told, found, place)] == []
+        _check(ruleset, given, told, found)
         order = random.permutation(may)[:5].tolist()
         before = len(places) - 1
         for place, (ramp, hold) in zip(order, found.times(order), strict=True):
@@ -128,7 +124,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
             before = place
         if number % 16 == 0:
             seconds = 1.5 * found.seconds(order[:1])
-            best = best_within(told, np.array([0.5, 0.5]), 2, seconds, found, 0.0)
+            best = best_within(told, HALVES, 2, seconds, found, 0.0)
             assert set(best.choice.places) <= set(may.tolist())
             assert found.seconds(best.choice.places) <= seconds
             steps += len(best.choice.places)
@@ -136,13 +132,13 @@ def test_thousands_of_places_keep_the_limits() -> None:
     assert steps
 
 
-def _two_places(lost: tuple[tuple[str, ...], ...], forbids: tuple[bool, ...]) -> Feasible:
-    """Two places that can be run, and the present one."""
+def _two_places(lost: tuple[str, ...], forbids: bool) -> Feasible:
+    """Two places that can be run, of which the second may lose product or be forbidden, and the
+    present one."""
     places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
-    possible, forbidden = np.array([True, True, False]), {"A.dp": np.array([*forbids, False])}
-    return Feasible(
-        places, InputRanges({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ()
-    )
+    possible, forbidden = np.array([True, True, False]), np.array([False, forbids, False])
+    reach = InputRanges({"A.n": (1.0, 2.0)}, 60.0)
+    return Feasible(places, reach, possible, {"A.dp": forbidden}, ((), lost, ()), ())
 
 
 def _apart_by(first: float, second: float) -> list[Forecast]:
@@ -153,32 +149,27 @@ def _apart_by(first: float, second: float) -> list[Forecast]:
     return [Forecast({}, point, own, known, shares=(0.0, 0.0)) for own in offs]
 
 
-def test_limits_that_forbid_a_better_step_are_told() -> None:
+def test_the_best_step_within_limits() -> None:
     """Where the place that tells more is forbidden the other one is taken, and the recipe has why;
-    where it is not, nothing is in the way."""
-    odds = np.array([0.5, 0.5])
-    for forbids in (True, False):
-        found = _two_places(((), ()), (False, forbids))
-        best = best_within(_apart_by(1.0, 3.0), odds, 1, 3600.0, found, 0.0)
-        assert best.choice.places == ((0,) if forbids else (1,))
+    product is lost only where that tells clearly more."""
+    for off, lost, forbids, taken in (
+        ((1.0, 3.0), (), True, (0,)),
+        ((1.0, 3.0), (), False, (1,)),
+        ((4.0, 4.01), ("A.n",), False, (0,)),
+        ((1.0, 4.0), ("A.n",), False, (1,)),
+    ):
+        found = _two_places(lost, forbids)
+        best = best_within(_apart_by(*off), HALVES, 1, 3600.0, found, 0.0)
+        assert best.choice.places == taken
         assert best.hindering == (("A.dp",) if forbids else ())
         assert not best.time_is_short
 
 
-def test_product_is_spared_where_another_step_tells_as_much() -> None:
-    """It is lost where that tells clearly more."""
-    odds, found = np.array([0.5, 0.5]), _two_places(((), ("A.n",)), (False, False))
-    assert best_within(_apart_by(4.0, 4.01), odds, 1, 3600.0, found, 0.0).choice.places == (0,)
-    assert best_within(_apart_by(1.0, 4.0), odds, 1, 3600.0, found, 0.0).choice.places == (1,)
-
-
-def test_no_time_for_more_is_told() -> None:
+@pytest.mark.parametrize(("seconds", "steps"), [(90.0, 1), (120.0, 2)])
+def test_no_time_for_more_is_told(seconds: float, steps: int) -> None:
     """Two steps of a minute do not fit into one and a half."""
-    odds, found = np.array([0.5, 0.5]), _two_places(((), ()), (False, False))
-    short = best_within(_apart_by(2.0, 2.0), odds, 2, 90.0, found, 0.0)
-    assert (len(short.choice.places), short.time_is_short) == (1, True)
-    long = best_within(_apart_by(2.0, 2.0), odds, 2, 120.0, found, 0.0)
-    assert (len(long.choice.places), long.time_is_short) == (2, False)
+    best = best_within(_apart_by(2.0, 2.0), HALVES, 2, seconds, _two_places((), False), 0.0)
+    assert (len(best.choice.places), best.time_is_short) == (steps, steps < 2)
 
 
 def test_set_points_lie_where_pumps_run() -> None:

@@ -1,4 +1,5 @@
-"""What is told of a model is what anybody finds who simulates the plant that was written."""
+"""What is told of a model is what anybody finds who simulates the plant that was written; and the
+table of what the three models predict, with the spans that were held out."""
 
 from __future__ import annotations
 
@@ -10,37 +11,73 @@ import numpy as np
 import pytest
 
 from rulec.effects.adopted_plant import trial
+from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.written import row_errors, simulated, written
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.model import model_of
-from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.stores import explanation
-from tests.runtime.mismatch.dynamic.benches import as_found, bench, made, tanks
+from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
+from rulec.mismatch.result import Course, Series
+from tests.runtime.mismatch.dynamic.benches import bench, explained, made, tanks
+from tests.runtime.mismatch.made import changed, columns
+from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
+NAN = float("nan")
+THREE = np.array([0.0, 1.0, 2.0])
 ZERO = 1.0
 """V by which the level reading is off: twenty times its class."""
 
 
 def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
-    """Whoever simulates the plant meets the zero; the analysis may let it float."""
+    """Whoever simulates the plant meets the zero; the analysis may let it float. Where plants store
+    no residual is solved; errors follow from the table all the same."""
     clean = made(n=512, seed=4)
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
-    recording = replace(clean, values={**clean.values, "lower.y": off})
+    recording = changed(clean, {"lower.y": off})
     place, (rules, builder) = bench(recording), tanks()
     ends, plain = plain_end(place, {})
-    model = model_of(place, plain, ends.judged, {})
-    explained = explanation(recording, model, as_found(ends, plain, plain))
-    refits, shown = written(explained, explained.proofs(()))
+    said = explained(recording, place, ends, plain, plain)
+    proofs = said.proofs(())
+    refits, shown = written(said, proofs)
     assert shown.plants is not None
     held = shown.fits[0].heldout
     spans = heldout_spans(place.record.time, ~place.record.open)
-    for ruleset, error in (
-        (rules, held.shipped),
-        (trial(builder, refits.repairs[0]), held.recalibrated),
-    ):
+    repaired = trial(builder, refits.repairs[0])
+    for ruleset, error in ((rules, held.shipped), (repaired, held.recalibrated)):
         found = row_errors(ruleset, simulated(ruleset, recording), recording, spans)
         assert found["lower.y"][0] == pytest.approx(error, rel=1e-9)
+    (reading,) = said.readings(None, refits, proofs)
+    course = course_of(rules.signal_by_id["lower.y"], reading.measured, reading.predicted)
+    series = Series(place.record.time, ~place.record.open, (course,))
+    table = columns(replace(NAMED, series=series))
+    error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]
+    rms = np.sqrt(np.nanmean(error[table["heldout [1]"] == 1] ** 2))
+    assert pytest.approx(reading.fit.heldout.recalibrated, rel=1e-4) == rms
+    assert reading.fit.relation is None
+
+
+def test_a_cell_without_value_is_empty() -> None:
+    """Columns in the agreed order, each with its unit. Without a split there is a head."""
+    own = {"measured": np.array([1.0, NAN, 3.0]), "repaired": np.array([NAN, 1, 2])}
+    course = Course(signal="A.Q", unit="l/h", shipped=THREE, recalibrated=THREE, **own)
+    table = series_csv(Series(THREE, np.array([False, True, False]), (course,)))
+    assert [
+        "time [s],heldout [1],A.Q measured [l/h],A.Q shipped [l/h],A.Q recalibrated [l/h],"
+        "A.Q repaired [l/h]",
+        "0,0,1,0,0,",
+        "1,1,,1,1,1",
+        "2,0,3,2,2,2",
+    ] == table.splitlines()
+    assert "time [s],heldout [1]\n" == series_csv(CANNOT_JUDGE.series)
+    assert [] == mismatch_form(CANNOT_JUDGE, "x")["split"]["heldout"]
+
+
+def test_ends_belong_to_their_spans() -> None:
+    """A sample at either end, one sample alone, none, all; as in the machine form."""
+    assert [(-0.5, 0.5), (1.5, 2.5)] == heldout_spans(THREE, [True, False, True])
+    assert [] == heldout_spans(THREE, [False] * 3)
+    assert [(4.0, 4.0)] == heldout_spans(np.array([4.0]), [True])
+    found = replace(NAMED, series=Series(THREE, np.array([False, True, True])))
+    assert [[0.5, 2.5]] == mismatch_form(found, "x")["split"]["heldout"]
 
 
 def test_a_range_grows_only_where_a_relation_was_tested() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import comb
 from pathlib import Path
 
@@ -12,13 +13,13 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.result import HiddenDriver
 from rulec.mismatch.search.settled.candidate_sets import possible_sets, refitted_again
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain, join_terms
 from rulec.mismatch.search.settled.switching import Switching, price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
+from tests.runtime.mismatches import UNNAMED
 
 
 def rows_of(group: str, effect: str, folder: Path) -> Rows:
@@ -70,27 +71,15 @@ def test_neither_is_told_as_a_fault(group: str, effect: str, tmp_path: Path) -> 
     assert share(found, "!") < 0.1
 
 
-def test_which_of_some_borders_are_ends_is_as_dear_as_telling_them() -> None:
-    assert price(4, 10) == pytest.approx(np.log(comb(10, 4) * 11))
-
-
 def test_a_level_lasts_until_the_next_end() -> None:
+    """Which of some borders are ends is as dear as telling them."""
+    assert price(4, 10) == pytest.approx(np.log(comb(10, 4) * 11))
     way = Switching(np.array([10.0, 20.0]), np.array([0.0, 1.0, -1.0]), "says", 0.0)
     assert way.at(np.array([5.0, 10.0, 19.0, 20.0]))[:, 0].tolist() == [0.0, 1.0, 1.0, -1.0]
 
 
 def test_who_reads_it_is_sent_to_the_set_points_not_to_a_sensor() -> None:
-    hidden = HiddenDriver(
-        module="M",
-        place="loss",
-        text="",
-        time=np.zeros(1),
-        course=np.zeros(1),
-        unit="Pa",
-        candidates=(),
-        sensor="",
-        switches=True,
-    )
-    said = next_step("unnamed", (), hidden, ())
+    assert UNNAMED.hidden is not None
+    said = next_step("unnamed", (), replace(UNNAMED.hidden, switches=True), ())
     assert "from below and from above" in said
     assert "Record what may drive it" not in said

@@ -11,14 +11,16 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.stores.final_fits import FinalFits, plain_end
+from rulec.mismatch.evidence.stores.final_fits import FinalFits, fixed_values, plain_end
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.settled.sets import join_terms
 from rulec.mismatch.search.stores.best_set import Found
 from rulec.mismatch.search.stores.nameless import terms
 from rulec.mismatch.search.stores.sets import begun, grow
+from rulec.mismatch.stores import Explanation, explanation
 from tests.conftest import ROOT
 
 STEP = 4.0
@@ -74,14 +76,9 @@ def made(
     course = balances.run(time, inputs, np.ones(inputs.shape[1], dtype=bool), values)
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
     y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
-    file = np.zeros(n, dtype=int)
-    return Recording(
-        time=time,
-        values={"pump.u": u, "lower.y": np.round(y, 3)},
-        segment=file,
-        missing=("upper.y",),
-        notes=(),
-    )
+    shown = {"pump.u": u, "lower.y": np.round(y, 3)}
+    segment = np.zeros(n, dtype=int)
+    return Recording(time=time, values=shown, segment=segment, missing=("upper.y",), notes=())
 
 
 def bench(recording: Recording) -> SimulationProblem:
@@ -112,3 +109,11 @@ def searched(place: SimulationProblem, *names: str) -> Found:
 def as_found(ends: FinalFits, plain: Fitted, best: Fitted) -> Found:
     """Models as if a search had found them, which has tried nothing else."""
     return Found(ends, plain, best, (), begun(ends.bench).posterior())
+
+
+def explained(
+    recording: Recording, place: SimulationProblem, ends: FinalFits, plain: Fitted, best: Fitted
+) -> Explanation:
+    """What is told of that."""
+    model = model_of(place, best, ends.judged, fixed_values(best))
+    return explanation(recording, model, as_found(ends, plain, best))

@@ -15,12 +15,12 @@ from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.best_set import search as searched
 from rulec.mismatch.search.stores.sets import begun, grow, prune
-from rulec.mismatch.stores import explanation, until_of
+from rulec.mismatch.stores import until_of
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     TRUE,
-    as_found,
     bench,
+    explained,
     joined_to,
     made,
     tanks,
@@ -34,19 +34,11 @@ def planted(fault: str) -> dict[str, float]:
     return {f"{fault}.x": DEGREE, f"{fault}.since": SINCE, f"{fault}.t_half": 1022.0}
 
 
-def test_every_fault_of_a_plant_that_stores_has_an_onset() -> None:
-    """What is there from the beginning is a matter of calibration."""
-    faults = [c for c in tanks()[1].candidates if c.sort == "fault"]
-    assert {"lower.blockage", "upper.lost-inflow", "pump.leakage"} <= {c.id for c in faults}
-    assert "upper.tank-leak@inflow" in {c.id for c in faults}
-    assert all(c.onset is not None for c in faults)
-
-
 @pytest.mark.parametrize("fault", FAULTS)
 def test_before_its_onset_a_fault_does_nothing(fault: str) -> None:
-    plain, broken = (
-        made(joined=joined, more=more) for joined, more in (((), {}), ((fault,), planted(fault)))
-    )
+    """What is there from the beginning is a matter of calibration."""
+    assert all(c.onset is not None for c in tanks()[1].candidates if c.sort == "fault")
+    plain, broken = made(), made(joined=(fault,), more=planted(fault))
     change = np.abs(broken.values["lower.y"] - plain.values["lower.y"])
     before = plain.time < SINCE - 8.0
     assert change[before].max() < 0.002
@@ -81,11 +73,7 @@ def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
     assert abs(found.values[f"{fault}.x"] - degree) < 3.0 * u
     assert abs(smooth.values[f"{fault}.x"] - degree) > 10.0 * u
     assert ends.gain(found, plain) > ends.gain(smooth, plain)
-
-
-def test_what_begins_nowhere_stays_as_it_is() -> None:
-    ends, plain = plain_end(bench(made(256)), {})
-    assert ends.sharpened(plain) is plain
+    assert ends.sharpened(plain) is plain  # what begins nowhere stays as it is
 
 
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
@@ -94,9 +82,8 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
     place = bench(recording)
     ends, plain, found = joined_to(place, fault, planted(fault))
-    model_found = model_of(place, found, ends.judged, fixed_values(found))
-    explained = explanation(recording, model_found, as_found(ends, plain, found))
-    model = written(explained, explained.proofs(()))[0]
+    said = explained(recording, place, ends, plain, found)
+    model = written(said, said.proofs(()))[0]
     adopted = model.repaired
     until = until_of(place, found, [place.candidate(fault)])
     assert found.values[f"{fault}.since"] == pytest.approx(until - place.record.time[0])

@@ -1,4 +1,4 @@
-"""Something is wrong somewhere, whatever explains it."""
+"""What has no name in a plant that stores: its place, and what it follows."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ LOSS = "lower.store-loss@inflow"
     ],
 )
 def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places: list[str]) -> None:
+    """Something is wrong somewhere, whatever explains it."""
     place = bench(made())
     ends, plain = plain_end(place, {})
     plain = replace(plain, noise={"lower.y": Noise(times * NOISE, 5.0)})

@@ -16,13 +16,11 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer.pictures import pictures_of
 from rulec.mismatch.evidence.stores.final_fits import plain_end
-from rulec.mismatch.evidence.stores.noise import score_covariance
 from rulec.mismatch.search.curve_found import CurveFound
 from rulec.mismatch.search.stores.fitted_curve import FittedCurve, fitted_curve
 from rulec.mismatch.search.stores.posterior_curve import curve_of
-from rulec.mismatch.search.stores.unnamed import Unnamed, likeliest_curve
+from rulec.mismatch.search.stores.unnamed import likeliest_curve
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, searched, tanks
 
@@ -91,7 +89,7 @@ def left_out(curve: CurveFound, found: FittedCurve) -> Array:
     return off
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
     """Over what was shown, with and without its level: the whole curve, by chi-square."""
     place = bench(flapping(thin, seed))
@@ -112,9 +110,11 @@ def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
 
 
 def test_place_and_driver_are_found(thin: Path) -> None:
-    """Among all places and all that they may follow; no memory, and the name that lost."""
+    """Among all places and all that they may follow; no memory, and the name that lost. No curve is
+    drawn through noise."""
+    assert likeliest_curve(searched(bench(made(SAMPLES, 1)), LAW)) is None
     unnamed = likeliest_curve(searched(bench(flapping(thin, 1)), LAW))
-    assert isinstance(unnamed, Unnamed)
+    assert unnamed is not None
     curve = unnamed.curve
     # What flows out is all that its balance loses, so these two are the same.
     assert f"{curve.place.module}.{curve.place.place}" in ("lower.outflow", "lower.h")
@@ -127,17 +127,11 @@ def test_place_and_driver_are_found(thin: Path) -> None:
     assert lost.nats > 100.0
 
 
-def test_a_right_plain_model_follows_nothing() -> None:
-    """No curve is drawn through noise."""
-    assert likeliest_curve(searched(bench(made(SAMPLES, 1)), LAW)) is None
-
-
 @pytest.mark.prove
 def test_the_whole_answer(thin: Path) -> None:
-    """Text, page and machine form are those of settled plants."""
+    """Text and machine form are those of settled plants."""
     recording = flapping(thin, 2)
-    ruleset, builder = tanks()
-    found = analyse(recording, ruleset, builder)
+    found = analyse(recording, *tanks())
     assert "unnamed" == found.verdict
     assert "It follows lower.y." in found.headline
     assert found.next.startswith("Look at what ")
@@ -148,22 +142,7 @@ def test_the_whole_answer(thin: Path) -> None:
     sign = -1.0 if at.place == "outflow" else 1.0
     turn = float(at.shape.at[np.argmax(sign * at.shape.value)])
     assert abs(turn - (TRUE["lower.g"] * NEAR + TRUE["lower.y0"])) < 0.3
-    assert not at.shape.monotone
-    assert "no" == at.shape.memory
-    assert at.shape.beaten
-    form = mismatch_form(found, "plant.yaml")
-    (told,) = [f for f in form["locations"] if "shape" in f]
+    assert (False, "no") == (at.shape.monotone, at.shape.memory)
+    (told,) = [f for f in mismatch_form(found, "plant.yaml")["locations"] if "shape" in f]
     assert {"shape", "memory", "beaten"} <= set(told)
-    leading = pictures_of(found)
-    assert "shape0" == leading[0].name
-
-
-def test_noise_that_lasts_is_counted() -> None:
-    """The doubt of a mean in noise of first order: (1 + r)/(1 - r) times that of white noise."""
-    random, share, count = np.random.default_rng(1), 0.8, 20_000
-    error = np.zeros(count)
-    for i, shock in enumerate(random.standard_normal(count - 1), 1):
-        error[i] = share * error[i - 1] + shock
-    known = np.ones(count, dtype=bool)
-    ratio = float(score_covariance(np.ones((count, 1)), error, known)[0, 0]) / count
-    assert ratio == pytest.approx((1.0 + share) / (1.0 - share), rel=0.15)
+    assert told["beaten"]
