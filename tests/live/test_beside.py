@@ -112,9 +112,7 @@ def test_a_fault_of_a_large_part_is_told_by_a_look(monkeypatch: pytest.MonkeyPat
     assert first.time - recording.time[LEAK.first] <= 1.0
 
 
-def test_memory_stays_bounded_and_state_is_that_of_the_rows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_memory_stays_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A look that would take for ever is waited for in the end."""
     for name, value in (("KEPT_ROWS", 40), ("MOST_ROWS", 100), ("ROWS_AT_A_GLANCE", 60)):
         monkeypatch.setattr(limits, name, value)
@@ -164,9 +162,7 @@ def test_the_process_finds_the_same(process: UpdateProcess, memory: Memory) -> N
     assert len(data) < 0.2 * len(rules.to_json())
 
 
-def test_a_look_that_fails_is_told_and_one_that_is_killed_is_done_here(
-    process: UpdateProcess, memory: Memory
-) -> None:
+def test_a_look_that_fails_or_is_killed(process: UpdateProcess, memory: Memory) -> None:
     rules = three_lines()
     broken = replace(memory, before="no history")  # type: ignore[arg-type]
     asked = process.begin(rules, broken)
@@ -251,9 +247,7 @@ def test_only_the_part_that_moves_is_judged(updates: list[list[int]]) -> None:
     assert updates.count([1]) == len(updates) > 5
 
 
-def test_a_row_that_says_nothing_new_gets_no_look_and_a_stuck_sensor_does(
-    updates: list[list[int]],
-) -> None:
+def test_nothing_new_gets_no_look_and_a_stuck_sensor_does(updates: list[list[int]]) -> None:
     """A reading that stands still needs a look at everything, which finds it stuck."""
     recording = with_faults([])
     assert by_rows(recording, 100) == []

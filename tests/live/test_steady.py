@@ -47,9 +47,7 @@ def test_a_clock_that_is_set_back_runs_on(clocks: SimpleNamespace) -> None:
     assert clock() - since == pytest.approx(HOUR, abs=0.1)
 
 
-def test_time_in_which_nobody_looked_is_no_silence_but_a_standstill(
-    clocks: SimpleNamespace,
-) -> None:
+def test_a_standstill_is_no_silence(clocks: SimpleNamespace) -> None:
     silence, still = Silence(10.0), Standstill()
     clocks.ahead = HOUR
     assert not silence.begins()
@@ -65,9 +63,7 @@ def test_time_in_which_nobody_looked_is_no_silence_but_a_standstill(
     assert stale
 
 
-def test_sources_go_on_when_all_clocks_jump(
-    clocks: SimpleNamespace, abc: Ruleset, tmp_path: Path
-) -> None:
+def test_all_clocks_jump(clocks: SimpleNamespace, abc: Ruleset, tmp_path: Path) -> None:
     """Ahead, back and ahead again: a gap is told, no alarm; times of rows increase."""
     server = PlantServer()
     _, heard = without_broker(abc, tmp_path, "signals: {A.dp: t/dp}")

@@ -46,9 +46,7 @@ def test_finding_first(file: str, capsys: pytest.CaptureFixture[str]) -> None:
         assert max(map(len, lines)) <= 80
 
 
-def test_filters_exit_code_and_acknowledgement(
-    file: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_filters(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     def told(code: int, *options: str) -> str:
         assert main(["journal", file, *options]) == code
         return capsys.readouterr().out

@@ -105,9 +105,7 @@ def test_what_waits_outlives_the_process(tmp_path: Path) -> None:
                 Outbox(journal, "abc", sink.said.append, file=file)
 
 
-def test_what_is_refused_for_good_or_too_much_is_told_and_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_refused_for_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MOST_PENDING", 4)
     sink, file = Frail(), tmp_path / "waiting.json"
     outbox = sink.outbox(file)
@@ -125,9 +123,7 @@ def test_what_is_refused_for_good_or_too_much_is_told_and_kept(
     assert sink.outbox(file).pending == 4
 
 
-def test_a_server_is_stopped_and_started_again(
-    server: Postgres, schema: str, tmp_path: Path
-) -> None:
+def test_a_server_that_stops(server: Postgres, schema: str, tmp_path: Path) -> None:
     """Also while the watcher starts: it goes on, and writes when the server is there."""
     server.stop()
     said: list[str] = []

@@ -83,7 +83,7 @@ def watch(abc: Ruleset, tmp_path: Path) -> Iterator[Watch]:
         one.source.close()
 
 
-def test_rows_come_each_interval_and_nothing_is_written(
+def test_rows_come_and_nothing_is_written(
     plant: PlantServer, watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Held between changes, by the stamp of the source; what is bad has no reading."""
@@ -228,9 +228,7 @@ def test_old_stamps_and_a_wrong_clock_are_not_times_of_rows(
     assert "gap" in taken.kinds()
 
 
-def test_what_cannot_be_used_is_told_again_as_long_as_it_lasts(
-    plant: PlantServer, watch: Watch
-) -> None:
+def test_what_cannot_be_used_is_told_again(plant: PlantServer, watch: Watch) -> None:
     """With the reason and what to write in the map; the other signal is read on."""
     plant.write("A.dp", 1.8, code=ua.StatusCodes.Uncertain)
     taken = watch.of(plant.url)
@@ -255,9 +253,7 @@ def test_what_cannot_be_used_is_told_again_as_long_as_it_lasts(
     assert taken.of("A.dp")[0] == 1.5e5
 
 
-def test_a_node_that_was_deleted_is_told_and_read_when_it_is_there_again(
-    plant: PlantServer, watch: Watch
-) -> None:
+def test_a_node_that_was_deleted_and_comes_again(plant: PlantServer, watch: Watch) -> None:
     """Also where the server does not say that it is gone."""
     plant.write("A.dp", 1.8)
     taken = watch.of(plant.url).until(lambda t: t.times)
@@ -269,9 +265,7 @@ def test_a_node_that_was_deleted_is_told_and_read_when_it_is_there_again(
     assert "lost" not in taken.kinds()
 
 
-def test_a_namespace_is_followed_by_its_uri_also_by_the_next_watch(
-    plant: PlantServer, watch: Watch
-) -> None:
+def test_a_namespace_is_followed_by_its_uri(plant: PlantServer, watch: Watch) -> None:
     """Where the map says ns=2; another namespace in its place is refused."""
     taken = watch.of(plant.url).until(lambda t: t.times)
     plant.stop()

@@ -146,24 +146,19 @@ def test_names_are_those_of_the_birth(plant: Plant) -> None:
 
 
 def test_without_a_birth_aliases_say_nothing(plant: Plant) -> None:
-    """Names do; a birth of the node takes back what its devices said."""
+    """Names do; a birth of the node takes back what its devices said, and an alias that is given
+    anew is not mistaken."""
     plant.says(DEVICE, "DDATA", data(6)).says(DEVICE, "DDATA", data(7))
     assert plant.taken.times == []
-    assert plant.told() == [
-        "site/edge/A: values come by alias; they are read from its birth on",
-    ]
+    assert plant.told() == ["site/edge/A: values come by alias; they are read from its birth on"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x08")
     assert plant.last()[1] == 901.0
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DDATA", data(1))
     assert len(plant.taken.times) == 1
-
-
-def test_an_alias_that_is_given_anew_is_not_mistaken(plant: Plant) -> None:
-    plant.born()
     other = BIRTH.replace(b"\x0a\x02dp\x10\x07", b"\x0a\x02xx\x10\x07").replace(
         varint(1_790_000_000_000), varint(1_790_000_004_000)
     )
-    plant.says(DEVICE, "DBIRTH", other[:-1] + b"\x02")
+    plant.born().says(DEVICE, "DBIRTH", other[:-1] + b"\x02")
     plant.says(DEVICE, "DDATA", data(3))
     dp, n = plant.last()
     assert math.isnan(dp)
@@ -173,9 +168,8 @@ def test_an_alias_that_is_given_anew_is_not_mistaken(plant: Plant) -> None:
 def test_messages_that_are_missing_are_told(plant: Plant) -> None:
     """Once; the sequence begins at 0 again behind 255, and with a birth of the node."""
     plant.born()
-    at = 1_790_000_010_000
     for i, sequence in enumerate([2, 3, 6, 9]):
-        plant.says(DEVICE, "DDATA", data(sequence, at=at + 1000 * i))
+        plant.says(DEVICE, "DDATA", data(sequence, at=1_790_000_010_000 + 1000 * i))
     assert plant.told() == ["site/edge: message 6 follows 3; what is between is missing"]
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE)
     assert len(plant.told()) == 1
@@ -183,8 +177,7 @@ def test_messages_that_are_missing_are_told(plant: Plant) -> None:
 
 
 def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
-    plant.born()
-    plant.says(DEVICE, "DDEATH", b"\x18\x02")
+    plant.born().says(DEVICE, "DDEATH", b"\x18\x02")
     assert plant.told() == ["site/edge/A says that it is gone (DDEATH)"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x03")
     dp, n = plant.last()
@@ -194,9 +187,7 @@ def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
     assert plant.told()[-1] == "site/edge says that it is gone (NDEATH)"
 
 
-def test_values_hold_while_the_node_says_something(
-    plant: Plant, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_hold(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sparkplug sends what has changed alone."""
     clock = [1e6]
     monkeypatch.setattr(remarks, "steady", lambda: clock[0])

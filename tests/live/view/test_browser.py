@@ -150,9 +150,7 @@ def test_lost_connection_is_told_and_made_anew(chromium: Browser, plant: Plant) 
     assert plant.now.active[0].id in plant.now.acknowledged
 
 
-def test_without_scripts_it_is_a_picture_of_now_and_forms_work(
-    chromium: Browser, plant: Plant
-) -> None:
+def test_without_scripts_forms_work(chromium: Browser, plant: Plant) -> None:
     url = plant.serve()
     chromium.call("Emulation.setScriptExecutionDisabled", value=True)
     try:

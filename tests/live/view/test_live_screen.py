@@ -10,7 +10,7 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -22,6 +22,7 @@ from rulec_runtime.live.view.live_screen import LiveScreen
 from rulec_runtime.output.terminal import Terminal
 
 from tests.conftest import SOURCES
+from tests.live.test_watch import until
 from tests.live.view.hostile import TEXTS, hostile
 from tests.live.view.nows import failing, leaking
 
@@ -36,23 +37,16 @@ def terminal(out: io.StringIO) -> Terminal:
     return Terminal(file=out, width=80, height=24, force_terminal=True)
 
 
-def waited_for(true: Callable[[], bool]) -> bool:
-    until = time.monotonic() + 5.0
-    while not true() and time.monotonic() < until:
-        time.sleep(0.01)
-    return true()
-
-
 def test_operator_acknowledges_and_quits() -> None:
     ours, theirs = pty.openpty()
     out, asked, now = io.StringIO(), list[tuple[str, str]](), failing()
     with LiveScreen(lambda *a: asked.append(a), terminal(out), Keys(theirs)) as live:
         live.show(now)
         os.write(ours, b"\x1b[Ba?")
-        assert waited_for(lambda: "letters of NAMUR NE 107" in out.getvalue())
+        until(lambda: "letters of NAMUR NE 107" in out.getvalue())
         assert not live.quit
         os.write(ours, b"q")
-        assert waited_for(lambda: live.quit)
+        until(lambda: live.quit)
     assert [(now.active[1].id, live_screen.who())] == asked
     assert live_screen.who().endswith("terminal")
     before, _, behind = out.getvalue().rpartition("\x1b[?1049l")
@@ -72,7 +66,7 @@ def test_pictures_are_few_however_many_rows_come() -> None:
             live.show(now)
         # A picture costs some 20 ms; who shows rows draws none of them.
         assert time.thread_time() - begin < 1.0
-        assert waited_for(lambda: "A.leakage" in out.getvalue())
+        until(lambda: "A.leakage" in out.getvalue())
     # However long other work on the machine makes this last.
     assert out.getvalue().count("modules") <= 3 + (time.monotonic() - since) / live_screen.TICK
 
@@ -84,7 +78,7 @@ def test_mistake_in_a_picture_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(live_screen, "Screen", broken)
     with LiveScreen(nobody, terminal(io.StringIO()), _none()) as live:
         live.show(leaking())
-        assert waited_for(lambda: bool(live.failed))
+        until(lambda: live.failed)
         with pytest.raises(ZeroDivisionError):
             live.show(leaking())
 
@@ -165,9 +159,7 @@ def test_keys_have_names(ends: tuple[int, int], sent: bytes, keys: list[str]) ->
         assert keys == pressed.take(0.05)
 
 
-def test_sequence_in_two_parts_is_one_key_and_escape_alone_goes_back(
-    ends: tuple[int, int],
-) -> None:
+def test_sequences_in_two_parts(ends: tuple[int, int]) -> None:
     with Keys(ends[1]) as pressed:
         os.write(ends[0], b"\x1b")
         assert [] == pressed.take(0.05)

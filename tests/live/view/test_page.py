@@ -262,9 +262,7 @@ async def first_event(now: Now) -> str:
     return await anext(aiter(Streams(Board(lambda: now, "seal")).one()))
 
 
-def test_events_come_when_something_is_new_and_beats_in_between(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_events_and_beats(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "REDRAWN", 0.01)
     monkeypatch.setattr(limits, "TICK", 0.05)
     state = [leaking()]
