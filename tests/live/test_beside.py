@@ -1,18 +1,20 @@
-"""Looks that go on beside the rows: what is told in the end, and that nothing waits for them."""
+"""Plants in parts: what moves alone is judged, and looks that go on beside the rows."""
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.parts import parts_of
-from rulec_runtime.live import limits, state
+from rulec_runtime.live import follower, limits, state
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.beside import BackgroundUpdates
 from rulec_runtime.live.episode import Event
@@ -21,10 +23,12 @@ from rulec_runtime.live.full_update import evaluated
 from rulec_runtime.live.last_evaluation import Evaluation, PendingUpdate, UpdateUnderWay
 from rulec_runtime.live.levels import far_after
 from rulec_runtime.live.update_process import UpdateProcess, read, written
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from tests.live.test_agreement import LEAK, three_lines, with_faults
-from tests.rig.follower.plants import part_of
+from tests.conftest import ROOT, compiled
+from tests.rig.follower import plants
+from tests.rig.follower.agreement import differences, first_rows
+from tests.rig.follower.plants import Planted, part_of, recorded
 
 
 @dataclass
@@ -60,69 +64,60 @@ def large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "SMALL_PLANT", 10)
 
 
-def row_by_row(
-    recording: Recording, first: int, looks: BackgroundUpdates | None, last: int | None = None
-) -> Iterator[Update]:
-    """A block of rows, and then one by one."""
-    rules, memory = three_lines(), nothing_yet(False)
-    rows = range(first, last or len(recording))
-    for low, high in [(0, first), *((row, row + 1) for row in rows)]:
-        for told in follow(rules, memory, part_of(recording, low, high), looks):
-            memory = told.memory
-            yield told
+def followed(
+    recording: Recording, first: int, looks: BackgroundUpdates | None, step: int = 1
+) -> list[Update]:
+    """A block of rows, and then one by one or in further blocks."""
+    memory, told = nothing_yet(False), list[Update]()
+    rest = ((row, row + step) for row in range(first, len(recording), step))
+    for low, high in [(0, first), *rest]:
+        told += follow(three_lines(), memory, part_of(recording, low, high), looks)
+        memory = told[-1].memory
+    return told
+
+
+def events_of(told: list[Update]) -> list[tuple[str, str]]:
+    return [(e.what, e.episode.subject) for one in told for e in one.events]
 
 
 def active(memory: Memory) -> set[str]:
     return {one.subject for one in memory.episodes if one.active}
 
 
-@pytest.mark.parametrize("rows", [0, 9])
-def test_in_the_end_the_same_is_active(rows: int) -> None:
-    """A look that began before a leakage and ends behind its beginning takes nothing back."""
-    recording, looks = with_faults([replace(LEAK, last=160)], 130), SlowLooks(rows)
-    told = [*row_by_row(recording, LEAK.first - 53, looks)]
+def test_in_the_end_the_same_is_active() -> None:
+    """A look that began before a leakage and ends behind its beginning takes nothing back. Blocks
+    of rows need none."""
+    recording, looks = with_faults([replace(LEAK, last=160)], 130), SlowLooks(9)
+    told = followed(recording, LEAK.first - 53, looks)
     assert looks.began[0] == 3 * (LEAK.first - 53) == LEAK.first + 1
-    events = [(e.what, e.episode.subject) for one in told for e in one.events]
-    assert events == [("began", LEAK.fault)]
+    assert events_of(told) == [("began", LEAK.fault)]
     assert told[-1].memory.known is not None
     assert told[-1].memory.known.count >= LEAK.first + 1
-    in_place = [*row_by_row(recording, LEAK.first - 53, None)]
+    in_place = followed(recording, LEAK.first - 53, None)
     assert active(told[-1].memory) == active(in_place[-1].memory) == {LEAK.fault}
+    unasked = SlowLooks(2)
+    blocks = [followed(with_faults([LEAK]), 80, each, 80) for each in (None, unasked)]
+    assert events_of(blocks[0]) == events_of(blocks[1]) != []
+    assert unasked.began == []
 
 
 def test_a_fault_of_a_large_part_is_told_by_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "SMALL_PLANT", 5)
     recording, looks = with_faults([LEAK], 130), SlowLooks(3)
-    events = [e for one in row_by_row(recording, LEAK.first, looks) for e in one.events]
-    faults = [(e.what, e.episode.subject) for e in events if e.episode.kind == "fault"]
+    told = followed(recording, LEAK.first, looks)
+    faults = [pair for pair in events_of(told) if pair[1] == LEAK.fault]
     assert faults == [("began", LEAK.fault), ("ended", LEAK.fault)]
     assert LEAK.first + 1 in looks.began
-    assert events[0].time - recording.time[LEAK.first] <= 1.0
+    first = next(e for one in told for e in one.events)
+    assert first.time - recording.time[LEAK.first] <= 1.0
 
 
-def test_blocks_of_rows_tell_the_same_as_ever() -> None:
-    rules, recording = three_lines(), with_faults([LEAK])
-    told: list[list[Event]] = []
-    for looks in (None, SlowLooks(2)):
-        memory, events = nothing_yet(False), list[Event]()
-        for first in range(0, len(recording), 80):
-            for one in follow(rules, memory, part_of(recording, first, first + 80), looks):
-                memory = one.memory
-                events += one.events
-        told.append(events)
-        assert looks is None or not looks.began
-    assert told[0] == told[1]
-    assert told[0] != []
-
-
-def test_memory_stays_bounded_and_state_is_that_of_the_rows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_memory_stays_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A look that would take for ever is waited for in the end."""
     for name, value in (("KEPT_ROWS", 40), ("MOST_ROWS", 100), ("ROWS_AT_A_GLANCE", 60)):
         monkeypatch.setattr(limits, name, value)
     rules, recording, looks = three_lines(), with_faults([], 115), SlowLooks(10_000)
-    told = [*row_by_row(recording, 30, looks)]
+    told = followed(recording, 30, looks)
     assert looks.began == [80]
     kept = [len(one.memory.recent) for one in told]
     assert max(kept) == 99
@@ -146,45 +141,33 @@ def process() -> Iterator[UpdateProcess]:
         yield running
 
 
-def remembered() -> Memory:
-    (told,) = row_by_row(with_faults([LEAK], 100), 100, None)
-    return told.memory
+@pytest.fixture
+def memory() -> Memory:
+    return followed(with_faults([LEAK], 100), 100, None)[-1].memory
 
 
-def test_the_process_finds_the_same(process: UpdateProcess) -> None:
-    rules, memory = three_lines(), remembered()
+def test_the_process_finds_the_same(process: UpdateProcess, memory: Memory) -> None:
+    """What both processes have is never sent."""
+    rules, here = three_lines(), evaluated(three_lines(), memory)
     there = process.begin(rules, memory).found(wait=True)
-    here = evaluated(rules, memory)
     assert there is not None
     assert there.diagnosis.ruleset is rules
     assert there.diagnosis.findings == here.diagnosis.findings != ()
     assert there.settled == here.settled
-
-
-def test_what_both_processes_have_is_never_sent() -> None:
-    rules, memory = three_lines(), remembered()
-    found = evaluated(rules, memory)
-    data = written(rules, found)
+    data = written(rules, here)
     again = read(rules, data)
     assert isinstance(again, Evaluation)
     assert again.known is not None
     assert again.known.parts[1].part is parts_of(rules)[1]
-    assert again.known.diagnosis.findings[0].fault is found.diagnosis.findings[0].fault
     assert len(data) < 0.2 * len(rules.to_json())
 
 
-def test_what_a_look_raises_is_raised_where_rows_are(process: UpdateProcess) -> None:
-    rules, memory = three_lines(), remembered()
+def test_a_look_that_fails_or_is_killed(process: UpdateProcess, memory: Memory) -> None:
+    rules = three_lines()
     broken = replace(memory, before="no history")  # type: ignore[arg-type]
     asked = process.begin(rules, broken)
-    assert memory.known is not None
     with pytest.raises(AttributeError):
         asked.found(wait=True)
-    assert process.begin(rules, memory).found(wait=True) is not None
-
-
-def test_a_look_whose_process_is_killed_is_done_here(process: UpdateProcess) -> None:
-    rules, memory = three_lines(), remembered()
     assert process.begin(rules, memory).found(wait=True) is not None
     assert process.pid is not None
     os.kill(process.pid, signal.SIGSTOP)
@@ -196,21 +179,8 @@ def test_a_look_whose_process_is_killed_is_done_here(process: UpdateProcess) -> 
     assert found.diagnosis.findings == evaluated(rules, memory).diagnosis.findings
 
 
-def test_closing_waits_for_no_look() -> None:
-    with closing(UpdateProcess(three_lines())) as process:
-        asked = process.begin(three_lines(), remembered())
-        assert process.pid is not None
-        os.kill(process.pid, signal.SIGSTOP)
-        since = time.monotonic()
-        asked.drop()
-    assert time.monotonic() - since < 3.0
-    assert process.pid is None
-
-
-def test_a_look_that_ends_while_no_row_comes_is_told() -> None:
-    recording, looks = with_faults([LEAK], 100), SlowLooks(0)
-    (told,) = row_by_row(recording, 100, None)
-    memory = replace(told.memory, episodes=())
+def test_a_look_that_ends_while_no_row_comes_is_told(memory: Memory) -> None:
+    looks, memory = SlowLooks(0), replace(memory, episodes=())
     asked = looks.begin(three_lines(), memory, headers=True)
     memory = replace(memory, under_way=UpdateUnderWay(asked=asked, count=100, kept=100))
     ((after, events, diagnosis),) = judged(three_lines(), memory, [], looks)
@@ -218,3 +188,73 @@ def test_a_look_that_ends_while_no_row_comes_is_told() -> None:
     assert after.under_way is None
     assert diagnosis is not None
     assert not [*judged(three_lines(), after, [], looks)]
+
+
+LEAK = Planted("L1A.leakage", 0.3, 80, 120)
+
+
+@functools.cache
+def three_lines() -> Ruleset:
+    """Three small plants in one file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plants, "LINES", 3)
+        return plants.side_by_side()
+
+
+def with_faults(planted: list[Planted], rows: int = 160) -> Recording:
+    """A recording of the three."""
+    return recorded(three_lines(), rows, planted, 0.1, np.random.default_rng(2))
+
+
+@pytest.fixture
+def updates(monkeypatch: pytest.MonkeyPatch) -> list[list[int]]:
+    """Plants count as large; the parts that got each partial update."""
+    monkeypatch.setattr(limits, "SMALL_PLANT", 5)
+    seen: list[list[int]] = []
+
+    def noted(*given: object) -> object:
+        seen.append(list(given[3]))  # type: ignore[call-overload]
+        return known(*given)  # type: ignore[arg-type]
+
+    known = follower.partial_update
+    monkeypatch.setattr(follower, "partial_update", noted)
+    return seen
+
+
+def by_rows(recording: Recording, known: int) -> list[Event]:
+    """A block of rows, and what is told of those that come one by one, to the end."""
+    told = followed(recording, known, None)
+    end = follower.concluded(three_lines(), told[-1].memory)
+    assert end is not None
+    assert end.diagnosis.findings == diagnose(recording, three_lines()).findings
+    return [e for one in (*told, end) for e in one.events]
+
+
+def test_an_example_agrees_row_by_row(updates: list[list[int]]) -> None:
+    rules = compiled("abc")
+    recording = read_recording(ROOT / "plants" / "abc" / "examples" / "warm_A.csv", rules)
+    assert differences(rules, first_rows(recording, 25), 1) == []
+    assert updates != []
+
+
+def test_only_the_part_that_moves_is_judged(updates: list[list[int]]) -> None:
+    """Once all rows of a first look have been judged; a fault begins and ends in its part."""
+    recording = with_faults([LEAK], 130)
+    events = by_rows(recording, LEAK.first)
+    told = [(e.what, e.episode.subject) for e in events if e.episode.kind == "fault"]
+    assert told == [("began", LEAK.fault), ("ended", LEAK.fault)]
+    assert events[0].time - recording.time[LEAK.first] <= 0.5
+    assert updates.count([1]) == len(updates) > 5
+
+
+def test_nothing_new_gets_no_look_and_a_stuck_sensor_does(updates: list[list[int]]) -> None:
+    """A reading that stands still needs a look at everything, which finds it stuck."""
+    recording = with_faults([])
+    assert by_rows(recording, 100) == []
+    assert len(updates) < 10
+    column = recording.values["L2B.dp"].copy()
+    column[99:] = column[99]
+    recording = replace(recording, values={**recording.values, "L2B.dp": column})
+    (stuck,) = [e for e in by_rows(recording, 100) if e.episode.kind == "sensor"]
+    assert (stuck.what, stuck.episode.subject) == ("began", "L2B.dp.stuck")
+    assert stuck.time == pytest.approx(recording.time[99] + limits.STANDS_STILL * 0.1)

@@ -1,18 +1,22 @@
-"""Events and state in files on a full disk: the watch goes on, and owes nothing afterwards."""
+"""A disk that is full or can be read alone: the watch goes on, and owes nothing afterwards."""
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
-from rulec_runtime.commands.watch_kept import KeptFiles, kept_files
+from rulec_runtime.commands.watch_kept import KeptFiles, kept_files, kept_journal
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.refused import JournalRefused
+from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.journal.events import event
+from tests.live.conftest import filled
+from tests.live.journal.events import event, kept_in
 from tests.live.journal.test_lines import events_in
 
 
@@ -37,51 +41,34 @@ def put(files: KeptFiles, number: int, dated: bool = True) -> Event:
     return new
 
 
-def filled(disk: Path) -> Path:
-    """A file that takes all the room there is."""
-    ballast = disk / "ballast"
-    with suppress(OSError), ballast.open("ab", buffering=0) as file:
-        piece = 1 << 16
-        while piece:
-            try:
-                file.write(bytes(piece))
-            except OSError:
-                piece //= 2
-    return ballast
-
-
-def test_each_is_on_the_disk_before_the_next(tmp_path: Path) -> None:
-    with kept(tmp_path) as (files, _):
-        for number in range(1, 6):
-            put(files, number)
-            assert len(events_in(tmp_path / "events.jsonl")) == number
-            assert (tmp_path / "state").read_bytes() == f"state {number}".encode()
-
-
 def test_full_and_free_again(small_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Told once; then all is there, each once, no half line."""
-    file = small_disk / "events.jsonl"
+    """Each is on the disk before the next while there is room. Told once that there is none; then
+    all is there, each once, no half line: in a new file where the old one was put away."""
+    file, old, state = (small_disk / name for name in ("events.jsonl", "old.jsonl", "state"))
     with kept(small_disk) as (files, unwritten):
-        told = [put(files, 1)]
+        told = []
+        for number in range(1, 4):
+            told.append(put(files, number))
+            assert events_in(file) == told
+            assert state.read_bytes() == f"state {number}".encode()
         ballast = filled(small_disk)
-        told += [put(files, n) for n in range(2, 40)]
+        told += [put(files, n) for n in range(4, 40)]
         before = events_in(file)
-        assert before == told[: len(before)]
         assert len(before) < 20
-        ballast.unlink()
+        file.rename(old)
         told.append(put(files, 40))
+        ballast.unlink()
     assert unwritten == []
-    assert events_in(file) == told
-    assert (small_disk / "state").read_bytes() == b"state 40"
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 2
-    assert "No space left" in said[0]
-    assert "written again after" in said[1]
+    assert events_in(old) == before
+    assert [*before, *events_in(file)] == told
+    assert state.read_bytes() == b"state 40"
+    full, free = capsys.readouterr().err.splitlines()
+    assert "No space left" in full
+    assert "written again after" in free
     assert not list(small_disk.glob("*.waiting.json"))
 
 
-@pytest.mark.parametrize("dated", [True, False])
-@pytest.mark.parametrize("state", [True, False])
+@pytest.mark.parametrize(("state", "dated"), [(True, False), (False, True)])
 def test_ended_while_it_is_full(
     state: bool, dated: bool, small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,20 +94,50 @@ def test_ended_while_it_is_full(
     assert list(waiting.iterdir()) == []
 
 
-def test_moved_away_while_it_is_full(small_disk: Path) -> None:
-    """As logs are put away: what waits goes into the new file."""
-    file = small_disk / "events.jsonl"
-    with kept(small_disk) as (files, _):
-        put(files, 1)
-        ballast = filled(small_disk)
-        waited = [put(files, n) for n in range(2, 40)]
-        written = len(events_in(file))
-        file.rename(small_disk / "events.1.jsonl")
-        waited.append(put(files, 40))
-        ballast.unlink()
-    assert events_in(file) == waited[written - 1 :]
+def remounted(folder: Path, how: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
 
 
-def test_no_such_folder(tmp_path: Path) -> None:
-    with pytest.raises(JournalRefused, match="there is no such folder"), kept(tmp_path / "none"):
-        pass
+@pytest.mark.parametrize(("before", "full"), [(0, False), (1, False), (2, False), (1, True)])
+def test_a_journal_on_such_a_disk(
+    small_disk: Path,
+    tmp_path: Path,
+    before: int,
+    full: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With what waits beside it: memory has it. The watch starts, goes on and catches up, with what
+    was kept `before`: nothing, an event, two by a process that was killed."""
+    monkeypatch.setattr(limits, "LAST_RETRY", 0.2)
+    if before:
+        with closing(open_journal(str(tmp_path / "journal.db"))) as elsewhere:
+            for number in range(1, before + 1):
+                elsewhere.commit("abc", [event(number)], f"state {number}".encode())
+            elsewhere.release("abc")
+            if before == 1:
+                elsewhere.close()
+            for file in tmp_path.glob("journal.db*"):  # beside an open one stands what it owes
+                shutil.copy(file, small_disk)
+    if not full:
+        remounted(small_disk, "ro")
+    where, said, number = str(small_disk / "journal.db"), "", before
+    with ExitStack() as stack:
+        journal = kept_journal(where, "abc", None, stack, [])
+        saved = journal.saved()
+        if full:
+            filled(small_disk)
+        while "are kept" not in said:
+            number += 1
+            assert number < 1000
+            journal.sink.put([event(number)], f"state {number}".encode(), dated=True)
+            time.sleep(0.01)
+            said += capsys.readouterr().err
+        (small_disk / "ballast").unlink() if full else remounted(small_disk, "rw")
+    assert (saved and saved[0]) == (f"state {before}".encode() if before else None)
+    with closing(open_journal(where, make=False)) as found:
+        assert [e.event for e in found.events("abc")] == [event(n + 1) for n in range(number)]
+        assert kept_in(found) == (number, f"state {number}".encode())
+    said += capsys.readouterr().err
+    assert said.count("events are kept and written when it works again") == 1
+    assert "written again after" in said

@@ -35,17 +35,9 @@ def event(number: int, episode: Episode = LEAKAGE, **other: object) -> Event:
 
 def story() -> list[Event]:
     """A leakage that goes on, a sensor that failed and is well again."""
-    stuck = replace(
-        LEAKAGE,
-        id="B.p@1700000005.000",
-        kind="sensor",
-        subject="B.p",
-        module="B",
-        status="C",
-        text="B.p stands still",
-        action="",
-        alternatives=(),
-    )
+    names = {"id": "B.p@1700000005.000", "subject": "B.p", "module": "B"}
+    told = {"kind": "sensor", "status": "C", "text": "B.p stands still", "action": ""}
+    stuck = replace(LEAKAGE, alternatives=(), **names, **told)  # type: ignore[arg-type]
     return [
         event(1, what="began", text="A.leakage 0.170 (0.150 to 0.190)"),
         event(2, stuck, what="began", text="B.p stands still"),
@@ -56,15 +48,10 @@ def story() -> list[Event]:
 
 def event_in(form: dict[str, Any]) -> Event:
     """The event that JSON data tells."""
-    episode = dict(form["episode"])
+    episode, own = dict(form["episode"]), ("number", "time", "what", "text")
     rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
-    return Event(
-        number=form["number"],
-        time=form["time"],
-        what=form["what"],
-        text=form["text"],
-        episode=Episode(**episode, alternatives=rivals),
-    )
+    told = Episode(**episode, alternatives=rivals)
+    return Event(**{name: form[name] for name in own}, episode=told)
 
 
 def kept_in(journal: Journal) -> tuple[int, bytes]:

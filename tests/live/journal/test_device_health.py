@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +11,11 @@ from typing import Any
 
 import pytest
 from asyncua import Client, ua
-from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-from cryptography.x509.oid import ExtendedKeyUsageOID
 from rulec_runtime.live.journal.device_health import DeviceHealth, Security
-from rulec_runtime.live.journal.refused import JournalRefused
 
 from tests.live.journal.events import LEAKAGE
-from tests.live.sources.plant_server import free_port
+from tests.live.sources.plant_server import certificate, free_port
 
 DEVICES = "http://opcfoundation.org/UA/DI/"
 
@@ -108,28 +106,13 @@ def test_clients_change_nothing(server: DeviceHealth, user: str) -> None:
     assert values(asked(server.place, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
 
 
-async def certificates(folder: Path) -> None:
-    for name, use in (
-        ("server", ExtendedKeyUsageOID.SERVER_AUTH),
-        ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
-        ("stranger", ExtendedKeyUsageOID.CLIENT_AUTH),
-    ):
-        (folder / name).mkdir()
-        await setup_self_signed_certificate(
-            folder / f"{name}-key.pem",
-            folder / name / "own.der",
-            f"urn:{name}",
-            "localhost",
-            [use],
-            {"commonName": name},
-        )
-
-
 def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
-    asyncio.run(certificates(tmp_path))
-    security = Security(
-        tmp_path / "server" / "own.der", tmp_path / "server-key.pem", tmp_path / "client"
-    )
+    for name in ("server", "client", "stranger"):
+        asyncio.run(certificate(tmp_path, name, f"urn:{name}"))
+    trusted = tmp_path / "trusted"
+    trusted.mkdir()
+    shutil.copy(tmp_path / "client.der", trusted)
+    security = Security(tmp_path / "server.der", tmp_path / "server.pem", trusted)
     server = DeviceHealth("abc", ["A"], free_port(), security=security)
     server.show([LEAKAGE])
 
@@ -139,8 +122,8 @@ def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
             client.application_uri = f"urn:{name}"
             await client.set_security(
                 SecurityPolicyBasic256Sha256,
-                tmp_path / name / "own.der",
-                tmp_path / f"{name}-key.pem",
+                tmp_path / f"{name}.der",
+                tmp_path / f"{name}.pem",
                 server_certificate=security.certificate,
                 mode=ua.MessageSecurityMode.SignAndEncrypt,
             )
@@ -154,11 +137,3 @@ def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
                 asyncio.run(by(name))
     finally:
         server.close()
-
-
-def test_what_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(JournalRefused, match="beyond this computer it needs a certificate"):
-        DeviceHealth("abc", ["A"], 4840, host="0.0.0.0")
-    none = Security(tmp_path / "no.der", tmp_path / "no-key.pem", tmp_path)
-    with pytest.raises(JournalRefused, match="No such file"):
-        DeviceHealth("abc", ["A"], free_port(), security=none)

@@ -8,14 +8,17 @@ import random
 import signal
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from rulec_runtime.live.episode import Event
+from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.store import open_journal
 
 from tests.live.journal.events import event, kept_in
+from tests.live.journal.test_lines import events_in
 
 Commit = Callable[[Sequence[Event], bytes], None]
 
@@ -60,16 +63,27 @@ def journal_at(where: str) -> tuple[int, Commit]:
     return journal.last("abc"), partial(journal.commit, "abc")
 
 
-def check_journal(where: str, kills: int) -> None:
-    told = written_until_killed(partial(journal_at, where), kills)
-    journal = open_journal(where)
-    found = [entry.event for entry in journal.events("abc")]
+def lines_in(file: Path) -> tuple[int, Commit]:
+    sink = LinesFile(file)
+    return file.read_bytes().count(b"\n"), partial(sink.commit, "abc", dated=True)
+
+
+def check(found: Sequence[object], told: int) -> None:
     assert found == [event(n + 1) for n in range(len(found))]
     assert told <= len(found) <= told + 1  # killed between writing and telling
-    number, state = kept_in(journal)
+
+
+def test_journal(where: str) -> None:
+    told = written_until_killed(partial(journal_at, where), 5 if "postgres" in where else 20)
+    with closing(open_journal(where)) as journal:
+        found = [entry.event for entry in journal.events("abc")]
+        check(found, told)
+        number, state = kept_in(journal)
     assert number == int(state) == len(found)
-    journal.close()
 
 
-def test_sqlite(tmp_path: Path) -> None:
-    check_journal(str(tmp_path / "j.db"), 20)
+def test_lines(tmp_path: Path) -> None:
+    file = tmp_path / "events.jsonl"
+    told = written_until_killed(partial(lines_in, file), 20)
+    LinesFile(file).close()
+    check(events_in(file), told)

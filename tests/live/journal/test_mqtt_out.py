@@ -1,11 +1,11 @@
-"""Events and status at a real broker."""
+"""Events and status at a real broker; TLS to one that nobody vouches for."""
 
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import json
 import logging
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from queue import Queue
@@ -14,12 +14,24 @@ from typing import Any
 
 import pytest
 from amqtt.broker import Broker
+from asyncua.crypto.cert_gen import (
+    dump_private_key_as_pem,
+    generate_private_key,
+    generate_self_signed_app_certificate,
+)
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509.oid import ExtendedKeyUsageOID
 from paho.mqtt import client as paho
 from rulec_runtime.live.journal.mqtt_out import MqttOut
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.sources.open import open_source
 
+from tests.conftest import compiled
 from tests.live.journal.events import event_in, story
 from tests.live.sources.plant_server import free_port
+from tests.live.sources.taking import Taken
+from tests.live.test_watch import until
 
 
 class OwnBroker:
@@ -79,7 +91,8 @@ def listening(
 def test_events_and_status(broker: OwnBroker) -> None:
     sink = MqttOut(f"mqtt://127.0.0.1:{broker.port}", "abc")
     client, heard = listening(broker.port)
-    _until_sent(sink, story()[:2])
+    until(lambda: sink.sessions)
+    sink.commit("abc", story()[:2], None, dated=True)
     sink.commit("abc", story(), None, dated=True)
     got = [heard.get(timeout=5) for _ in story()]
     assert [topic for topic, _ in got] == ["rulec/abc/events"] * 4
@@ -96,7 +109,18 @@ def test_events_and_status(broker: OwnBroker) -> None:
     late.loop_stop()
 
 
-def test_without_a_broker_it_is_trouble() -> None:
+def test_what_cannot_be_used() -> None:
+    """A password would travel readable; without a broker it is trouble, as long as it lasts."""
+    hosts = ("mqtt://", "mqtt://ann:secret@host", "mqtt://h:99999", "mqtt://[")
+    for url in ("x", "http://host", "ws://x", "wss://x", *hosts):
+        with pytest.raises(JournalRefused, match="named mqtt://HOST:PORT") as told:
+            MqttOut(url, "abc")
+        assert "secret" not in str(told.value)
+    for plant in ("", "a/b", "#", "+"):
+        with pytest.raises(JournalRefused, match="MQTT topic"):
+            MqttOut("mqtt://host", plant)
+    with pytest.raises(JournalRefused, match="would travel readable"):
+        MqttOut("mqtt://10.0.0.1", "abc", user="ann", password="secret")
     sink = MqttOut(f"mqtt://127.0.0.1:{free_port()}", "abc")
     sink.commit("abc", (), None, dated=True)
     with pytest.raises(JournalTrouble, match="no connection"):
@@ -106,28 +130,67 @@ def test_without_a_broker_it_is_trouble() -> None:
     sink.close()
 
 
-def test_what_cannot_be_used() -> None:
-    for url in (
-        "x",
-        "http://host",
-        "mqtt://",
-        "mqtt://ann:secret@host",
-        "mqtt://h:99999",
-        "mqtt://[",
+def certificate(file: Path, address: str = "127.0.0.1") -> Path:
+    """A certificate that vouches for itself, with its key beside it."""
+    key, names = generate_private_key(), [x509.IPAddress(ipaddress.ip_address(address))]
+    usage = [ExtendedKeyUsageOID.SERVER_AUTH]
+    made = generate_self_signed_app_certificate(key, file.stem, {}, names, extended=usage)
+    file.write_bytes(made.public_bytes(Encoding.PEM))
+    file.with_suffix(".key").write_bytes(dump_private_key_as_pem(key))
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("tls")
+    certificate(made / "right.pem")
+    certificate(made / "wrong.pem")
+    certificate(made / "elsewhere.pem", "10.0.0.1")
+    return made
+
+
+@pytest.fixture(scope="module")
+def tls_broker(folder: Path) -> Iterator[OwnBroker]:
+    made = OwnBroker(folder / "right.pem")
+    yield made
+    made.stop()
+
+
+def opened(port: int, folder: Path, ca: str) -> Taken:
+    file = folder / f"{port}-{ca}.yaml"
+    security = f"security: {{ca: {ca}.pem}}\n" if ca else ""
+    file.write_text(f"{security}signals: {{A.dp: t/dp}}\n", encoding="utf-8")
+    rules = compiled("abc")
+    return Taken(open_source(f"mqtts://127.0.0.1:{port}", rules, file))
+
+
+def test_a_source_reads_from_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:
+    taken = opened(tls_broker.port, folder, "right").until(lambda t: "connected" in t.kinds())
+    taken.source.close()
+    other = OwnBroker(folder / "elsewhere.pem")
+    for port, ca, why in (
+        (tls_broker.port, "wrong", "its certificate is not trusted: self-signed certificate; name"),
+        (tls_broker.port, "", "its certificate is not trusted: self-signed certificate; name"),
+        (other.port, "elsewhere", "certificate is not valid for '127.0.0.1'"),
     ):
-        with pytest.raises(JournalRefused, match="named mqtt://HOST:PORT") as told:
-            MqttOut(url, "abc")
-        assert "secret" not in str(told.value)
-    for plant in ("", "a/b", "#", "+"):
-        with pytest.raises(JournalRefused, match="MQTT topic"):
-            MqttOut("mqtt://host", plant)
+        taken = opened(port, folder, ca).until(lambda t: t.kinds())
+        taken.take(0.2).source.close()
+        assert taken.kinds() == ["lost"]
+        assert why in taken.told[0][1]
+    other.stop()
 
 
-def _until_sent(sink: MqttOut, events: list[Any]) -> None:
-    ends = time.monotonic() + 10
-    while True:
-        try:
-            return sink.commit("abc", events, None, dated=True)
-        except JournalTrouble:
-            assert time.monotonic() < ends
-            time.sleep(0.02)
+def test_events_go_to_the_right_broker_alone(tls_broker: OwnBroker, folder: Path) -> None:
+    url, said = f"mqtts://127.0.0.1:{tls_broker.port}", list[str]()
+    right, wrong = (
+        MqttOut(url, "abc", authorities=str(folder / f"{name}.pem"), say=said.append)
+        for name in ("right", "wrong")
+    )
+    until(lambda: right.sessions and said)
+    right.commit("abc", story(), None, dated=True)
+    with pytest.raises(JournalTrouble, match="no connection"):
+        wrong.commit("abc", story(), None, dated=True)
+    for sink in (right, wrong):
+        sink.close()
+    assert (wrong.sessions, len(said)) == (0, 1)
+    assert "its certificate is not trusted" in said[0]

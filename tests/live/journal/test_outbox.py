@@ -1,20 +1,24 @@
-"""Events for a sink that is gone for a while: nothing lost, nothing twice, told once."""
+"""Events and acknowledgements for a sink that is gone: nothing lost, nothing twice, told once."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.notes import Notes
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.store import open_journal
 
-from tests.live.journal.events import event, kept_in, story
+from tests.live.journal.events import LEAKAGE, event, story
+from tests.live.journal.postgres import Postgres
+from tests.live.test_watch import until
 
 
 class Frail:
@@ -50,11 +54,15 @@ class Frail:
 
 
 def test_a_minute_without_it(tmp_path: Path) -> None:
+    """A watcher without events says every few seconds that it is there."""
     sink, file = Frail(), tmp_path / "waiting.json"
     outbox = sink.outbox(file)
+    sink.run(outbox, 60.0)
+    assert 10 <= sink.tries <= 13
+    assert sink.events == []
     outbox.put([event(1)], b"1")
     outbox.step()
-    sink.broken = JournalTrouble("frail: gone")
+    sink.broken, sink.tries = JournalTrouble("frail: gone"), 0
     for number in range(2, 62):
         outbox.put([event(number)], str(number).encode())
         sink.run(outbox, 1.0)
@@ -79,30 +87,32 @@ def test_what_waits_outlives_the_process(tmp_path: Path) -> None:
     killed = sink.outbox(file)
     killed.put(story(), b"4")
     killed.step()
-    journal = open_journal(str(tmp_path / "j.db"))
     kept = file.read_bytes()
-    for _ in range(2):
-        again = Outbox(journal, "abc", sink.said.append, file=file)
-        assert again.left == (4, b"4")
-        again.start()
-        assert again.close() == 0
-        assert [entry.event for entry in journal.events()] == story()
-        assert not file.exists()
-        file.write_bytes(kept)
-    with pytest.raises(JournalRefused, match=r"those of abc, not of xyz; move it away"):
-        Outbox(journal, "xyz", sink.said.append, file=file)
-    for text in (kept.replace(b"told", b"Told"), kept[:-20], b"[]", b'"x"', b"\xff"):
-        file.write_bytes(text)
-        with pytest.raises(JournalRefused, match="move it away"):
-            Outbox(journal, "abc", sink.said.append, file=file)
-    journal.close()
+    with closing(open_journal(str(tmp_path / "j.db"))) as journal:
+        for _ in range(2):
+            again = Outbox(journal, "abc", sink.said.append, file=file)
+            assert again.left == (4, b"4")
+            again.start()
+            assert again.close() == 0
+            assert [entry.event for entry in journal.events()] == story()
+            assert not file.exists()
+            file.write_bytes(kept)
+        with pytest.raises(JournalRefused, match=r"those of abc, not of xyz; move it away"):
+            Outbox(journal, "xyz", sink.said.append, file=file)
+        for text in (kept.replace(b"told", b"Told"), kept[:-20], b"[]", b'"x"', b"\xff"):
+            file.write_bytes(text)
+            with pytest.raises(JournalRefused, match="move it away"):
+                Outbox(journal, "abc", sink.said.append, file=file)
 
 
-def test_what_is_refused_for_good_is_told_and_kept(tmp_path: Path) -> None:
+def test_refused_for_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MOST_PENDING", 4)
     sink, file = Frail(), tmp_path / "waiting.json"
     outbox = sink.outbox(file)
     sink.broken = JournalRefused("abc is watched already")
     outbox.put(story(), b"4")
+    with pytest.raises(JournalTrouble, match="4 events wait to be written, no more are taken"):
+        outbox.put([event(5)], b"5")
     outbox.step()
     sink.run(outbox, 60.0)
     assert sink.said == ["abc is watched already"]
@@ -113,46 +123,88 @@ def test_what_is_refused_for_good_is_told_and_kept(tmp_path: Path) -> None:
     assert sink.outbox(file).pending == 4
 
 
-def test_when_too_many_wait_no_more_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "MOST_PENDING", 4)
-    sink = Frail()
-    outbox = sink.outbox()
-    outbox.put(story(), b"4")
-    with pytest.raises(JournalTrouble, match="4 events wait to be written, no more are taken"):
-        outbox.put([event(5)], b"5")
-    assert outbox.close() == 0
-    assert sink.events == story()
-
-
-def test_a_watcher_without_events_says_that_it_is_there() -> None:
-    sink = Frail()
-    outbox = sink.outbox()
-    sink.run(outbox, 60.0)
-    assert 10 <= sink.tries <= 13
-    assert sink.events == []
-
-
-def test_disk_full(small_disk: Path) -> None:
-    """For the journal and for what waits beside it: memory has it until there is room again."""
-    journal = open_journal(str(small_disk / "j.db"))
+def test_a_server_that_stops(server: Postgres, schema: str, tmp_path: Path) -> None:
+    """Also while the watcher starts: it goes on, and writes when the server is there."""
+    server.stop()
     said: list[str] = []
-    journal.commit("abc", [event(1)], b"1")
-    ballast = small_disk / "ballast"
-    with suppress(OSError), ballast.open("wb", buffering=0) as file:
-        while file.write(bytes(1024)):
-            pass
-    outbox = Outbox(journal, "abc", said.append, file=small_disk / "waiting.json")
-    outbox.start()
-    number = 1
-    while not said and number < 2000:
-        number += 1
-        outbox.put([event(number)], str(number).encode())
-        time.sleep(0.001)
+    with closing(open_journal(schema, patient=True)) as journal:
+        outbox = Outbox(journal, "abc", said.append, file=tmp_path / "waiting.json")
+        outbox.start()
+        outbox.put(story()[:2], b"2")
+        until(lambda: len(said) == 1)
+        server.start()
+        until(lambda: outbox.pending == 0)
+        server.stop()
+        outbox.put(story()[2:], b"4")
+        until(lambda: len(said) == 3)
+        server.start()
+        assert outbox.close() == 0
+        assert [entry.event for entry in journal.events("abc")] == story()
+    assert len(said) == 4
+
+
+class FrailJournal:
+    """A journal whose database can be gone."""
+
+    def __init__(self, file: Path) -> None:
+        self.journal = open_journal(str(file))
+        self.gone = False
+
+    def __getattr__(self, name: str) -> Any:
+        if self.gone and name != "place":
+            raise JournalTrouble("the database is gone")
+        return getattr(self.journal, name)
+
+
+@contextmanager
+def noting(frail: FrailJournal, waiting: Path) -> Iterator[tuple[Notes, set[str], list[str]]]:
+    """Notes, episodes that are shown as acknowledged, and what was said."""
+    seen, said = set[str](), list[str]()
+    outbox = Outbox(frail, "abc", said.append, file=waiting)  # type: ignore[arg-type]
+    notes = Notes(frail, outbox, "abc", said.append, seen.update)  # type: ignore[arg-type]
+    with closing(notes):
+        yield notes, seen, said
+
+
+def noted(frail: FrailJournal) -> list[tuple[str, str | None, float | None]]:
+    """Which episodes somebody has taken note of, who, and when."""
+    entries = [e for e in frail.journal.events("abc") if e.by]
+    return sorted({(entry.event.episode.id, entry.by, entry.at) for entry in entries})
+
+
+def test_what_was_acknowledged_outlives_a_kill_while_the_database_is_gone(tmp_path: Path) -> None:
+    """Who and when stay as they were; once it is written nothing is left. An episode that is not
+    there is told, and so is a file of something else."""
+    frail, waiting, begin = (
+        FrailJournal(tmp_path / "j.db"),
+        tmp_path / "j.waiting.json",
+        time.time(),
+    )
+    frail.journal.commit("abc", story(), b"4")
+    frail.gone = True
+    with noting(frail, waiting) as (notes, _, _):
+        notes.put(LEAKAGE.id, "Ann")
+        notes.put(LEAKAGE.id, "Ben")
+        end = time.time()
+        assert notes.file is not None
+        kept = notes.file.read_bytes()
+        assert notes.close() == 1
+    with noting(frail, waiting) as (_, seen, _):
+        assert seen == {LEAKAGE.id}  # shown at once
+        frail.gone = False
+    assert not notes.file.exists()
+    ((episode, by, at),) = before = noted(frail)
+    assert (episode, by) == (LEAKAGE.id, "Ann")
+    assert at is not None
+    assert begin <= at <= end
+    notes.file.write_bytes(kept)  # killed before it was taken away
+    with noting(frail, waiting) as (again, _, said):
+        again.put("X@0", "Ann")
     assert len(said) == 1
-    assert "full" in said[0] or "disk" in said[0]
-    ballast.unlink()
-    assert outbox.close() == 0
-    assert [entry.event for entry in journal.events()] == [event(n + 1) for n in range(number)]
-    assert len(said) == 2
-    assert kept_in(journal) == (number, str(number).encode())
-    journal.close()
+    assert "holds no episode X@0" in said[0]
+    assert noted(frail) == before
+    assert not notes.file.exists()
+    notes.file.write_text("[]")
+    with pytest.raises(JournalRefused, match="move it away"), noting(frail, waiting):
+        pass
+    frail.journal.close()

@@ -70,11 +70,8 @@ class PlantServer:
 
     def write(self, signal: str, value: Any, code: int = 0, stamp: datetime | None = None) -> None:
         kind = ua.VariantType.Double if isinstance(value, float) else None
-        data = ua.DataValue(
-            ua.Variant(value, kind),
-            ua.StatusCode(code),
-            SourceTimestamp=stamp or datetime.now(UTC),
-        )
+        at = stamp or datetime.now(UTC)
+        data = ua.DataValue(ua.Variant(value, kind), ua.StatusCode(code), SourceTimestamp=at)
         self.run(self.nodes[signal].write_value(data))
 
     def delete(self, signal: str) -> None:
@@ -83,11 +80,9 @@ class PlantServer:
 
     def add(self, signal: str, value: Any, kind: ua.VariantType, data_type: int) -> None:
         """A further node, of a data type that it states."""
-        self.nodes[signal] = self.run(
-            self._server.nodes.objects.add_variable(
-                ua.NodeId(signal, 2), signal, value, kind, ua.NodeId(data_type)
-            )
-        )
+        place, stated = ua.NodeId(signal, 2), ua.NodeId(data_type)
+        add = self._server.nodes.objects.add_variable
+        self.nodes[signal] = self.run(add(place, signal, value, kind, stated))
 
     async def _start(self) -> None:
         self._server = server = Server()

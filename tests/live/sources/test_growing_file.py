@@ -1,7 +1,8 @@
-"""Files that grow, are rotated, cut and left by a process that was killed."""
+"""Files that grow, are rotated, cut and left by a process that was killed; their heads."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import random
@@ -17,70 +18,63 @@ from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.standard_input import StandardInput
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.titles import TitleSearch
 
-from tests.conftest import ROOT
 from tests.live.sources.taking import Taken, append, growing, lines
-
-EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
+from tests.readers.test_strangers import BARE, DATES, FORMS, SHEET, beside, long, stamped
+from tests.runtime.sheets import write
 
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "LINGER", 0.05)
+    monkeypatch.setattr(limits, "LINGER", 0.02)
 
 
-def dialects() -> dict[str, bytes]:
-    plain = EXAMPLE.read_text(encoding="utf-8")
-    german = plain.replace(",", ";").replace(".", ",").replace("A,", "A.").replace("B,", "B.")
-    german = german.replace("C,", "C.").replace("degC", "°C")
-    dated = "\n".join(
-        line if i == 0 else f"2026-03-01 10:00:{i:02d}+01:00,{line.split(',', 1)[1]}"
-        for i, line in enumerate(plain.splitlines()[:50])
-    )
-    return {
-        "plain": plain.encode(),
-        "CRLF": plain.replace("\n", "\r\n").encode(),
-        "German, Latin-1": german.encode("latin-1"),
-        "sep= and remarks": ("\ufeffsep=;\n# by a logger\n\n" + german).encode(),
-        "UTF-16": plain.encode("utf-16"),
-        "UTF-16 big": "\ufeff".encode("utf-16-be") + plain.encode("utf-16-be"),
-        "dated": (dated + "\n").encode(),
-    }
+FORMS_READ: dict[str, str | bytes] = {
+    "CRLF": SHEET.text(newline="\r\n"),
+    "German, Latin-1": SHEET.renamed("A.T", "A.T [°C]").german().encode("latin-1"),
+    "sep= and remarks": "\ufeffsep=;\n# by a logger\n\n" + SHEET.german(),
+    "UTF-16": SHEET.text().encode("utf-16"),
+    "UTF-16 big": f"\ufeff{SHEET.text()}".encode("utf-16-be"),
+    **{name: stamped(DATES[name]) for name in ("with a zone", "American, AM and PM", "Unix, ms")},
+    **{name: FORMS[name] for name in ("thousands, German", "thousands, Swiss", "quality columns")},
+    "a bad quality": beside("{} Quality", "Good").replace("1.82216,Good", "1.82216,Bad"),
+}
 
 
-@pytest.mark.parametrize("dialect", dialects())
-def test_a_growing_file_reads_as_the_whole_recording(
-    dialect: str, tmp_path: Path, abc: Ruleset
-) -> None:
+@pytest.mark.parametrize("name", FORMS_READ)
+def test_growing_reads_as_whole(name: str, tmp_path: Path, abc: Ruleset) -> None:
     """Whatever its pieces, byte by byte even, rows are those of `rulec diagnose`."""
-    data = dialects()[dialect]
-    whole, grown = tmp_path / "whole.csv", tmp_path / "grown.csv"
-    whole.write_bytes(data)
-    grown.touch()
+    whole, draw, at = write(tmp_path, FORMS_READ[name]), random.Random(name), 0
+    grown, data = write(tmp_path, "", "grown.csv"), whole.read_bytes()
     taken = Taken(GrowingFile(grown, abc))
-    at, draw = 0, random.Random(dialect)
     while at < len(data):
         step = draw.choice((1, 3, 40, 700))
         append(grown, data[at : at + step])
         at += step
         taken.take()
-    taken.take()
-    expected = read_recording(whole, abc)
-    times = np.array(taken.times)
-    assert taken.source.dated == (dialect == "dated")
-    np.testing.assert_array_equal(times - (times[0] if dialect == "dated" else 0), expected.time)
-    for name, values in expected.values.items():
-        np.testing.assert_array_equal(taken.of(name), values)
-    assert taken.kinds() == ["connected"]
+    expected, times = read_recording(whole, abc), np.array(taken.take().times)
+    assert taken.source.dated == (expected.calendar is not None)
+    times -= times[0] if taken.source.dated else 0.0
+    np.testing.assert_array_equal(times, expected.time)
+    for signal, values in expected.values.items():
+        np.testing.assert_array_equal(taken.of(signal), values)
 
 
-def test_half_a_line_waits_for_its_end(tmp_path: Path, abc: Ruleset) -> None:
-    path = tmp_path / "x.csv"
-    path.write_text(lines([0, 1]) + "2,0.")
-    taken = Taken(GrowingFile(path, abc)).take().take()
-    assert taken.times == [0, 1]
-    append(path, "02,900\n")
-    assert taken.take().of("A.dp") == [0, 1000, 2000]
+REFUSED = {
+    "long": (long("tag,time,value", "{tag},{time},{value}"), {}),
+    "in pairs": (beside("Time", "", time=True, before=True), {}),
+    "readings that hold": (SHEET.text(), {"hold": "last"}),
+    "dates of two readings": (BARE.filled("Timestamp", "3/4/2025 1:05").text(), {}),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_watch_cannot_follow_is_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
+    text, form = REFUSED[name]
+    ruleset = dataclasses.replace(abc, file=dataclasses.replace(abc.file, **form))
+    with pytest.raises(RecordingRefused, match=r"watch reads tables with a column|may be 3 April"):
+        Taken(GrowingFile(write(tmp_path, text), ruleset)).take()
 
 
 @pytest.mark.parametrize("way", ["renamed", "copied and cut", "replaced"])
@@ -92,15 +86,13 @@ def test_a_file_that_is_rotated_loses_no_row(way: str, tmp_path: Path, abc: Rule
         path.rename(tmp_path / "x.csv.1")
         taken.take()
         append(tmp_path / "x.csv.1", lines([4], header=False))
-        path.write_text(lines([5]))
-    elif way == "replaced":
-        append(path, lines([4], header=False))
-        (tmp_path / "new").write_text(lines([5]))
-        taken.take()
-        os.replace(tmp_path / "new", path)
     else:
         append(path, lines([4], header=False))
         taken.take()
+    if way == "replaced":
+        (tmp_path / "new").write_text(lines([5]))
+        os.replace(tmp_path / "new", path)
+    else:
         path.write_text(lines([5]))
     taken.until(lambda t: len(t.times) >= 6)
     append(path, lines([6], header=False))
@@ -108,21 +100,19 @@ def test_a_file_that_is_rotated_loses_no_row(way: str, tmp_path: Path, abc: Rule
     assert ("gap" in taken.kinds()) == (way == "copied and cut")
 
 
-def test_a_clock_that_begins_anew_goes_on(tmp_path: Path, abc: Ruleset) -> None:
-    """Plain seconds that begin at 0 in each file, as when a folder of them is diagnosed."""
-    path, taken = growing(tmp_path, abc, lines([0, 2, 4]))
-    path.rename(tmp_path / "x.csv.1")
-    path.write_text(lines([0, 2]))
-    taken.until(lambda t: t.times == [0, 2, 4, 6, 8])
-    assert "clock" in taken.kinds()
-
-
-def test_rows_that_are_not_later_are_left_out_and_told(tmp_path: Path, abc: Ruleset) -> None:
+def test_clocks_of_files(tmp_path: Path, abc: Ruleset) -> None:
+    """Rows that are not later are left out and told. Seconds that begin at 0 in each file go on, as
+    when a folder of them is diagnosed."""
     path, taken = growing(tmp_path, abc, lines([0, 1, 1, 5, 3, 4, 6]))
     append(path, lines([2, 7], header=False))
     assert taken.take().times == [0, 1, 5, 6, 7]
     assert taken.told[1] == ("clock", "x.csv: 3 rows are not later than 6 s and are left out")
     assert taken.kinds() == ["connected", "clock"]
+    path, taken = growing(tmp_path, abc, lines([0, 2, 4]))
+    path.rename(tmp_path / "x.csv.1")
+    path.write_text(lines([0, 2]))
+    taken.until(lambda t: t.times == [0, 2, 4, 6, 8])
+    assert "clock" in taken.kinds()
 
 
 def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Ruleset) -> None:
@@ -133,9 +123,8 @@ def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Rules
         taken.take()
     assert len(taken.times) == 3 + 38 - limits.SET_BACK
     assert (np.diff(taken.times) > 0).all()
-    dated = tmp_path / "dated.csv"
-    dated.write_text("time,A.dp [bar]\n2026-03-01 10:00,1\n2999-01-01,1\n2026-03-01 10:01,1\n")
-    assert len(Taken(GrowingFile(dated, abc)).take().times) == 2
+    dated = "time,A.dp [bar]\n2026-03-01 10:00,1\n2999-01-01,1\n2026-03-01 10:01,1\n"
+    assert len(growing(tmp_path, abc, dated)[1].times) == 2
 
 
 def test_what_is_odd_is_told_once(tmp_path: Path, abc: Ruleset) -> None:
@@ -152,17 +141,10 @@ def test_what_is_odd_is_told_once(tmp_path: Path, abc: Ruleset) -> None:
 def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> None:
     """At the start at once; behind a rotation it is told, and the next file is waited for."""
     bad = tmp_path / "bad.csv"
-    for text, why in (
-        ("time [s],X.dp [bar]\n", "no column belongs to this plant"),
-        ("A.dp [bar],A.n [rpm]\n1,2\n", "there is no time column"),
-        ("time [s],A.dp [parrots]\n0,1\n", "unknown unit"),
-        ("a\0b\n", "binary file"),
-    ):
+    for text, why in (("A.dp [bar],A.n [rpm]\n1,2\n", "no time column"), ("a\0b\n", "binary")):
         bad.write_text(text)
         with pytest.raises(RecordingRefused, match=why):
             GrowingFile(bad, abc)
-    with pytest.raises(RecordingRefused, match="no such file"):
-        GrowingFile(tmp_path / "none.csv", abc)
     path, taken = growing(tmp_path, abc, lines([0, 1]))
     bad.write_text("time [s],A.dp [m]\n2,1\n")
     os.replace(bad, path)
@@ -173,36 +155,29 @@ def test_a_file_of_another_plant_is_refused(tmp_path: Path, abc: Ruleset) -> Non
     taken.until(lambda t: t.times == [0, 1, 3])
 
 
-def test_silence_is_told_once_until_rows_come_again(
+def test_silence_is_told_once(
     tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Rows that are left out are silence: a logger whose clock was set back writes on."""
     monkeypatch.setattr(limits, "STALE", 0.1)
     monkeypatch.setattr(limits, "STALE_STEPS", 0.1)
-    path, taken = growing(tmp_path, abc, lines([0, 1]))
+    day = "2026-03-01 {},1,900\n"
+    head = "time,A.dp [bar],A.n [rpm]\n" + day.format("12:00:00")
+    path, taken = growing(tmp_path, abc, head)
     taken.until(lambda t: "stale" in t.kinds()).take(0.2)
-    append(path, lines([2], header=False))
+    append(path, day.format("12:00:01"))
+    taken.until(lambda t: t.kinds()[-1] == "connected")
+    for second in range(3):
+        append(path, day.format(f"11:00:0{second}"))
+        taken.take(0.1)
     taken.until(lambda t: t.kinds().count("stale") == 2)
     path.unlink()
     taken.until(lambda t: "lost" in t.kinds())
-    assert taken.kinds() == ["connected", "stale", "connected", "stale", "lost"]
-    path.write_text(lines([3]))
-    taken.until(lambda t: t.times == [0, 1, 2, 3])
-
-
-def test_rows_that_are_left_out_are_silence(
-    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A logger whose clock was set back writes on, and nothing of it can be judged."""
-    monkeypatch.setattr(limits, "STALE", 0.1)
-    monkeypatch.setattr(limits, "STALE_STEPS", 0.1)
-    path, taken = growing(tmp_path, abc, "time,A.dp [bar],A.n [rpm]\n2026-03-01 12:00:00,1,900\n")
-    for second in range(3):
-        append(path, f"2026-03-01 11:00:0{second},1,900\n")
-        taken.take(0.1)
-    taken.until(lambda t: "stale" in t.kinds())
-    append(path, "2026-03-01 12:00:01,1,900\n")
-    taken.until(lambda t: len(t.times) == 2)
-    assert taken.kinds() == ["connected", "clock", "stale", "connected"]
+    kinds = [kind for kind in taken.kinds() if kind != "clock"]
+    assert kinds == ["connected", "stale", "connected", "stale", "lost"]
+    assert "clock" in taken.kinds()
+    path.write_text(head.replace("12:00:00", "12:00:02"))
+    taken.until(lambda t: len(t.times) == 3)
 
 
 def test_reading_goes_on_where_it_was_stored(tmp_path: Path, abc: Ruleset) -> None:
@@ -222,15 +197,13 @@ def test_reading_goes_on_where_it_was_stored(tmp_path: Path, abc: Ruleset) -> No
     path.write_text(lines([5]))
     second = Taken(GrowingFile(path, abc, stored))
     second.until(lambda t: t.times == [2, 3, 4, 5])
+    assert second.of("A.dp")[0] == 2000
     assert "gap" not in second.kinds()
     stored = GrowingFile(path, abc, stored).position | {"inode": 1}
-    third = Taken(GrowingFile(path, abc, stored)).take()
-    assert third.kinds()[0] == "gap"
+    assert Taken(GrowingFile(path, abc, stored)).take().kinds()[0] == "gap"
 
 
-def test_a_reader_that_is_killed_reads_nothing_twice_and_loses_nothing(
-    tmp_path: Path, abc: Ruleset
-) -> None:
+def test_a_reader_is_killed_at_any_moment(tmp_path: Path, abc: Ruleset) -> None:
     """At any moment, while half lines come and files are rotated; rows count with the position
     that is stored with them."""
     path, draw, written = tmp_path / "x.csv", random.Random(1), 0
@@ -282,3 +255,124 @@ def test_a_long_file_is_read_in_blocks(tmp_path: Path, abc: Ruleset) -> None:
     blocks = [p for _ in range(4) for p in source.take(0.0) if isinstance(p, Rows)]
     assert sum(len(b) for b in blocks) == 30_000
     assert len(blocks) > 1
+
+
+TITLES = "Zeit;A.dp;A.n\n"
+UNITS = "ms;[mbar];1/min\n"
+
+
+def head(date: str = "2026-03-01") -> str:
+    return f"Station 4;begun {date}\nrate [Hz];1\n{TITLES}{UNITS}"
+
+
+def rows(times: range) -> str:
+    return "".join(f"{1000 * t:d};{t},5;900\n" for t in times)
+
+
+def test_a_head_in_pieces_reads_as_the_whole_recording(tmp_path: Path, abc: Ruleset) -> None:
+    """Lines above the titles are left out, units below them count, wherever a piece ends."""
+    text, whole = head() + rows(range(30)), tmp_path / "whole.csv"
+    whole.write_text(text, encoding="utf-8")
+    path, taken = growing(tmp_path, abc, "")
+    for at in range(0, len(text), 7):
+        append(path, text[at : at + 7])
+        taken.take()
+    expected = read_recording(whole, abc)
+    assert taken.times == list(range(30))
+    np.testing.assert_allclose(taken.of("A.dp")[:2], [50.0, 150.0])
+    for name, values in expected.values.items():
+        np.testing.assert_array_equal(taken.of(name), values)
+    missing = ", ".join(s.id for s in abc.signals if s.id in abc.read - set(expected.values))
+    told = f"x.csv: 2 of {len(abc.read)} signals; without {missing}; "
+    assert taken.told[0] == ("connected", told + "2 lines above the titles left out")
+
+
+def test_a_head_that_has_begun_is_waited_for(tmp_path: Path, abc: Ruleset) -> None:
+    """Lines above the titles refuse nothing, nor do titles without a row; a unit of the wrong kind
+    is refused, and a second row of words. Titles may be numbers."""
+    at = len(head()) - len(UNITS) - 5
+    path, taken = growing(tmp_path, abc, head()[:at])
+    append(path, head()[at:-10])
+    assert taken.take().notices == []
+    append(path, head()[-10:] + rows(range(2)))
+    assert taken.take().times == [0, 1]
+    path.write_text("time,A.dp,A.n\ns,m3/h,rpm\n0,1,2\n")
+    with pytest.raises(RecordingRefused, match="is measured in bar"):
+        GrowingFile(path, abc)
+    _, taken = growing(tmp_path, abc, "time,A.dp,A.n\ns,mbar,rpm\nraw,raw,raw\n0,1,2\n")
+    assert taken.kinds() == ["refused"]
+    search = TitleSearch({"time"})
+    assert [search.add(line) for line in ("logger 7\n", "time,101,102\n")] == [None, None]
+    found = search.add("0,1,2\n")
+    assert found is not None
+    assert (found.number, found.separator, found.above) == (1, ",", 1)
+
+
+def test_a_watch_is_started_anew_while_only_titles_are_there(tmp_path: Path, abc: Ruleset) -> None:
+    """The file is renamed meanwhile, and none of its rows is lost."""
+    path = tmp_path / "x.csv"
+    path.write_text(head().removesuffix(UNITS))
+    first = GrowingFile(path, abc)
+    Taken(first).take()
+    stored = json.loads(json.dumps(first.position))
+    append(path, UNITS + rows(range(2)))
+    path.rename(tmp_path / "x.csv.1")
+    path.write_text(head() + rows(range(2, 4)))
+    second = Taken(GrowingFile(path, abc, stored))
+    assert second.until(lambda t: len(t.times) >= 4).times == [0, 1, 2, 3]
+    assert "gap" not in second.kinds()
+    stored = second.source.position  # type: ignore[attr-defined]
+    append(path, rows(range(4, 5)))
+    assert Taken(GrowingFile(path, abc, stored)).take().times == [4]
+
+
+def test_the_next_file_may_have_another_head(tmp_path: Path, abc: Ruleset) -> None:
+    """Other lines above, another order, other units; titles without a row between them."""
+    path, taken = growing(tmp_path, abc, head() + rows(range(2)))
+    path.rename(tmp_path / "x.csv.1")
+    path.write_text(TITLES)
+    taken.until(lambda t: t.source._head is None)  # type: ignore[attr-defined]
+    path.rename(tmp_path / "x.csv.2")
+    path.write_text("logger\nA.n,time,A.dp\nrpm,s,bar\n900,2,0.0025\n900,3,0.0035\n")
+    taken.until(lambda t: len(t.times) == 4)
+    assert taken.times == [0, 1, 2, 3]
+    np.testing.assert_allclose(taken.of("A.dp"), [50, 150, 250, 350])
+    assert taken.kinds() == ["connected", "connected"]
+
+
+def test_lines_above_do_not_tell_files_apart(tmp_path: Path, abc: Ruleset) -> None:
+    """Of two rotations at once none is left out, though each head says when it was begun."""
+    path, taken = growing(tmp_path, abc, head() + rows(range(2)))
+    os.utime(path, (1000, 1000))
+    path.rename(tmp_path / "x.csv.2")
+    older = tmp_path / "x.csv.1"
+    older.write_text(head("2026-03-02") + rows(range(2, 4)))
+    os.utime(older, (2000, 2000))
+    path.write_text(head("2026-03-03") + rows(range(4, 6)))
+    assert taken.until(lambda t: len(t.times) >= 6).times == list(range(6))
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+def test_dates_of_a_named_zone(restarts: bool, tmp_path: Path, abc: Ruleset) -> None:
+    """The hour that is shown twice in autumn is read as two, row by row, also by a watch that is
+    started anew in each of them; one that the zone leaves out is told."""
+    zoned = dataclasses.replace(abc, time_zone="Europe/Berlin")
+    utc = [np.datetime64("2025-10-26T00:00:00") + np.timedelta64(10 * k, "m") for k in range(15)]
+    summer = np.datetime64("2025-10-26T01:00:00")
+    path, titles = tmp_path / "x.csv", "time,A.dp [bar],A.n [rpm]\n"
+    path.write_text(titles)
+    source, times = GrowingFile(path, zoned), []
+    for date in utc:
+        append(path, f"{date + np.timedelta64(2 if date < summer else 1, 'h')},1,900\n")
+        taken = Taken(source).take()
+        assert taken.kinds() in ([], ["connected"])
+        times += taken.times
+        if restarts:
+            source = GrowingFile(path, zoned, json.loads(json.dumps(source.position)))
+    assert times == [float(d.astype("datetime64[s]").astype(float)) for d in utc]
+    assert source.dated
+    _, taken = growing(tmp_path, zoned, titles + "2025-03-30 02:30:00,1,900\n")
+    text = "x.csv: 1 row is in the hour that Europe/Berlin leaves out; is the zone right?"
+    assert ("clock", text) in taken.told
+    unknown = dataclasses.replace(abc, time_zone="Nowhere/Else")
+    assert growing(tmp_path, unknown, lines([0, 1]))[1].times == [0, 1]

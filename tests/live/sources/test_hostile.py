@@ -1,9 +1,8 @@
-"""Messages and lines that were mutated, by the thousand: nothing escapes, nothing steers."""
+"""Messages that were mutated, by the thousand: nothing escapes, nothing steers."""
 
 from __future__ import annotations
 
 import json
-import os
 import random
 import time
 from pathlib import Path
@@ -12,10 +11,8 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
-from rulec_runtime.live.sources.standard_input import StandardInput
 from rulec_runtime.output.terminal import is_shown
 
-from tests.live.sources.taking import lines
 from tests.live.sources.test_mqtt import without_broker
 
 PIECES = [
@@ -91,28 +88,3 @@ def test_mutated_messages(abc: Ruleset, tmp_path: Path) -> None:
     source.close()
     assert rows >= 1, "it still reads after all of that"
     assert told < 200, "what keeps coming is told once"
-
-
-def test_mutated_lines(abc: Ruleset) -> None:
-    """Lines of a pipe, in pieces; the header is sound, else the whole table would be refused."""
-    reading, writing = os.pipe()
-    source, draw = StandardInput(abc, reading), random.Random(8)
-    os.write(writing, lines([0]).encode())
-    check(source.take(0.1))
-    told, i = 0, 0
-    while i < 2000:
-        block = b""
-        for _ in range(20):
-            block += mutated(f"{i},{i / 100},900\n".encode(), draw)
-            i += 1
-        for at in range(0, len(block), 4000):
-            os.write(writing, block[at : at + 4000])
-            told += check(source.take(0.0))[1]
-    os.write(writing, b"\n" + lines([1e14], header=False).encode())
-    os.close(writing)
-    rows = 0
-    while not source.ended:
-        rows += check(source.take(0.1))[0]
-    os.close(reading)
-    assert rows >= 1, "it still reads after all of that"
-    assert told < 50, "what keeps coming is told once"

@@ -8,12 +8,10 @@ from pathlib import Path
 
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.map import MQTT, OPCUA, Kind, SourceMap, read_map
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.sparkplug import Sparkplug
-from rulec_runtime.recordings.csv_table import RecordingRefused
 
 from tests.conftest import ROOT
 
@@ -30,15 +28,6 @@ def read(tmp_path: Path, ruleset: Ruleset, text: str, kind: Kind = OPCUA) -> Sou
     path = tmp_path / "map.yaml"
     path.write_text(text, encoding="utf-8")
     return read_map(path, kind, ruleset)
-
-
-def test_a_map_says_where_signals_are(tmp_path: Path, abc: Ruleset) -> None:
-    found = read(tmp_path, abc, GOOD)
-    assert [(c.signal.id, c.address, c.scale) for c in found.channels] == [
-        ("A.dp", "ns=2;s=A.dp", 1.0),
-        ("A.n", "ns=2;i=5", 0.1),
-    ]
-    assert (found.interval, found.servers[0].endpoint) == (0.5, "opc.tcp://10.0.0.5:4840")
 
 
 @pytest.mark.parametrize(
@@ -107,6 +96,12 @@ def test_maps_of_the_page_are_read(
     _, _, connect = page.partition("## Connect a running plant")
     one, several, secured, broker, sparkplug = BLOCK.findall(connect)
     assert len(read(tmp_path, abc, one).channels) == 3
+    found = read(tmp_path, abc, GOOD)
+    assert [(c.address, c.scale) for c in found.channels] == [
+        ("ns=2;s=A.dp", 1.0),
+        ("ns=2;i=5", 0.1),
+    ]
+    assert (found.interval, found.servers[0].endpoint) == (0.5, "opc.tcp://10.0.0.5:4840")
     assert [s.name for s in read(tmp_path, abc, several).servers] == ["A", "B"]
     assert read(tmp_path, abc, one + secured).servers[0].access.policy == "Basic256Sha256"
     assert len(read(tmp_path, abc, broker, MQTT).channels) == 4
@@ -114,23 +109,14 @@ def test_maps_of_the_page_are_read(
     assert births.topics == ["spBv1.0/site/+/edge1/#", "spBv1.0/site/+/edge2/#"]
 
 
-def test_a_source_is_opened_by_its_text(
+def test_what_is_no_source_or_needs_a_package_is_told(
     tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "x.csv"
-    path.write_text("time [s],A.dp [bar]\n")
-    assert isinstance(open_source(str(path), abc), GrowingFile)
-    for text, why in (
-        ("http://x", "'http://x' is no source"),
-        ("opc.tcp://x", "a map says which signal is which node; name it with --map"),
-        ("mqtt://x", "which topic"),
-        (str(tmp_path / "none.csv"), "no such file"),
-    ):
-        with pytest.raises(RecordingRefused, match=why):
+    for text in ("http://x", "ws://x", "wss://x"):
+        with pytest.raises(SourceRefused, match=f"'{text}' is no source"):
             open_source(text, abc)
-    for package, text, name in (("asyncua", "opcua", "opcua"), ("paho", "mqtt", "mqtt")):
-        monkeypatch.setitem(sys.modules, package, None)
-        monkeypatch.delitem(sys.modules, "paho.mqtt.client", raising=False)
-        monkeypatch.delitem(sys.modules, "paho.mqtt", raising=False)
+    for name in ("asyncua", "paho", "paho.mqtt", "paho.mqtt.client"):
+        monkeypatch.setitem(sys.modules, name, None)
+    for name in ("opcua", "mqtt"):
         with pytest.raises(SourceRefused, match=rf"pip install 'rulec-runtime\[{name}\]'"):
-            open_source(text, abc, path)
+            open_source(name, abc, tmp_path / "x.yaml")

@@ -1,24 +1,21 @@
-"""MQTT against a broker on loopback that is killed and started again."""
+"""MQTT against a broker on loopback that is stopped and started again."""
 
 from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from paho.mqtt import client as paho
-from paho.mqtt.enums import CallbackAPIVersion
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources.map import MQTT, read_map
 from rulec_runtime.live.sources.mqtt import Mqtt
 from rulec_runtime.live.sources.open import open_source
 
+from tests.live.journal.test_mqtt_out import OwnBroker, listening
 from tests.live.sources.plant_server import free_port
 from tests.live.sources.taking import Taken
 
@@ -31,53 +28,6 @@ signals:
 """
 
 
-BROKER = """
-import asyncio, sys
-from amqtt.broker import Broker
-async def main():
-    plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
-    listener = {"type": "tcp", "bind": f"127.0.0.1:{sys.argv[1]}"}
-    await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()
-    print("up", flush=True)
-    await asyncio.Event().wait()
-asyncio.run(main())
-"""
-
-
-class PlantBroker:
-    """A broker in a process of its own, which is killed, and a client that publishes; `heard` are
-    the topics of all that anybody has published."""
-
-    def __init__(self) -> None:
-        self.port = free_port()
-        self.url = f"mqtt://127.0.0.1:{self.port}"
-        self.heard: list[str] = []
-        self.start()
-
-    def start(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", BROKER, str(self.port)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-        assert self._process.stdout is not None
-        assert self._process.stdout.readline() == b"up\n"
-        self._client = paho.Client(CallbackAPIVersion.VERSION2)
-        self._client.on_message = lambda _c, _d, message: self.heard.append(message.topic)
-        self._client.connect("127.0.0.1", self.port)
-        self._client.subscribe("#", qos=1)
-        self._client.loop_start()
-
-    def stop(self) -> None:
-        self._client.disconnect()
-        self._client.loop_stop()
-        self._process.kill()
-        self._process.communicate()
-
-    def send(self, topic: str, payload: Any) -> None:
-        self._client.publish(topic, json.dumps(payload), qos=1).wait_for_publish(5)
-
-
 def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> tuple[Mqtt, Taken]:
     """A source that hears what tests tell it, and what is taken of it."""
     path = tmp_path / "map.yaml"
@@ -86,31 +36,47 @@ def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> tuple[Mqtt, Taken
     return source, Taken(source)
 
 
-def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
+def test_rows_of_a_broker_that_goes_and_comes_back(abc: Ruleset, tmp_path: Path) -> None:
     """A message with all signals is a row; lost, stale, connected and the gap are told; that values
     come again as well. Nothing is published but what the plant itself sends."""
     path = tmp_path / "map.yaml"
     path.write_text(MAP, encoding="utf-8")
-    broker = PlantBroker()
-    taken = Taken(open_source(broker.url, abc, path)).until(lambda t: "connected" in t.kinds())
+    broker = OwnBroker()
+    source = open_source(f"mqtt://127.0.0.1:{broker.port}", abc, path)
+    taken = Taken(source).until(lambda t: "connected" in t.kinds())
+    client, heard = listening(broker.port, "#")
     stamp = time.time() - 5
+
+    def send(at: float, dp: float) -> None:
+        payload = json.dumps({"time": stamp + at, "dp": dp, "n": 900})
+        client.publish("plant/A", payload, qos=1).wait_for_publish(5)
+
     for i in range(5):
-        broker.send("plant/A", {"time": stamp + 0.1 * i, "dp": 1800.0 + i, "n": 900})
+        send(0.1 * i, 1800.0 + i)
     taken.until(lambda t: len(t.times) == 5)
     np.testing.assert_allclose(taken.times, stamp + 0.1 * np.arange(5))
     np.testing.assert_allclose(taken.of("A.dp"), 1.8e5 + 100 * np.arange(5))
+    client.loop_stop()
     broker.stop()
     taken.until(lambda t: {"lost", "stale"} <= set(t.kinds()))
     broker.start()
     taken.until(lambda t: "gap" in t.kinds(), 15.0)
-    broker.send("plant/A", {"time": stamp + 2, "dp": 1900, "n": 900})
-    taken.until(lambda t: len(t.times) == 6)
+    client, more = listening(broker.port, "#")
+    send(2.0, 1900.0)
+    taken.until(lambda t: len(t.times) == 6 and more.qsize())
     taken.source.close()
+    client.loop_stop()
     broker.stop()
-    assert broker.heard == ["plant/A"] * 6
+    assert [topic for topic, _ in (*heard.queue, *more.queue)] == ["plant/A"] * 6
     kinds = taken.kinds()
     assert [kinds.count(k) for k in ("connected", "lost", "gap")] == [3, 1, 1]
     assert [n.still for n in taken.notices if n.kind == "connected"] == [False, True, False]
+
+
+METRICS = [
+    {"name": "other", "value": 1},
+    {"name": "a/x", "value": 1.5, "timestamp": 1_790_000_001_000},
+]
 
 
 @pytest.mark.parametrize(
@@ -123,18 +89,7 @@ def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
         ("t", {"value": "1.5", "ts": 1.79e9}, math.nan, 1.79e9),
         ("{topic: t, name: x}", {"x": 1.5, "t": 1.79e18}, 1.5, 1.79e9),
         ("{topic: t, name: x}", {"x": {"value": 1.5, "t": 1.79e9}}, 1.5, 1.79e9),
-        (
-            "{topic: t, name: a/x}",
-            {
-                "timestamp": 1_790_000_000_000,
-                "metrics": [
-                    {"name": "other", "value": 1},
-                    {"name": "a/x", "value": 1.5, "timestamp": 1_790_000_001_000},
-                ],
-            },
-            1.5,
-            1.79e9 + 1,
-        ),
+        ("{topic: t, name: a/x}", {"timestamp": 1, "metrics": METRICS}, 1.5, 1.79e9 + 1),
     ],
 )
 def test_forms_of_messages(
@@ -153,9 +108,7 @@ def test_forms_of_messages(
     assert taken.times[0] == pytest.approx(expected, abs=5 if stamp is None else 1e-3)
 
 
-def test_a_map_states_the_key_of_stamps_and_the_name_of_the_watch(
-    abc: Ruleset, tmp_path: Path
-) -> None:
+def test_key_of_stamps_and_name_of_the_watch(abc: Ruleset, tmp_path: Path) -> None:
     """Then no other key is a stamp, and the broker keeps what comes while the watch is away."""
     text = "time: measured\nclient: hall-1\nsignals: {A.dp: {topic: t, unit: bar}}\n"
     source, taken = without_broker(abc, tmp_path, text)

@@ -41,6 +41,8 @@ QUALITY = bytes.fromhex(
     "6261721205080318f403699a9999999999fd3f12210a016e18b8efc1a28c3420034a100a075175616c69747912050803"
     "18c0015085071804"
 )
+NO_MESSAGES = [b"\x08", b"\x12\x7f", b"\x00\x01", b"\x0b", b"\x08" + b"\xff" * 11]
+NO_MESSAGES.append(b"\x12\x03\x0a\x01\xff")
 
 NODE, DEVICE = "spBv1.0/site/{}/edge", "spBv1.0/site/{}/edge/A"
 MAP = """
@@ -62,6 +64,9 @@ class Plant:
         self.source.receive(topic.format(kind), payload)
         self.taken.take()
         return self
+
+    def born(self) -> Plant:
+        return self.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
 
     def last(self) -> tuple[float, float]:
         """Readings of the last row: bar, and revolutions a minute."""
@@ -119,18 +124,14 @@ def test_a_payload_is_read_as_it_was_written() -> None:
 
 
 def test_names_are_those_of_the_birth(plant: Plant) -> None:
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
-    assert plant.last() == (1.75, 900.0)
+    """What a node kept while it was cut off is no reading of now; quality 500 is stale; JSON under
+    such a topic is read as before."""
+    assert plant.born().last() == (1.75, 900.0)
     plant.says(DEVICE, "DDATA", DATA)
     assert plant.last() == (1.8, -5.0)
     np.testing.assert_allclose(plant.taken.times, [1.79e9, 1.79e9 + 1])
     assert plant.told() == []
-
-
-def test_quality_and_history(plant: Plant) -> None:
-    """What a node kept while it was cut off is no reading of now; 500 is stale."""
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
-    plant.says(DEVICE, "DDATA", DATA).says(DEVICE, "DDATA", HISTORICAL)
+    plant.says(DEVICE, "DDATA", HISTORICAL)
     assert plant.last() == (1.8, -5.0)
     plant.says(DEVICE, "DDATA", QUALITY)
     dp, n = plant.last()
@@ -140,27 +141,24 @@ def test_quality_and_history(plant: Plant) -> None:
         "site/edge/A: values that it kept while it was cut off are left out",
         "A.dp has no reading: bad quality",
     ]
+    text = b'{"timestamp": 1790000009000, "metrics": [{"name": "dp", "value": 1.7}]}'
+    plant.says(DEVICE, "DDATA", text).taken.until(lambda _: plant.last()[0] == 1.7)
 
 
 def test_without_a_birth_aliases_say_nothing(plant: Plant) -> None:
-    """Names do; a birth of the node takes back what its devices said."""
+    """Names do; a birth of the node takes back what its devices said, and an alias that is given
+    anew is not mistaken."""
     plant.says(DEVICE, "DDATA", data(6)).says(DEVICE, "DDATA", data(7))
     assert plant.taken.times == []
-    assert plant.told() == [
-        "site/edge/A: values come by alias; they are read from its birth on",
-    ]
+    assert plant.told() == ["site/edge/A: values come by alias; they are read from its birth on"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x08")
     assert plant.last()[1] == 901.0
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DDATA", data(1))
     assert len(plant.taken.times) == 1
-
-
-def test_an_alias_that_is_given_anew_is_not_mistaken(plant: Plant) -> None:
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
     other = BIRTH.replace(b"\x0a\x02dp\x10\x07", b"\x0a\x02xx\x10\x07").replace(
         varint(1_790_000_000_000), varint(1_790_000_004_000)
     )
-    plant.says(DEVICE, "DBIRTH", other[:-1] + b"\x02")
+    plant.born().says(DEVICE, "DBIRTH", other[:-1] + b"\x02")
     plant.says(DEVICE, "DDATA", data(3))
     dp, n = plant.last()
     assert math.isnan(dp)
@@ -169,10 +167,9 @@ def test_an_alias_that_is_given_anew_is_not_mistaken(plant: Plant) -> None:
 
 def test_messages_that_are_missing_are_told(plant: Plant) -> None:
     """Once; the sequence begins at 0 again behind 255, and with a birth of the node."""
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
-    at = 1_790_000_010_000
+    plant.born()
     for i, sequence in enumerate([2, 3, 6, 9]):
-        plant.says(DEVICE, "DDATA", data(sequence, at=at + 1000 * i))
+        plant.says(DEVICE, "DDATA", data(sequence, at=1_790_000_010_000 + 1000 * i))
     assert plant.told() == ["site/edge: message 6 follows 3; what is between is missing"]
     plant.says(NODE, "NBIRTH", BIRTH_OF_NODE)
     assert len(plant.told()) == 1
@@ -180,8 +177,7 @@ def test_messages_that_are_missing_are_told(plant: Plant) -> None:
 
 
 def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
-    plant.says(DEVICE, "DDEATH", b"\x18\x02")
+    plant.born().says(DEVICE, "DDEATH", b"\x18\x02")
     assert plant.told() == ["site/edge/A says that it is gone (DDEATH)"]
     plant.says(DEVICE, "DDATA", QUALITY[:-1] + b"\x03")
     dp, n = plant.last()
@@ -191,13 +187,11 @@ def test_a_device_that_is_gone_has_no_readings(plant: Plant) -> None:
     assert plant.told()[-1] == "site/edge says that it is gone (NDEATH)"
 
 
-def test_values_hold_while_the_node_says_something(
-    plant: Plant, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_values_hold(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sparkplug sends what has changed alone."""
     clock = [1e6]
     monkeypatch.setattr(remarks, "steady", lambda: clock[0])
-    plant.says(NODE, "NBIRTH", BIRTH_OF_NODE).says(DEVICE, "DBIRTH", BIRTH)
+    plant.born()
     for i in range(4):
         clock[0] += 0.4 * limits.STALE
         plant.says(NODE, "NDATA", b"\x18" + varint(2 + i))
@@ -209,20 +203,12 @@ def test_values_hold_while_the_node_says_something(
     assert "stale" in plant.taken.take().kinds()
 
 
-def test_json_under_such_a_topic_is_read_as_before(plant: Plant) -> None:
-    text = b'{"timestamp": 1790000000000, "metrics": [{"name": "dp", "value": 1.7}]}'
-    plant.says(DEVICE, "DDATA", text)
-    plant.taken.until(lambda t: t.rows)
-    assert plant.last()[0] == 1.7
-
-
 @pytest.mark.parametrize(
     ("signal", "words"),
-    [
-        ("spBv1.0/site/DDATA/edge/A", "needs 'name:'"),
-        ("{topic: spBv1.0/site/NDATA/edge/A, name: dp}", "is spBv1.0/GROUP/NDATA/NODE"),
-        ("{topic: spBv1.0/site/DCMD/edge/A, name: dp}", "is spBv1.0/GROUP/NDATA/NODE"),
-        ("{topic: spBv1.0/site, name: dp}", "is spBv1.0/GROUP/NDATA/NODE"),
+    [("spBv1.0/site/DDATA/edge/A", "needs 'name:'")]
+    + [
+        (f"{{topic: {topic}, name: dp}}", "is spBv1.0/GROUP/NDATA/NODE")
+        for topic in ("spBv1.0/site/NDATA/edge/A", "spBv1.0/site/DCMD/edge/A", "spBv1.0/site")
     ],
 )
 def test_mistakes_in_a_map(signal: str, words: str, abc: Ruleset, tmp_path: Path) -> None:
@@ -230,17 +216,11 @@ def test_mistakes_in_a_map(signal: str, words: str, abc: Ruleset, tmp_path: Path
         without_broker(abc, tmp_path, f"signals:\n  A.dp: {signal}\n")
 
 
-@pytest.mark.parametrize(
-    "payload",
-    [b"\x08", b"\x12\x7f", b"\x00\x01", b"\x0b", b"\x08" + b"\xff" * 11, b"\x12\x03\x0a\x01\xff"],
-)
-def test_bytes_that_are_no_message_are_told(payload: bytes) -> None:
-    with pytest.raises(BadPayload, match="neither Sparkplug B nor JSON"):
-        message_of(payload)
-
-
 def test_mutated_payloads(plant: Plant) -> None:
     """No traceback, nothing that steers a terminal, few notices; and it still reads."""
+    for payload in NO_MESSAGES:
+        with pytest.raises(BadPayload, match="neither Sparkplug B nor JSON"):
+            message_of(payload)
     draw, told = random.Random(11), 0
     sound = [BIRTH_OF_NODE, BIRTH, DATA, HISTORICAL, QUALITY]
     for _ in range(2000):

@@ -16,15 +16,9 @@ from typing import Any
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 
 FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-extensions",
-    "--no-first-run",
-    "--remote-debugging-pipe",
+    *("--headless=new", "--no-sandbox", "--no-first-run", "--remote-debugging-pipe"),
+    *("--disable-gpu", "--disable-dev-shm-usage", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-extensions"),
 )
 
 LONGEST_WAIT = 20.0
@@ -72,15 +66,9 @@ class Browser:
 
     def look(self, width: int, scheme: str = "light", height: int = 900) -> None:
         """Size of the window, and day or night."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            screenWidth=width,
-            screenHeight=height,
-            deviceScaleFactor=1,
-            mobile=width < 600,
-        )
+        size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
+        metrics = {**size, "deviceScaleFactor": 1, "mobile": width < 600}
+        self.call("Emulation.setDeviceMetricsOverride", **metrics)
         self._features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.print(False)
 

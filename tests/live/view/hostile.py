@@ -52,8 +52,8 @@ def hostile(text: str) -> Now:
     )
     first, *others = parts["active"]
     strange = replace(first, id=text, subject=text, unit=text, alternatives=((text, 0.4),))
-    faulty = replace(strange, id=f"{text}2", kind="fault")
-    return Now(**{**parts, "active": (strange, faulty, *others)})
+    parts["active"] = (strange, replace(strange, id=f"{text}2", kind="fault"), *others)
+    return Now(**parts)
 
 
 def _with(value: Any, text: str) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,26 +10,21 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.horizon import Horizon, episodes_of
 from rulec_runtime.live.now import Now
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 
 from tests.conftest import ROOT, compiled
 from tests.rig.follower.agreement import first_rows
 
 CALENDAR = Calendar(1_790_000_000.0, ((0.0, 7200.0),))
-
-
-@functools.cache
-def recorded(name: str, rows: int) -> Recording:
-    """The first rows of a shipped example."""
-    whole = read_recording(ROOT / "plants" / "abc" / "examples" / name, compiled("abc"))
-    return replace(first_rows(whole, rows), calendar=CALENDAR)
+KINDS = ("sensor", "fault", "unknown", "blind")
 
 
 @functools.cache
 def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
-    """What its first rows say; one reading may stand still from half of them on."""
-    recording = recorded(name, rows)
+    """What the first rows of an example say; one reading may stand still from half of them on."""
+    whole = read_recording(ROOT / "plants" / "abc" / "examples" / name, compiled("abc"))
+    recording = replace(first_rows(whole, rows), calendar=CALENDAR)
     if stuck:
         values = np.array(recording.values[stuck])
         values[len(values) // 2 :] = values[len(values) // 2]
@@ -38,25 +32,17 @@ def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
     return diagnose(recording, compiled("abc"))
 
 
-def episodes(diagnosis: Diagnosis, until: float) -> Iterator[Episode]:
-    """What a diagnosis tells that lasts, however short, at the time of its last row."""
-    since = -np.inf
-    times = np.array([since, until])
-    sight = Horizon(since=since, until=until, settled=since, usual=since, time=times, pause=1)
-    yield from episodes_of(diagnosis, sight)
-
-
-def now_of(diagnosis: Diagnosis, **changed: object) -> Now:
-    """The moment of the last row of what was diagnosed."""
-    time = 59.0 if diagnosis.samples <= 60 else 79.0
-    kinds = ("sensor", "fault", "unknown", "blind")
-    found = tuple(sorted(episodes(diagnosis, time), key=lambda e: kinds.index(e.kind)))
+def now_of(diagnosis: Diagnosis) -> Now:
+    """The moment of the last row of what was diagnosed: all that lasts is told, however short."""
+    time, since = 59.0 if diagnosis.samples <= 60 else 79.0, -np.inf
+    times = np.array([since, time])
+    sight = Horizon(since=since, until=time, settled=since, usual=since, time=times, pause=1)
+    found = tuple(sorted(episodes_of(diagnosis, sight), key=lambda e: KINDS.index(e.kind)))
     events = [_event(e, "began", e.since) for e in found]
     events += [_event(e, "ended", e.until) for e in found if not e.active]
     events.sort(key=lambda e: e.time)
-    past = tuple(replace(e, number=i + 1) for i, e in enumerate(events))[::-1]
     letters = {e.status for e in found if e.active}
-    now = Now(
+    return Now(
         plant=diagnosis.ruleset.plant,
         title=diagnosis.ruleset.title,
         time=time,
@@ -67,11 +53,10 @@ def now_of(diagnosis: Diagnosis, **changed: object) -> Now:
         remark="",
         rows=diagnosis.samples,
         active=tuple(e for e in found if e.active),
-        past=past,
+        past=tuple(replace(e, number=i + 1) for i, e in enumerate(events))[::-1],
         acknowledged=frozenset(e.id for e in found[:1] if not e.active),
         diagnosis=diagnosis,
     )
-    return replace(now, **changed)  # type: ignore[arg-type]
 
 
 def _event(episode: Episode, what: What, time: float) -> Event:
@@ -96,14 +81,5 @@ def healthy() -> Now:
 
 def before() -> Now:
     """Nothing has come yet."""
-    return replace(
-        healthy(),
-        time=None,
-        calendar=None,
-        rows=0,
-        diagnosis=None,
-        past=(),
-        connected=False,
-        remark="connection refused",
-        status="C",
-    )
+    nothing = replace(healthy(), time=None, calendar=None, rows=0, diagnosis=None, past=())
+    return replace(nothing, connected=False, remark="connection refused", status="C")

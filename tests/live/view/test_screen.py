@@ -30,8 +30,12 @@ def drawn(now: Now, look: ViewState | None = None, size: tuple[int, int] = (80, 
     return out.getvalue().split("\n")
 
 
+def text(now: Now, view: View = "plant", size: tuple[int, int] = (80, 24)) -> str:
+    return "\n".join(drawn(now, ViewState(view=view), size))
+
+
 def test_finding_comes_first_with_all_that_an_operator_needs() -> None:
-    text = "\n".join(drawn(leaking()))
+    """Also where the diagnosis has forgotten its rows."""
     for part in (
         "◆ M maintenance required",
         "● connected: opc.tcp://plant.example:48",
@@ -44,52 +48,33 @@ def test_finding_comes_first_with_all_that_an_operator_needs() -> None:
         "±5.0 l/h  ██████┃██████████»  63.5 × BEYOND",
         "0.5 × within",
     ):
-        assert part in text, part
+        assert part in text(leaking()), part
+    why = text(leaking(), "explanation", (80, 60))
+    assert "because these estimates of the same flow disagree (l/h)" in why
+    assert "kb/faults/leakage.yaml" in why
+    assert "the end of the recording" not in why
+    forgotten = replace(leaking(), diagnosis=None)
+    assert "Its rows are no longer remembered" in text(forgotten, "explanation")
+    assert "◆ M NEW A: the pump delivers" in text(forgotten)
+    known = replace(leaking(), acknowledged=frozenset({leaking().active[0].id}))
+    assert "NEW" not in text(known)
+    assert "(acknowledged)" in text(known, "past")
 
 
-def test_what_cannot_be_judged_is_told_with_its_reason() -> None:
-    text = " ".join(" ".join(drawn(failing(), size=(120, 40))).split())
-    assert "Cannot be judged now ▼ C NEW cannot see errors of B.dp" in text
-    assert "probability 100 %" in text
-    assert "Past events 2026-09-21 16:14:11 ◆ M began A.leakage 0.600" in text
-
-
-def test_nothing_found_and_nothing_known_are_told_apart() -> None:
-    sound, blind = "\n".join(drawn(healthy())), "\n".join(drawn(before()))
+def test_not_judged_nothing_found_and_nothing_known_are_told_apart() -> None:
+    """Where nothing is wrong, each residual stands beside its threshold."""
+    part = " ".join(text(failing(), size=(120, 40)).split())
+    assert "Cannot be judged now ▼ C NEW cannot see errors of B.dp" in part
+    assert "Past events 2026-09-21 16:14:11 ◆ M began A.leakage 0.600" in part
+    sound, blind = text(healthy()), text(before())
     assert "✓ ok nothing found" in sound
+    assert "Residuals of the last settled stretch, until 2026-09-21 16:14:19" in sound
+    for residual in compiled("abc").residuals:
+        assert re.search(rf"{residual.id} +-?[\d.]+ l/h +±[\d.]+ l/h .* 0\.\d × within", sound)
     assert "Nothing could be judged yet" in blind
     assert "✗ NOT CONNECTED" in blind
     assert "connection refused" in blind
-    assert "nothing found" not in "\n".join(drawn(replace(before(), status="ok")))
-
-
-def test_each_residual_stands_beside_its_threshold_where_nothing_is_wrong() -> None:
-    text = "\n".join(drawn(healthy()))
-    assert "Residuals of the last settled stretch, until 2026-09-21 16:14:19" in text
-    for residual in compiled("abc").residuals:
-        assert re.search(rf"{residual.id} +-?[\d.]+ l/h +±[\d.]+ l/h .* 0\.\d × within", text)
-
-
-def test_acknowledged_is_no_longer_new() -> None:
-    now = leaking()
-    known = replace(now, acknowledged=frozenset({now.active[0].id}))
-    assert "NEW" not in "\n".join(drawn(known))
-    assert "(acknowledged)" in "\n".join(drawn(known, ViewState(view="past")))
-
-
-def test_explanation_is_that_of_the_report() -> None:
-    text = "\n".join(drawn(leaking(), ViewState(view="explanation"), (80, 60)))
-    assert "because these estimates of the same flow disagree (l/h)" in text
-    assert "kb/faults/leakage.yaml" in text
-    assert "the end of the recording" not in text
-
-
-def test_what_the_diagnosis_has_forgotten_is_still_told() -> None:
-    now = replace(leaking(), diagnosis=None)
-    assert "Its rows are no longer remembered" in "\n".join(
-        drawn(now, ViewState(view="explanation"))
-    )
-    assert "◆ M NEW A: the pump delivers" in "\n".join(drawn(now))
+    assert "nothing found" not in text(replace(before(), status="ok"))
 
 
 def test_symbol_and_letter_say_what_colour_says() -> None:
@@ -104,12 +89,12 @@ def test_symbol_and_letter_say_what_colour_says() -> None:
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (40, 10), (20, 4)])
-@pytest.mark.parametrize("view", VIEWS)
-def test_picture_fills_its_size(size: tuple[int, int], view: View) -> None:
-    for now in (leaking(), failing(), healthy(), before()):
-        lines = drawn(now, ViewState(view=view), size)
-        assert len(lines) == size[1]
-        assert {cell_len(line) for line in lines} <= {size[0]}
+def test_picture_fills_its_size(size: tuple[int, int]) -> None:
+    for view in VIEWS:
+        for now in (leaking(), failing(), healthy(), before()):
+            lines = drawn(now, ViewState(view=view), size)
+            assert len(lines) == size[1]
+            assert {cell_len(line) for line in lines} <= {size[0]}
 
 
 def test_every_line_of_the_body_can_be_reached() -> None:
@@ -128,34 +113,28 @@ def test_every_line_of_the_body_can_be_reached() -> None:
     assert look == ViewState(selected=listed(now)[0].id)
 
 
-def test_views_open_and_close() -> None:
+def test_views_open_and_close_and_the_selection_stays() -> None:
     now = leaking()
     for key, view in (("enter", "explanation"), ("past", "past"), ("help", "help")):
         opened = after(ViewState(), key, now, 0)
         assert view == opened.view
         assert after(opened, key, now, 0).view == after(opened, "back", now, 0).view == "plant"
     assert after(ViewState(), "enter", healthy(), 0).view == "plant"
-
-
-def test_selection_survives_what_ends_before_it() -> None:
     now = failing()
     look = after(ViewState(), "down", now, 0)
-    later = replace(now, active=now.active[1:])
+    later = replace(now, active=now.active[1:])  # what stood before it has ended
     assert drawn(later, look)[4].startswith("> ◆ M")
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=repr)
 def test_no_text_steers_the_terminal(text: str) -> None:
-    now = hostile(text[:400])
+    now, out = hostile(text[:400]), io.StringIO()
+    console = Terminal(file=out, width=80, height=24, force_terminal=True, color_system="truecolor")
     for view in VIEWS[:3]:
-        out = io.StringIO()
-        console = Terminal(
-            file=out, width=80, height=24, force_terminal=True, color_system="truecolor"
-        )
-        for at in range(3):
-            look = ViewState(selected=listed(now)[at].id, view=view)
+        for one in listed(now)[:3]:
+            look = ViewState(selected=one.id, view=view)
             console.print(Screen(now, look, 80, 24), end="")
-        plain = re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
-        odd = {c for c in plain if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
-        assert odd <= {"\n"}
-        assert {cell_len(line) for line in plain.split("\n")} <= {80, 160, 0}
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
+    odd = {c for c in plain if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
+    assert odd <= {"\n"}
+    assert {cell_len(line) for line in plain.split("\n")} <= {80, 160, 0}
